@@ -7,7 +7,7 @@ import pytest
 
 from flexid.errors import SettingError
 from flexid.experiment_design.drive_file import read_drive
-from flexid.models.physical import lumped_coefficients, physical_parameters
+from flexid.models.physical import joint_coefficients, physical_parameters
 from made_estimates import stored_document, stored_value
 
 PARAMETERS = {
@@ -40,7 +40,7 @@ def written(tmp_path):
 def test_the_example_is_table_1(examples):
     """Assert that the example has the paper's coefficients and model."""
     drive = read_drive(examples / "drive.toml").drive
-    assert drive.coefficients == pytest.approx(lumped_coefficients(**PARAMETERS))
+    assert drive.coefficients == pytest.approx(joint_coefficients(PARAMETERS))
     assert set(drive.nominal.coefficients) == set(drive.coefficients)
 
 

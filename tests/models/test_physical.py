@@ -5,7 +5,7 @@ import pytest
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS, TIES, flexible_joint
 from flexid.models.physical import (
-    lumped_coefficients,
+    joint_coefficients,
     physical_parameters,
     rigid_parameters,
 )
@@ -20,7 +20,7 @@ TRUTH = {
 }
 
 OFF_ZERO = {
-    **lumped_coefficients(**TRUTH),
+    **joint_coefficients(TRUTH),
     "theta1": 5.0 / 1.3 * np.cos(0.2),
     "theta_cosine": -5.0 / 1.3 * np.sin(0.2),
 }
@@ -36,14 +36,14 @@ RIGID = {
 
 def test_map_is_inverted():
     """Assert that physical parameters survive the way to coefficients and back."""
-    coefficients = lumped_coefficients(**TRUTH)
+    coefficients = joint_coefficients(TRUTH)
     table = physical_parameters(coefficients, input_is_torque=True)
     assert {p.name: p.value(coefficients) for p in table} == pytest.approx(TRUTH, rel=1e-13)
 
 
 def test_gradient_exists_where_a_coefficient_is_zero():
     """Assert that an absent friction has a derivative although its logarithm has none."""
-    coefficients = {**lumped_coefficients(**TRUTH), "alpha2": 0.0}
+    coefficients = {**joint_coefficients(TRUTH), "alpha2": 0.0}
     table = {p.name: p for p in physical_parameters(coefficients, input_is_torque=True)}
     gradient = table["motor_viscous_friction"].gradient(coefficients, ["alpha2", "beta1"])
     np.testing.assert_allclose(gradient, [0.3, 0.0])
@@ -51,10 +51,10 @@ def test_gradient_exists_where_a_coefficient_is_zero():
 
 def test_voltage_gives_ratios_only():
     """Assert that nothing absolute is claimed when the input is no torque."""
-    names = lumped_coefficients(**TRUTH)
+    names = joint_coefficients(TRUTH)
     table = physical_parameters(names, input_is_torque=False)
     assert all("_per_" in p.name for p in table)
-    coefficients = lumped_coefficients(**TRUTH)
+    coefficients = joint_coefficients(TRUTH)
     ratio = next(p for p in table if p.name == "link_inertia_per_motor_inertia")
     assert ratio.value(coefficients) == pytest.approx(1.3 / 0.3)
 
@@ -82,7 +82,7 @@ BY_DIRECTION = {**RIGID, "gamma_asymmetry": 0.02 / 1.6}
 @pytest.mark.parametrize(
     ("coefficients", "table"),
     [
-        (lumped_coefficients(**TRUTH), physical_parameters),
+        (joint_coefficients(TRUTH), physical_parameters),
         (OFF_ZERO, physical_parameters),
         (RIGID, rigid_parameters),
         (BY_DIRECTION, rigid_parameters),

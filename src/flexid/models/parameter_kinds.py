@@ -2,40 +2,10 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from math import atan2, hypot, prod
-from typing import Protocol
+from math import atan2, hypot, nan, prod
 
 import numpy as np
 from numpy.typing import NDArray
-
-
-class PhysicalParameter(Protocol):
-    """A function of some coefficients; ``{input}`` in its unit stands for the input's unit."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def unit(self) -> str:
-        """Its SI unit."""
-        ...
-
-    @property
-    def coefficients(self) -> tuple[str, ...]:
-        """Names of the coefficients it depends on."""
-        ...
-
-    def value(self, coefficients: Mapping[str, float]) -> float:
-        """Value of the parameter; infinite where a denominator is zero."""
-        ...
-
-    def gradient(
-        self, coefficients: Mapping[str, float], names: Collection[str]
-    ) -> NDArray[np.float64]:
-        """Derivative of the value with respect to the named coefficients, shape (n_names,)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -73,107 +43,83 @@ class Product:
 
 
 @dataclass(frozen=True)
-class Directional:
-    """A friction in one direction: (odd ± even coefficient) times a product."""
+class Pair:
+    """A function of two coefficients times a product of others; its subclasses say which."""
 
     name: str
-    unit: str
-    odd: str  # the coefficient whose force changes its sign with the direction
-    even: str
-    sign: float  # of the even one
-    exponents: Mapping[str, int] = field(default_factory=dict)  # the product, of other coefficients
-    # coefficients without which a model does not distinguish the directions
-    beside: tuple[str, ...] = ()
+    unit: str  # in SI; ``{input}`` stands for the unit of the input
+    first: str
+    second: str
+    exponents: Mapping[str, int] = field(default_factory=dict)  # of the product, by coefficient
 
-    @property
-    def _factor(self) -> Product:
-        return Product(self.name, self.unit, self.exponents)
+    def _function(self, first: float, second: float) -> tuple[float, float, float]:
+        """Value of the function, and its derivatives by the two."""
+        raise NotImplementedError
 
     @property
     def coefficients(self) -> tuple[str, ...]:
         """Names of the coefficients it depends on."""
-        return (self.odd, self.even, *self.exponents, *self.beside)
+        return (self.first, self.second, *self.exponents)
 
     def value(self, coefficients: Mapping[str, float]) -> float:
         """Value of the parameter; infinite where a denominator is zero."""
-        both = coefficients[self.odd] + self.sign * coefficients[self.even]
-        return both * self._factor.value(coefficients)
+        value, *_ = self._function(coefficients[self.first], coefficients[self.second])
+        return value * Product(self.name, self.unit, self.exponents).value(coefficients)
 
     def gradient(
         self, coefficients: Mapping[str, float], names: Collection[str]
     ) -> NDArray[np.float64]:
-        """Derivative of the value with respect to the named coefficients, shape (n_names,)."""
-        both = coefficients[self.odd] + self.sign * coefficients[self.even]
-        weights = {self.odd: 1.0, self.even: self.sign}
-        own = np.array([weights.get(name, 0.0) for name in names])
-        factor = self._factor
-        return both * factor.gradient(coefficients, names) + own * factor.value(coefficients)
-
-
-@dataclass(frozen=True)
-class Amplitude:
-    """Amplitude of ``sine sin x + cosine cos x`` times a product, as that of a tilted gravity."""
-
-    name: str
-    unit: str
-    sine: str
-    cosine: str
-    exponents: Mapping[str, int] = field(default_factory=dict)  # the product, of other coefficients
-
-    @property
-    def _factor(self) -> Product:
-        return Product(self.name, self.unit, self.exponents)
-
-    @property
-    def coefficients(self) -> tuple[str, ...]:
-        """Names of the coefficients it depends on."""
-        return (self.sine, self.cosine, *self.exponents)
-
-    def value(self, coefficients: Mapping[str, float]) -> float:
-        """Value of the parameter; infinite where a denominator is zero."""
-        amplitude = hypot(coefficients[self.sine], coefficients[self.cosine])
-        return amplitude * self._factor.value(coefficients)
-
-    def gradient(
-        self, coefficients: Mapping[str, float], names: Collection[str]
-    ) -> NDArray[np.float64]:
-        """Derivative by the named coefficients, shape (n_names,); NaN where both are zero."""
-        pair = np.array([coefficients[self.sine], coefficients[self.cosine]])
-        amplitude = hypot(*pair)
-        gradient = amplitude * self._factor.gradient(coefficients, names)
-        directions = pair / amplitude if amplitude else np.full(2, np.nan)
-        for name, direction in zip((self.sine, self.cosine), directions, strict=True):
-            here = np.array([n == name for n in names])
-            gradient[here] = direction * self._factor.value(coefficients)
+        """Derivative by the named coefficients, shape (n_names,); NaN where there is none."""
+        value, *slopes = self._function(coefficients[self.first], coefficients[self.second])
+        factor = Product(self.name, self.unit, self.exponents)
+        gradient = value * factor.gradient(coefficients, names)
+        for name, slope in zip((self.first, self.second), slopes, strict=True):
+            gradient[[n == name for n in names]] += slope * factor.value(coefficients)
         return gradient
 
 
 @dataclass(frozen=True)
-class ZeroAngle:
-    """The angle in rad at which ``sine sin x + cosine cos x`` passes zero, rising.
+class Amplitude(Pair):
+    """Amplitude of ``first sin x + second cos x`` times a product, as that of a tilted gravity."""
 
-    For gravity this is the encoder's reading where the link hangs straight down.
+    def _function(self, first: float, second: float) -> tuple[float, float, float]:
+        size = hypot(first, second)
+        return size, first / size if size else nan, second / size if size else nan
+
+
+@dataclass(frozen=True)
+class ZeroAngle(Pair):
+    """The angle in rad at which ``first sin x + second cos x`` passes zero, rising.
+
+    It lies within (-pi, pi]. For gravity it is the encoder's reading where the link hangs straight
+    down.
     """
 
-    name: str
-    sine: str
-    cosine: str
-    unit: str = "rad"
+    def _function(self, first: float, second: float) -> tuple[float, float, float]:
+        square = first**2 + second**2
+        angle = -atan2(second, first)
+        return angle, second / square if square else nan, -first / square if square else nan
+
+
+@dataclass(frozen=True)
+class Directional(Pair):
+    """A friction in one direction: first + sign second, times a product.
+
+    The force of the first changes its sign with the direction.
+    """
+
+    sign: float = 1.0
+    # coefficients without which a model does not distinguish the directions
+    beside: tuple[str, ...] = ()
 
     @property
     def coefficients(self) -> tuple[str, ...]:
         """Names of the coefficients it depends on."""
-        return (self.sine, self.cosine)
+        return (*super().coefficients, *self.beside)
 
-    def value(self, coefficients: Mapping[str, float]) -> float:
-        """Value in rad, within (-pi, pi]."""
-        return -atan2(coefficients[self.cosine], coefficients[self.sine])
+    def _function(self, first: float, second: float) -> tuple[float, float, float]:
+        return first + self.sign * second, 1.0, self.sign
 
-    def gradient(
-        self, coefficients: Mapping[str, float], names: Collection[str]
-    ) -> NDArray[np.float64]:
-        """Derivative by the named coefficients, shape (n_names,); NaN where both are zero."""
-        sine, cosine = coefficients[self.sine], coefficients[self.cosine]
-        square = sine**2 + cosine**2
-        by_name = {self.sine: cosine, self.cosine: -sine}
-        return np.array([by_name.get(n, 0.0) / square if square else np.nan for n in names])
+
+PhysicalParameter = Product | Pair
+"""A function of some coefficients."""

@@ -23,12 +23,12 @@ _JOINT_STIFFNESS = {"alpha1": 1, "beta1": -1}
 _LINK_INERTIA = {"alpha1": 1, "beta1": -1, "theta2": -1}
 _INERTIA_RATIO = {"alpha1": 1, "theta2": -1}
 
-_GRAVITY_ANGLE = ZeroAngle("gravity_angle", "theta1", "theta_cosine")
+_GRAVITY_ANGLE = ZeroAngle("gravity_angle", "rad", "theta1", "theta_cosine")
 
 _SHAPE_RATIOS: tuple[PhysicalParameter, ...] = (
     Product("half_backlash", "rad", {"alpha_backlash": 1, "alpha1": -1}),
     Amplitude("eccentricity", "rad", "alpha_ecc_sine", "alpha_ecc_cosine", {"alpha1": -1}),
-    ZeroAngle("eccentricity_angle", "alpha_ecc_sine", "alpha_ecc_cosine"),
+    ZeroAngle("eccentricity_angle", "rad", "alpha_ecc_sine", "alpha_ecc_cosine"),
 )
 
 _WITH_TORQUE: tuple[PhysicalParameter, ...] = (
@@ -49,7 +49,7 @@ _WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("spring_hysteresis", "N m", {"alpha_hysteresis": 1, "beta1": -1}),
     Product("hysteresis_reach", "rad", {"hysteresis_grip": -1}),
     Amplitude("torque_ripple", "N m", "alpha_ripple_sine", "alpha_ripple_cosine", {"beta1": -1}),
-    ZeroAngle("ripple_angle", "alpha_ripple_sine", "alpha_ripple_cosine"),
+    ZeroAngle("ripple_angle", "rad", "alpha_ripple_sine", "alpha_ripple_cosine"),
     Product("bend_stiffness", "N m/rad", {"alpha_bend": 1, "beta1": -1}),
     Product("lopsided_stiffness", "N m/rad^2", {"alpha_lopsided": 1, "beta1": -1}),
     *_SHAPE_RATIOS,
@@ -95,7 +95,7 @@ _LINK_RATIOS: tuple[PhysicalParameter, ...] = (
     Product("offset_torque_per_link_inertia", "1/s^2", {"theta_offset": 1}),
     Product("half_backlash", "rad", {"theta_backlash": 1, "theta2": -1}),
     Amplitude("eccentricity", "rad", "theta_ecc_sine", "theta_ecc_cosine", {"theta2": -1}),
-    ZeroAngle("eccentricity_angle", "theta_ecc_sine", "theta_ecc_cosine"),
+    ZeroAngle("eccentricity_angle", "rad", "theta_ecc_sine", "theta_ecc_cosine"),
 )
 """What the link's row alone gives, which knows no torque."""
 
@@ -112,8 +112,8 @@ def _by_direction(suffix: str, units: tuple[str, str], **exponents: int) -> list
             units[0],
             "gamma_viscous",
             "gamma_asymmetry",
-            sign,
             exponents,
+            sign,
         )
         for direction, sign in directions
     ] + [
@@ -122,8 +122,8 @@ def _by_direction(suffix: str, units: tuple[str, str], **exponents: int) -> list
             units[1],
             "gamma_coulomb",
             "gamma_offset",
-            -sign,
             exponents,
+            -sign,
             ("gamma_asymmetry",),
         )
         for direction, sign in directions
@@ -133,7 +133,7 @@ def _by_direction(suffix: str, units: tuple[str, str], **exponents: int) -> list
 _RIGID_WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("gravity_torque", "N m", {"gamma1": 1, "beta1": -1}),
     Amplitude("gravity_torque", "N m", "gamma1", "gamma_cosine", {"beta1": -1}),
-    ZeroAngle("gravity_angle", "gamma1", "gamma_cosine"),
+    ZeroAngle("gravity_angle", "rad", "gamma1", "gamma_cosine"),
     Product("inertia", "kg m^2", {"beta1": -1}),
     Product("viscous_friction", "N m s/rad", {"gamma_viscous": 1, "beta1": -1}),
     Product("coulomb_friction", "N m", {"gamma_coulomb": 1, "beta1": -1}),
@@ -144,7 +144,7 @@ _RIGID_WITH_TORQUE: tuple[PhysicalParameter, ...] = (
 _RIGID_RATIOS: tuple[PhysicalParameter, ...] = (
     Product("gravity_torque_per_inertia", "1/s^2", {"gamma1": 1}),
     Amplitude("gravity_torque_per_inertia", "1/s^2", "gamma1", "gamma_cosine"),
-    ZeroAngle("gravity_angle", "gamma1", "gamma_cosine"),
+    ZeroAngle("gravity_angle", "rad", "gamma1", "gamma_cosine"),
     Product("viscous_friction_per_inertia", "1/s", {"gamma_viscous": 1}),
     Product("coulomb_friction_per_inertia", "1/s^2", {"gamma_coulomb": 1}),
     Product("offset_torque_per_inertia", "1/s^2", {"gamma_offset": 1}),
@@ -227,7 +227,14 @@ JOINT_PARAMETERS = tuple(
 
 
 def joint_coefficients(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Coefficients of a flexible joint from physical parameters, both inertias among them."""
+    """Coefficients of a flexible joint from physical parameters, both inertias among them.
+
+    >>> table1 = joint_coefficients(
+    ...     {"gravity_torque": 5, "link_inertia": 1, "joint_stiffness": 100, "motor_inertia": 0.25}
+    ... )
+    >>> table1["theta1"], table1["alpha1"], table1["beta1"]
+    (5.0, 400.0, 4.0)
+    """  # Huang (2003), below eq. (4)
     link = {
         c: parameters[n] / parameters["link_inertia"] for c, n in _LINK.items() if n in parameters
     }
@@ -235,31 +242,3 @@ def joint_coefficients(parameters: Mapping[str, float]) -> dict[str, float]:
         c: parameters[n] / parameters["motor_inertia"] for c, n in _MOTOR.items() if n in parameters
     }
     return link | motor | {"beta1": 1 / parameters["motor_inertia"]}
-
-
-def lumped_coefficients(
-    *,
-    gravity_torque: float,
-    link_inertia: float,
-    joint_stiffness: float,
-    motor_inertia: float,
-    motor_viscous_friction: float,
-) -> dict[str, float]:
-    """Coefficients of the paper's flexible joint from its physical parameters.
-
-    >>> table1 = lumped_coefficients(
-    ...     gravity_torque=5, link_inertia=1, joint_stiffness=100, motor_inertia=0.25,
-    ...     motor_viscous_friction=0.1,
-    ... )
-    >>> table1["theta1"], table1["alpha1"], table1["beta1"]
-    (5.0, 400.0, 4.0)
-    """
-    return joint_coefficients(
-        {
-            "gravity_torque": gravity_torque,
-            "link_inertia": link_inertia,
-            "joint_stiffness": joint_stiffness,
-            "motor_inertia": motor_inertia,
-            "motor_viscous_friction": motor_viscous_friction,
-        }
-    )

@@ -12,7 +12,7 @@ from flexid.control.references import Multisine
 from flexid.control.robust import robust_law
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import flexible_joint
-from flexid.models.physical import lumped_coefficients
+from flexid.models.physical import joint_coefficients
 from flexid.simulation.loop import ClosedLoop
 from flexid.studies.huang2003.readings import MEANINGS, SIMULATED
 from flexid.studies.huang2003.table1 import (
@@ -88,7 +88,7 @@ class PlayChoices:
     def loop(self) -> ClosedLoop:
         """The closed loop of the paper with these values."""
         values = self.values
-        true = lumped_coefficients(**{name: values[name] for name in PHYSICAL})
+        true = joint_coefficients({name: values[name] for name in PHYSICAL})
         a, b, c = map(int, self.reading.split(","))
         return ClosedLoop(
             flexible_joint(known={"beta1": true["beta1"]}),

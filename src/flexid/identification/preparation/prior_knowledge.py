@@ -14,7 +14,7 @@ Where the log leaves a coefficient entirely free there is no C to start from, an
 it has to be given as exact.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.identification.vocabulary.estimate import Estimate, Fit
 from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.parameter_kinds import PhysicalParameter
+from flexid.models.parameter_kinds import PhysicalParameter, Product
 from flexid.symmetric import pseudo_inverse
 
 _STEPS = 100
@@ -97,27 +97,9 @@ def informed(
     return estimate, contradicted
 
 
-@dataclass(frozen=True)
-class _Itself:
-    """A coefficient as a physical parameter."""
-
-    name: str
-    unit: str = ""
-
-    @property
-    def coefficients(self) -> tuple[str, ...]:
-        return (self.name,)
-
-    def value(self, coefficients: Mapping[str, float]) -> float:
-        return coefficients[self.name]
-
-    def gradient(self, coefficients: Mapping[str, float], names: Collection[str]) -> FloatArray:  # noqa: ARG002
-        return np.array([float(name == self.name) for name in names])
-
-
 def _parameter(name: str, fit: Fit, parameters: Sequence[PhysicalParameter]) -> PhysicalParameter:
     """What a name stands for; refused if the log leaves free what it depends on."""
-    known = {p.name: p for p in parameters} | {c: _Itself(c) for c in fit.names}
+    known = {p.name: p for p in parameters} | {c: Product(c, "", {c: 1}) for c in fit.names}
     if name not in known:
         raise SettingError("known", f"{name!r} is unknown here; there are {', '.join(known)}")
     fitted = [c for c in known[name].coefficients if c in fit.names]

@@ -97,7 +97,7 @@ def _nothing_here(
 def _own(function: PhysicalParameter) -> tuple[str, ...]:
     """Coefficients without which there is no such parameter; gravity may lie all in its sine."""
     if isinstance(function, Amplitude):
-        return (function.sine, *function.exponents)
+        return (function.first, *function.exponents)
     return function.coefficients
 
 

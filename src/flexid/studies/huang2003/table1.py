@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from flexid.control.references import Multisine
 from flexid.control.robust import robust_law
 from flexid.models.flexible_joint import flexible_joint
-from flexid.models.physical import lumped_coefficients
+from flexid.models.physical import joint_coefficients
 from flexid.simulation.loop import ClosedLoop
 
 Exponents = tuple[int, int, int]
@@ -41,7 +41,7 @@ INITIAL_ESTIMATES = {"theta1": 2.5, "theta2": 50.0, "alpha1": 166.7, "alpha2": 0
 DURATION = 30.0
 """Length in s of the runs in Figures 1 to 5."""
 
-TRUE = lumped_coefficients(**PHYSICAL)
+TRUE = joint_coefficients(PHYSICAL)
 """True coefficients theta1, theta2, alpha1, alpha2 and beta1."""
 
 UNKNOWN = tuple(INITIAL_ESTIMATES)
