@@ -7,7 +7,7 @@ import numpy as np
 from flexid.analysis.excitation import WEAK_CONDITION
 from flexid.analysis.lyapunov import ALLOWED_RISE
 from flexid.studies.huang2003.design_checks import design_claims
-from flexid.studies.huang2003.evidence import Claim, Finding
+from flexid.studies.huang2003.evidence import Claim, Finding, findings
 from flexid.studies.huang2003.readings import Reading, SteadyRun
 from flexid.studies.huang2003.sweeps import AttenuationPoint, RatePoint, steady_condition
 from flexid.studies.huang2003.table1 import (
@@ -45,122 +45,85 @@ def decide_claims(
 
 def _theorem_claims(runs: Mapping[str, SteadyRun], cases: tuple[TheoremCase, ...]) -> list[Claim]:
     excited, standstill, small = cases
+    rises = {name: run.monitor.rise_in_tolerances for name, run in runs.items()}
+    squares = {
+        name: float(2.0 * run.monitor.value.max() / run.monitor.value[0])
+        for name, run in runs.items()
+    }
+    rates = {"(A4) holds": _late_rate(excited), "standstill": _late_rate(standstill)}
+    left = "worst error over its first value"
+    kept = {"standstill": _worst_remaining(standstill), "0.1 rad sine": _worst_remaining(small)}
     return [
         Claim(
             "V never rises",
             "Eq. (9)",
             "V of eq. (8) never rises along a run",
-            tuple(
-                Finding(
-                    name,
-                    "largest rise, in integration tolerances",
-                    run.monitor.rise_in_tolerances,
-                    "<=",
-                    ALLOWED_RISE,
-                )
-                for name, run in runs.items()
-            ),
+            findings("largest rise, in integration tolerances", rises, "<=", ALLOWED_RISE),
         ),
         Claim(
             "printed bound",
             "Proof of Theorem 1",
             "The squared parameter errors stay below the first value of V",
-            tuple(
-                Finding(
-                    name,
-                    "largest squared error over V(0)",
-                    float(2.0 * run.monitor.value.max() / run.monitor.value[0]),
-                    "<=",
-                    1.0,
-                )
-                for name, run in runs.items()
-            ),
+            findings("largest squared error over V(0)", squares, "<=", 1.0),
         ),
         Claim(
             "rates vanish",
             "Theorem 1",
             "The rates of the parameter errors tend to zero",
-            (_rate_finding("(A4) holds", excited), _rate_finding("standstill", standstill)),
+            findings("largest late rate over first error", rates, "<=", 1e-5, "1/s"),
         ),
         Claim(
             "errors vanish",
             "Theorem 1",
             "Where (A4) holds and the errors settle, they settle at zero",
-            (
-                Finding(
-                    "1,2,3, 300 s",
-                    "worst error over its first value",
-                    _worst_remaining(excited),
-                    "<=",
-                    1e-3,
-                ),
-            ),
+            findings(left, {"1,2,3, 300 s": _worst_remaining(excited)}, "<=", 1e-3),
         ),
         Claim(
             "only boundedness",
             "Remark after Theorem 1",
             "Without (A4) the errors stay bounded but need not vanish",
-            tuple(
-                Finding(name, "worst error over its first value", _worst_remaining(case), ">=", 0.1)
-                for name, case in (("standstill", standstill), ("0.1 rad sine", small))
-            ),
+            findings(left, kept, ">=", 0.1),
         ),
     ]
 
 
 def _rate_claims(rates: Mapping[str, list[RatePoint]]) -> list[Claim]:
+    least = {
+        f"{row} row": min(point.measured / point.guaranteed for point in points)
+        for row, points in rates.items()
+    }
     return [
         Claim(
             "exponential rate",
             "Section 3, on persistent excitation",
             "Under persistent excitation the errors vanish exponentially",
-            tuple(
-                Finding(
-                    f"{row} row",
-                    "least measured rate over guaranteed rate",
-                    min(point.measured / point.guaranteed for point in points),
-                    ">=",
-                    1.0,
-                )
-                for row, points in rates.items()
-            ),
+            findings("least measured rate over guaranteed rate", least, ">=", 1.0),
         )
     ]
 
 
 def _excitation_claims(runs: Mapping[str, SteadyRun]) -> list[Claim]:
-    return [
-        Claim(
-            "(A4) for " + functions,
-            "Section 4, eqs. (12)-(14)",
-            f"The functions in {functions} are independent along the steady state",
-            tuple(
-                Finding(
-                    name,
-                    "condition number of the Gram matrix",
-                    run.excitation[row].condition_number,
-                    "<=",
-                    WEAK_CONDITION,
-                )
-                for name, run in runs.items()
-            ),
-        )
+    quantity = "condition number of the Gram matrix"
+    rows = {
+        functions: {name: run.excitation[row].condition_number for name, run in runs.items()}
         for functions, row in (("f", "link"), ("φ", "motor"))
-    ] + [
+    }
+    return [
+        *(
+            Claim(
+                f"(A4) for {functions}",
+                "Section 4, eqs. (12)-(14)",
+                f"The functions in {functions} are independent along the steady state",
+                findings(quantity, conditions, "<=", WEAK_CONDITION),
+            )
+            for functions, conditions in rows.items()
+        ),
         Claim(
             "(A4) at any amplitude",
             "Section 4: A at disposal",
             "A single sinusoid separates θ1 from θ2 whatever its amplitude",
-            (
-                Finding(
-                    "0.3 rad",
-                    "condition number of the Gram matrix",
-                    steady_condition(0.3),
-                    "<=",
-                    WEAK_CONDITION,
-                ),
-            ),
-        )
+            findings(quantity, {"0.3 rad": steady_condition(0.3)}, "<=", WEAK_CONDITION),
+        ),
     ]
 
 
@@ -169,63 +132,41 @@ def _controller_claims(
     attenuation: Mapping[str, list[AttenuationPoint]],
     peak_torques: Mapping[float, float],
 ) -> list[Claim]:
-    slope = _slope(attenuation["1,2,3"])
+    real = "largest real part of the poles"
+    parts = {name: reading.rightmost.real for name, reading in readings.items()}
+    slope = {"1,2,3": _slope(attenuation["1,2,3"])}
+    last = {"1,1,3": attenuation["1,1,3"][-1].largest_real_part}
+    small, large = (
+        _at(attenuation["1,2,3"], k).max_tracking_error for k in (ATTENUATION, EARLIER_ATTENUATION)
+    )
+    torques = {"1,2,3": peak_torques[ATTENUATION] / peak_torques[EARLIER_ATTENUATION]}
     return [
         Claim(
             "bounded signals",
             "Section 4, below eq. (11)",
             "The control law keeps all signals bounded",
-            tuple(
-                Finding(
-                    name, "largest real part of the poles", reading.rightmost.real, "<=", 0.0, "1/s"
-                )
-                for name, reading in readings.items()
-            ),
+            findings(real, parts, "<=", 0.0, "1/s"),
         ),
         Claim(
             "arbitrarily small tracking errors",
             "Section 4, below eq. (11)",
             "A larger k makes the tracking errors as small as one likes",
             (
-                Finding("1,2,3", "slope of log error over log k", slope, "<=", -1.0),
-                Finding(
-                    "1,1,3",
-                    "largest real part of the poles at the largest k",
-                    attenuation["1,1,3"][-1].largest_real_part,
-                    "<=",
-                    0.0,
-                    "1/s",
-                ),
+                *findings("slope of log error over log k", slope, "<=", -1.0),
+                *findings(f"{real} at the largest k", last, "<=", 0.0, "1/s"),
             ),
         ),
         Claim(
             "price of a small k",
             "Section 4",
             "With k = 50 the tracking errors are larger than with k = 1000",
-            (
-                Finding(
-                    "1,2,3",
-                    "ratio of the errors over 20-30 s",
-                    _at(attenuation["1,2,3"], ATTENUATION).max_tracking_error
-                    / _at(attenuation["1,2,3"], EARLIER_ATTENUATION).max_tracking_error,
-                    ">=",
-                    1.0,
-                ),
-            ),
+            findings("ratio of the errors over 20-30 s", {"1,2,3": small / large}, ">=", 1.0),
         ),
         Claim(
             "less torque",
             "Section 4",
             "k = 50 instead of 1000 reduces the control torque",
-            (
-                Finding(
-                    "1,2,3",
-                    "ratio of the peak torques",
-                    peak_torques[ATTENUATION] / peak_torques[EARLIER_ATTENUATION],
-                    "<=",
-                    1.0,
-                ),
-            ),
+            findings("ratio of the peak torques", torques, "<=", 1.0),
         ),
     ]
 
@@ -240,53 +181,42 @@ def _result_claims(
             "zero within 30 s",
             "Section 4, Figures 2-5",
             "All parameter errors have gone to zero within 30 s",
-            tuple(
-                Finding(
-                    name,
-                    f"worst relative error at 30 s, {max(errors, key=lambda c: errors[c])}",
-                    max(errors.values()),
-                    "<=",
-                    ZERO_SHARE,
-                )
-                for name, errors in ((name, run.relative_errors) for name, run in runs.items())
-            ),
+            tuple(_worst_finding(name, run.relative_errors) for name, run in runs.items()),
         ),
         Claim(
             "k leaves the estimates alone",
             "Section 4",
             "The attenuation factor does not influence the accuracy of the estimates",
-            tuple(
-                Finding(
-                    name,
-                    f"spread of the worst relative error, k = {points[0].k:g} to {points[-1].k:g}",
-                    float(np.ptp([point.largest_relative_error for point in points])),
-                    "<=",
-                    NO_INFLUENCE,
-                )
-                for name, points in attenuation.items()
-            ),
+            tuple(_spread_finding(name, points) for name, points in attenuation.items()),
         ),
         Claim(
             "any controller",
             "Abstract",
             "The observer works with any control that sustains an exciting motion",
-            (
-                Finding(
-                    "PD",
-                    "worst relative error at 30 s",
-                    other_controller_error,
-                    "<=",
-                    ZERO_SHARE,
-                ),
+            findings(
+                "worst relative error at 30 s", {"PD": other_controller_error}, "<=", ZERO_SHARE
             ),
         ),
     ]
 
 
-def _rate_finding(subject: str, case: TheoremCase) -> Finding:
+def _worst_finding(reading: str, errors: Mapping[str, float]) -> Finding:
+    worst = max(errors, key=lambda name: errors[name])
+    quantity = f"worst relative error at 30 s, {worst}"
+    return Finding(reading, quantity, errors[worst], "<=", ZERO_SHARE)
+
+
+def _spread_finding(reading: str, points: list[AttenuationPoint]) -> Finding:
+    ends = f"k = {points[0].k:g} to {points[-1].k:g}"
+    spread = float(np.ptp([point.largest_relative_error for point in points]))
+    quantity = f"spread of the worst relative error, {ends}"
+    return Finding(reading, quantity, spread, "<=", NO_INFLUENCE)
+
+
+def _late_rate(case: TheoremCase) -> float:
+    """The largest rate that is left, over the largest first error."""
     initial = max(abs(limit.first) for limit in case.limits)
-    rate = max(limit.largest_rate for limit in case.limits)
-    return Finding(subject, "largest late rate over first error", rate / initial, "<=", 1e-5, "1/s")
+    return max(limit.largest_rate for limit in case.limits) / initial
 
 
 def _worst_remaining(case: TheoremCase) -> float:

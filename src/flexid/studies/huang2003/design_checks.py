@@ -12,6 +12,8 @@ ROUNDING = 1e-12
 
 def design_claims(best: SteadyRun) -> list[Claim]:
     """Decide the claims about accelerations, eq. (7) and physical parameters."""
+    worst = "worst relative error"
+    exact, found = physical_error(TRUE), physical_error({**TRUE, **best.estimates})
     return [
         Claim(
             "no acceleration",
@@ -30,20 +32,8 @@ def design_claims(best: SteadyRun) -> list[Claim]:
             "Section 3",
             "Given the motor inertia, all other physical parameters follow from the coefficients",
             (
-                Finding(
-                    "any",
-                    "worst relative error, exact coefficients",
-                    physical_error(TRUE),
-                    "<=",
-                    ROUNDING,
-                ),
-                Finding(
-                    "1,1,3",
-                    "worst relative error, estimates at 30 s",
-                    physical_error({**TRUE, **best.estimates}),
-                    "<=",
-                    1e-3,
-                ),
+                Finding("any", f"{worst}, exact coefficients", exact, "<=", ROUNDING),
+                Finding("1,1,3", f"{worst}, estimates at 30 s", found, "<=", 1e-3),
             ),
         ),
     ]

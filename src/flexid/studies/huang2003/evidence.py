@@ -1,5 +1,6 @@
 """A claim and the numbers that decide it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,6 +25,13 @@ class Finding:
     def holds(self) -> bool:
         """Whether the claim holds for this subject; never for a value that is not a number."""
         return self.value <= self.limit if self.relation == "<=" else self.value >= self.limit
+
+
+def findings(
+    quantity: str, values: Mapping[str, float], relation: Relation, limit: float, unit: str = "1"
+) -> tuple[Finding, ...]:
+    """The same quantity of several subjects."""
+    return tuple(Finding(name, quantity, x, relation, limit, unit) for name, x in values.items())
 
 
 @dataclass(frozen=True)
