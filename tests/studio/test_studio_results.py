@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sin
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rich.text import Text
+from tests.report.made_result import made_result
 
+from flexid.report.identification import coefficients_table
 from flexid.report.page.layout import Answer as PageAnswer
 from flexid.report.page.layout import Bullets, Command, Link
+from flexid.report.terminal import Table
 from flexid.studio import jobs
-from flexid.studio.jobs import Answer, Said
+from flexid.studio.jobs import Answer
 from flexid.studio.pages import fragment
 from flexid.studio.play_room import PlayRoom
 from flexid.studio.rooms import Rooms
 from flexid.studio.window import Offer, Window
 from flexid.studio.workers import JobError, Workers
+
+NOTHING = Answer((), Table("", ()), Table("", ()), {}, (), ("careful",), (), "zero", (), 1e-3)
 
 
 class Here(Workers):
@@ -56,7 +62,7 @@ class Here(Workers):
         (into / jobs.REPORT).write_text(f"run {self.runs}")
         if self.hold is not None:
             await self.hold.wait()
-        return Answer((), (), (), (), (), (), "zero", (), 1e-3)
+        return NOTHING
 
 
 @dataclass
@@ -178,13 +184,25 @@ async def test_a_result_says_that_something_else_was_chosen(
 def test_the_answers_are_those_of_the_report():
     """Assert that word and tone are kept, and what they rest on, in the report's order."""
     content = [Text("All are."), Link("2 warnings", "warnings"), Bullets(["a", "b"]), Command("c")]
-    found = jobs._said(PageAnswer("Can I?", "With care", "fair", content))
-    assert found == Said("Can I?", "With care", "fair", ("All are.", "a", "b"), "c")
-    page = fragment(
-        "result.html", window="", files=[], exports={},
-        found=Answer((found,), (), (), (), ("careful",), (), "zero", (), 1e-3),
-    )  # fmt: skip
+    found = replace(NOTHING, answers=(PageAnswer("Can I?", "With care", "fair", content),))
+    page = fragment("result.html", window="", files=[], exports={}, found=found)
     assert 'class="word tone fair">With care<' in page
+    said = re.findall(r"<p>(?:<code>)?([^<]*)", page)
+    assert said[:4] == ["All are.", "a", "b", "c"]
+
+
+def test_values_are_those_of_the_report():
+    """Assert that the table has value, interval and verdict, and why one is not determined."""
+    result = made_result()
+    found = replace(
+        NOTHING,
+        coefficients=coefficients_table(result),
+        reasons={name: e.reason for name, e in result.coefficients.items()},
+    )
+    page = fragment("result.html", window="", files=[], exports={}, found=found)
+    row = page[page.index("alpha_<wbr>coulomb") :]
+    assert "[1.0, 3.0]" in row
+    assert '<span class="tone fair">weak</span> <span class="muted">its interval is wide<' in row
 
 
 async def test_a_question_of_the_columns_is_asked_once(studio: Opened):

@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 if TYPE_CHECKING:
-    from flexid.identification.vocabulary.evidence import ValueEstimate
+    from collections.abc import Sequence
+
     from flexid.identification.vocabulary.progress import Progress
     from flexid.recording.overview import FileOverview
     from flexid.recording.survey import LogSurvey
     from flexid.report.charts.svg import Drawn
     from flexid.report.page.layout import Answer as PageAnswer
+    from flexid.report.terminal import Table
     from flexid.studio.choices import Choices
 
 ESTIMATE = "estimate.json"
@@ -36,35 +38,13 @@ class Checked:
 
 
 @dataclass(frozen=True)
-class Row:
-    """A value of the table: texts, with as many digits as the interval deserves."""
-
-    name: str
-    value: str
-    interval: str
-    unit: str
-    verdict: str
-    reason: str
-
-
-@dataclass(frozen=True)
-class Said:
-    """An answer of the report: whether one can trust the values, and what to do next."""
-
-    question: str
-    word: str
-    tone: str
-    lines: tuple[str, ...]  # what it rests on
-    command: str  # what it advises to run; empty for nothing
-
-
-@dataclass(frozen=True)
 class Answer:
     """What an identification found, for the page."""
 
-    answers: tuple[Said, ...]  # to what one asks first
-    parameters: tuple[Row, ...]  # the table
-    coefficients: tuple[Row, ...]  # the table
+    answers: Sequence[PageAnswer]  # to what one asks first, as the report has them
+    parameters: Table
+    coefficients: Table
+    reasons: dict[str, str]  # why something is not determined, by name
     summary: tuple[str, ...]  # sentences
     warnings: tuple[str, ...]  # sentences
     terms: tuple[str, ...]  # terms of the model
@@ -104,6 +84,7 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     from flexid.recording.read import read_log
     from flexid.report.charts.svg import drawn
     from flexid.report.documents import write_document
+    from flexid.report.identification import coefficients_table, parameters_table
     from flexid.report.identification_charts import identification_charts
     from flexid.report.page.identification_page import identification_page
     from flexid.report.page.render import page_html
@@ -114,13 +95,15 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     progress("report and figures")
     estimate.save(Path(into) / ESTIMATE)
     result = estimate.result
+    estimates = {**result.parameters, **result.coefficients}
     charts = identification_charts(result)
     page = identification_page(result, charts)
     write_document(Path(into) / REPORT, page_html(page))
     return Answer(
-        tuple(map(_said, page.answers)),
-        tuple(map(row_of, result.parameters.values())),
-        tuple(map(row_of, result.coefficients.values())),
+        page.answers,
+        parameters_table(result),
+        coefficients_table(result),
+        {name: e.reason for name, e in estimates.items() if e.interval[0] != e.interval[1]},
         result.summary,
         result.warnings,
         result.choices.terms,
@@ -145,37 +128,3 @@ def export(_: Progress, to: str, sample_time: float, folder: str) -> str:
             for path in written.paths:
                 file.write(path, path.name)
     return archive.name
-
-
-def row_of(estimate: ValueEstimate) -> Row:
-    """A value of the table."""
-    from flexid.report.digits import format_with_interval
-
-    value, lower, upper = format_with_interval(estimate.value, *estimate.interval)
-    fixed = estimate.interval[0] == estimate.interval[1]
-    return Row(
-        estimate.name,
-        value,
-        (estimate.reason or "fixed") if fixed else f"[{lower}, {upper}]",
-        estimate.unit,
-        estimate.verdict,
-        "" if fixed else estimate.reason,
-    )
-
-
-def _said(answer: PageAnswer) -> Said:
-    """An answer of the report as texts."""
-    from rich.text import Text
-
-    from flexid.report.page.layout import Bullets, Command
-
-    lines: list[str] = []
-    command = ""
-    for item in answer.content:
-        if isinstance(item, Text):
-            lines.append(item.plain)
-        elif isinstance(item, Bullets):
-            lines.extend(item.lines)
-        elif isinstance(item, Command):
-            command = item.text
-    return Said(answer.question, answer.word, answer.tone, tuple(lines), command)

@@ -7,7 +7,7 @@ from importlib.resources import files
 from math import log10
 from typing import TYPE_CHECKING, Any
 
-from flexid.report.page.render import breakable
+from flexid.report.page.render import add_items
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -26,7 +26,8 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(log10=log10, breakable=breakable)
+    environment.filters.update(log10=log10)
+    add_items(environment)
     return environment
 
 

@@ -74,14 +74,19 @@ def _environment() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    add_items(environment)
+    environment.filters["drawn"] = lambda chart: Markup(chart_html(chart))
+    return environment
+
+
+def add_items(environment: Any) -> None:
+    """Let templates tell the items of a page apart, and typeset what they hold."""
     environment.tests.update(
         {name: lambda item, kind=kind: isinstance(item, kind) for name, kind in _TESTS.items()}
     )
     environment.filters["typeset"] = lambda text: text.replace("^2", "²").replace("^3", "³")
     environment.filters["breakable"] = breakable
     environment.filters["tone"] = lambda style: _TONES.get(str(style), "")
-    environment.filters["drawn"] = lambda chart: Markup(chart_html(chart))
-    return environment
 
 
 def breakable(name: str) -> Any:
