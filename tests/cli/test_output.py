@@ -107,21 +107,6 @@ def test_json_without_greek_is_the_same(printed):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("reproduce", "--out", ""), "its name is empty"),
-        (("simulate", "experiments/huang2003.toml", "--csv"), "nowhere to write"),
-    ],
-)
-def test_output_without_a_place_is_refused(flexid, arguments, words):
-    """Assert that what would be written nowhere, or anywhere, is refused with one sentence."""
-    outcome = flexid(*arguments)
-    assert outcome.status == 2
-    assert words in outcome.stderr
-    assert len(outcome.stderr.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
     ("count", "rest", "lines"),
     [(3, "--explain", 3), (5, "--explain", 4), (5, "", 5), (0, "--explain", 0)],
 )

@@ -60,14 +60,3 @@ def test_json_is_the_document(reproduced, flexid):
     printed = flexid("reproduce", "--json")
     assert printed.status == 0
     assert json.loads(printed.stdout) == json.loads((out / "result.json").read_text("utf-8"))
-
-
-def test_unusable_directory_is_one_sentence(flexid, tmp_path):
-    """Assert that a file in the directory's place ends with exit status 2 and one line."""
-    taken = tmp_path / "taken"
-    taken.write_text("", encoding="utf-8")
-    refused = flexid("reproduce", "--out", taken)
-    assert refused.status == 2
-    assert "--out" in refused.stderr
-    assert "Traceback" not in refused.stderr
-    assert refused.stdout == ""

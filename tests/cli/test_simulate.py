@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-import pytest
 
 import flexid as package
 from flexid.experiments import read_experiment
@@ -94,26 +93,6 @@ def test_unstable_sampled_loop_exits_1(flexid: Callable, tmp_path: Path):
     outcome = flexid("simulate", path)
     assert outcome.status == 1
     assert "the sampled loop diverges" in outcome.stderr
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (("nowhere.toml",), "nowhere.toml: there is no such file"),
-        ((TABLE1, "--set", "controller.kk=3"), "write controller.k"),
-        ((TABLE1, "--set", "controller.k"), "path=number"),
-        ((TABLE1, "--set", "controller.k=__import__('os')"), "path=number"),
-        ((TABLE1, "--set", "controller.k=nan"), "finite number"),
-        ((TABLE1, "--set", "controller.k=1", "--set", "controller.k=2"), "twice"),
-        ((TABLE1, "--out", TABLE1), "--out"),
-    ],
-)
-def test_bad_input_is_one_sentence(flexid: Callable, arguments: tuple, complaint: str):
-    """Assert that bad input exits 2 with one line and no traceback."""
-    outcome = flexid("simulate", *arguments)
-    assert outcome.status == 2
-    assert complaint in outcome.stderr
-    assert len(outcome.stderr.strip().splitlines()) == 1
 
 
 def test_model_of_ones_own_has_its_own_names(flexid: Callable, tmp_path: Path, examples: Path):

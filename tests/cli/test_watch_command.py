@@ -156,9 +156,6 @@ def test_a_drive_that_does_not_move_exits_with_1():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((), "SOURCE: is missing"),
-        (("no.csv",), "no such file"),
-        (("udp://127.0.0.1",), "is not an address"),
         (("-", "--terms", "magic"), "'magic' is unknown"),
         (("-", "--hold", "cubic"), "must be auto, linear or zero, got 'cubic'"),
         (("-", "--sample-time", "0"), "0 s is outside 1e-06 to 0.5 s"),

@@ -295,12 +295,3 @@ def test_the_command(flexid, tmp_path):
         printed = flexid("validate", path, tmp_path / "log.csv", "--json", "--min-fit", least)
         assert printed.status == status
         assert json.loads(printed.stdout)["fit_percent"] == document["fit_percent"]
-
-
-@pytest.mark.parametrize("name", ["none.json", "log.csv"])
-def test_the_command_refuses_what_is_no_estimate(flexid, tmp_path, name):
-    """Assert that a missing file, and a log in its place, exit with 2 and one line."""
-    write_flexible(tmp_path / "log.csv", duration=2.0)
-    outcome = flexid("validate", tmp_path / name, tmp_path / "log.csv")
-    assert outcome.status == 2
-    assert len(outcome.stderr.strip().splitlines()) == 1

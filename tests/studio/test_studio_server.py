@@ -24,13 +24,6 @@ def test_without_the_package(flexid, monkeypatch: pytest.MonkeyPatch):
     assert "pip install 'flexid[studio]'" in outcome.stderr
 
 
-def test_a_log_that_is_not_there(flexid):
-    """Assert that it is missed before anything is served."""
-    outcome = flexid("studio", "missing.csv", "--no-browser", "--port", 0)
-    assert outcome.status == 2
-    assert "missing.csv: there is no such file" in outcome.stderr
-
-
 def test_a_port_that_is_taken(flexid):
     """Assert that another port is asked for."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
