@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from flexid.errors import ArgumentError, RecordingError
+from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.answer import Answer
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
@@ -382,7 +382,7 @@ def watch(
     from flexid.library.logs import as_columns
     from flexid.library.options import as_number
     from flexid.library.watch_arguments import as_chosen, as_commissioned
-    from flexid.streaming.follower import Follower, checked_every
+    from flexid.streaming.follower import Follower
     from flexid.streaming.options import wanted_kind
 
     if source is None and sample_time is None:
@@ -412,4 +412,7 @@ def watch(
             stop_at_end=stop_at_end,
             duration=None if duration is None else as_number("watch", "duration", duration),
         )
-    return Watch(chosen, made, follower, file, checked_every(as_number("watch", "every", every)))
+    between = as_number("watch", "every", every)
+    if not between > 0.0:
+        raise SettingError("every", f"must be above 0 s, got {between}")
+    return Watch(chosen, made, follower, file, between)

@@ -50,13 +50,6 @@ def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
     return session
 
 
-def checked_every(every: float) -> float:
-    """Seconds between two reports, if they are any; else a `SettingError`."""
-    if not every > 0.0:
-        raise SettingError("every", f"must be above 0 s, got {every}")
-    return every
-
-
 class ReadBefore:
     """Leaves out what a session from a checkpoint has read of a file before.
 

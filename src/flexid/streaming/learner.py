@@ -65,10 +65,6 @@ class Learner:
             states.append(self._delays.first_state())
         return tuple(states)
 
-    def sizes(self) -> tuple[int, ...]:
-        """Numbers in each state."""
-        return tuple(len(state) for state in self.first_states())
-
     def learn(self, states: States, rows: FloatArray) -> tuple[States, History]:
         """Take in rows of positions and inputs; the history is that of the first estimator."""
         last: States = ()
