@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from flexid.arrays import FloatArray
 from flexid.identification.full_model.model import Data, Structure
@@ -92,6 +91,9 @@ def _best(
     misfits: Callable[[Amplifier], FloatArray],
 ) -> Amplifier:
     """The correction that leaves least, as a geometric mean over the filters."""
+    # Slow to import, and few logs hold a voltage.
+    from scipy.optimize import minimize_scalar
+
     least = minimize_scalar(
         lambda share: float(np.log(misfits(corrected(share))).sum()),
         bounds=ends,
