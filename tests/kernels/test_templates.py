@@ -18,8 +18,7 @@ from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import sinusoid
 from flexid.control.robust import robust_law
 from flexid.derivation.closed_loop import compose_loop
-from flexid.derivation.lane_source import lane_loop_source
-from flexid.derivation.loop_source import stiff_loop_source
+from flexid.derivation.loop_source import lane_loop_source, stiff_loop_source
 from flexid.derivation.model_functions import model_functions
 from flexid.derivation.regressor_classes import filter_functions
 from flexid.derivation.sampled_loop import sampled_loop_source

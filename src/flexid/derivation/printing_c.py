@@ -6,7 +6,7 @@ from typing import cast
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 
-from flexid.derivation.immersion import VARIABLE
+from flexid.derivation.immersion import VARIABLE, graded_rule
 from flexid.derivation.observer import SymbolicObserver
 from flexid.derivation.printing import (
     argument_groups,
@@ -20,7 +20,6 @@ from flexid.derivation.printing import (
     upper_limit,
     without_integrals,
 )
-from flexid.derivation.quadrature import graded_rule
 from flexid.derivation.symbolic import FreshNames, LogCosh
 
 _ARGUMENTS = ("state", "input", "input_rate", "observer_state", "gain", "constant")

@@ -27,8 +27,6 @@ _STANDSTILL = 0.01  # part of the mean square below which a motion cannot contra
 _PATIENCE = 8  # times as long before what is still open is open because of the motion
 _SLOWEST = 0.1  # 1/s; an observer that converges more slowly is not excited
 
-_SETTING = dict[str, tuple[float, float]]  # name: value in double, in float
-
 
 class DriveSource:
     """Header and source of one estimator."""
@@ -202,46 +200,45 @@ class DriveSource:
     def _settings_text(self) -> str:
         h, filter_rate = self.settings.sample_time, self.settings.filter_rate
         counts: dict[str, int] = {}
-        numbers: _SETTING = {"LARGEST_POWER": (1e300, 1e36)}
+        numbers: dict[str, float] = {}
+        pairs = {"LARGEST_POWER": (1e300, 1e36)}  # in double, in float
         recent = h / _RECENT_TIME
         if self.settings.velocities:
-            numbers["SAMPLE_TIME"] = (h, h)
+            numbers["SAMPLE_TIME"] = h
         if isinstance(self.twin, ParametricObserver):
-            numbers["SLOWEST"] = (_SLOWEST, _SLOWEST)
+            numbers["SLOWEST"] = _SLOWEST
         else:
             law = self.twin.law
             counts |= {"FEWEST": law.fewest, "PATIENCE": _PATIENCE * law.fewest}
             kept = (1.0 - law.fading) * law.least_information
             numbers |= {
-                "FADING": (law.fading, law.fading),
-                "FORGOTTEN": (1.0 - law.fading, 1.0 - law.fading),
-                "KEPT": (kept, kept),
-                "RIDGE": (law.ridge, 1e-6),
-                "LEAST_TOLERANCE": (law.least_tolerance, law.least_tolerance),
-                "LEAST_EXPLAINED": (law.least_explained, law.least_explained),
-                "LEAST_DIAGONAL": (1e-200, 1e-30),
-                "LEAST_SQUARE": (1e-16, 1e-7),
-                "SLACK": (_SLACK, _SLACK),
-                "UNUSUAL": (_UNUSUAL, _UNUSUAL),
-                "STANDSTILL": (_STANDSTILL, _STANDSTILL),
+                "FADING": law.fading,
+                "FORGOTTEN": 1.0 - law.fading,
+                "KEPT": kept,
+                "LEAST_TOLERANCE": law.least_tolerance,
+                "LEAST_EXPLAINED": law.least_explained,
+                "SLACK": _SLACK,
+                "UNUSUAL": _UNUSUAL,
+                "STANDSTILL": _STANDSTILL,
             }
+            pairs |= {"RIDGE": (law.ridge, 1e-6), "LEAST_DIAGONAL": (1e-200, 1e-30)}
+            pairs["LEAST_SQUARE"] = (1e-16, 1e-7)
             if not self.settings.velocities:
+                pairs["LEAST_PIVOT"] = (1e-12, 1e-6)
                 recent = h * filter_rate / _RECENT
                 counts |= {"MEMORY": law.memory, "HALF_WINDOW": law.half_window}
                 counts["MIDDLE"] = law.half_window + 2
                 if law.half_window:
                     half = law.half_window
                     weight = half * (half + 1) * (2 * half + 1) / 3.0
-                    numbers["SLOPE_WEIGHT"] = (weight, weight)
+                    numbers["SLOPE_WEIGHT"] = weight
                 numbers |= {
-                    "SAMPLES_PER_SECOND": (1.0 / h, 1.0 / h),
-                    "POLE": (law.pole, law.pole),
-                    "ONE_LESS_POLE": (1.0 - law.pole, 1.0 - law.pole),
-                    "LEAST_PIVOT": (1e-12, 1e-6),
+                    "SAMPLES_PER_SECOND": 1.0 / h,
+                    "POLE": law.pole,
+                    "ONE_LESS_POLE": 1.0 - law.pole,
                 }
-        weight = 1.0 - exp(-recent)
-        numbers["RECENT"] = (weight, weight)
-        return _definitions(counts, numbers)
+        numbers["RECENT"] = 1.0 - exp(-recent)
+        return _definitions(counts, numbers, pairs)
 
 
 _MEANINGS = {
@@ -273,16 +270,18 @@ _MEANINGS = {
 }
 
 
-def _definitions(counts: Mapping[str, int], numbers: _SETTING) -> str:
-    shared = {name: d for name, (d, f) in numbers.items() if d == f}
+def _definitions(
+    counts: Mapping[str, int],
+    numbers: Mapping[str, float],
+    pairs: Mapping[str, tuple[float, float]],  # in double, in float
+) -> str:
     lines = [f"#define {name} {n}U /* {_MEANINGS[name]} */" for name, n in counts.items()]
-    lines += [f"#define {name} {_real(v)} /* {_MEANINGS[name]} */" for name, v in shared.items()]
+    lines += [f"#define {name} {_real(v)} /* {_MEANINGS[name]} */" for name, v in numbers.items()]
     for guard, place in (("#if defined(FLEXID_FLOAT)", 1), ("#else", 0)):
         lines.append(guard)
         lines += [
             f"#define {name} {_real(pair[place])} /* {_MEANINGS[name]} */"
-            for name, pair in numbers.items()
-            if name not in shared
+            for name, pair in pairs.items()
         ]
     return "\n".join([*lines, "#endif"])
 

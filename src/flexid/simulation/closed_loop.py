@@ -121,8 +121,7 @@ def loop_kernel(
 
     def build() -> str:
         from flexid.derivation.closed_loop import compose_loop
-        from flexid.derivation.lane_source import lane_loop_source
-        from flexid.derivation.loop_source import stiff_loop_source
+        from flexid.derivation.loop_source import lane_loop_source, stiff_loop_source
 
         loop = compose_loop(declaration)
         return stiff_loop_source(loop) if stiff else lane_loop_source(loop, lanes)
