@@ -8,6 +8,7 @@ import sympy as sp
 
 from flexid.control.controller import REFERENCE_NAMES, Controller
 from flexid.control.loop import LoopDeclaration
+from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import Multisine, Reference, sinusoid
 from flexid.control.robust import robust_law
 from flexid.derivation.closed_loop import compose_loop
@@ -49,6 +50,12 @@ CURVED = Controller(
 )
 CURVED_LOOP = LoopDeclaration(THREE_ROWS, CURVED, Multisine([0.5, 0.3], [2.0, 3.1], [0.2, 0.4]))
 
+UNKNOWN_GAIN = LoopDeclaration(flexible_joint(), pd_gravity(), Multisine([1.2, 0.6], [2.0, 5.3]))
+
+loops = pytest.mark.parametrize(
+    "declaration", [PAPER, CURVED_LOOP, UNKNOWN_GAIN], ids=["paper", "curved", "unknown gain"]
+)
+
 
 def parameters(declaration: LoopDeclaration) -> np.ndarray:
     """Return values for all parameters: declared ones, and arbitrary ones for the rest."""
@@ -68,7 +75,7 @@ def test_large_terms_cancel() -> None:
     assert loop.tracking_error == e1
 
 
-@pytest.mark.parametrize("declaration", [PAPER, CURVED_LOOP], ids=["paper", "curved"])
+@loops
 def test_map_and_inverse(declaration: LoopDeclaration) -> None:
     """Assert that the states found from the coordinates have these coordinates again."""
     kernel, p = loop_kernel(declaration), parameters(declaration)
@@ -80,7 +87,7 @@ def test_map_and_inverse(declaration: LoopDeclaration) -> None:
     assert again == pytest.approx(z, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("declaration", [PAPER, CURVED_LOOP], ids=["paper", "curved"])
+@loops
 def test_derivatives(declaration: LoopDeclaration) -> None:
     """Assert that Jacobian and time derivative are those of the rates, by central differences."""
     kernel, p = loop_kernel(declaration), parameters(declaration)
@@ -103,7 +110,7 @@ def test_derivatives(declaration: LoopDeclaration) -> None:
     assert rates(0.3, z) == pytest.approx(dz, rel=1e-12)
 
 
-@pytest.mark.parametrize("declaration", [PAPER, CURVED_LOOP], ids=["paper", "curved"])
+@loops
 def test_both_routes_agree(declaration: LoopDeclaration) -> None:
     """Assert that eq. (7) in the coordinates moves as eqs. (1) to (3) in plain states do."""
     kernel, p = loop_kernel(declaration), parameters(declaration)
@@ -141,9 +148,12 @@ def plain_rates(
     numbers = {symbol(name): value for name, value in values.items()}
     numbers |= {row.gain: values[f"_gain{place}"] for place, row in enumerate(observer.rows)}
     numbers |= zip((p for row in observer.rows for p in row.estimates), estimates, strict=True)
-    states, rates = observer.symbolic.states, observer.symbolic.right_hand_side
+    numbers |= dict.fromkeys(observer.rates, 0.7)  # u', whatever it is: it drops out
+    rates = observer.symbolic.right_hand_side
+    moving = [*observer.symbolic.states, *observer.symbolic.inputs]
+    speeds = [*rates, *observer.rates]
     moved = [
-        update + sum(sp.diff(p, x) * rate for x, rate in zip(states, rates, strict=True))
+        update + sum(sp.diff(p, x) * rate for x, rate in zip(moving, speeds, strict=True))
         for row in observer.rows
         for p, update in zip(row.outputs, row.updates, strict=True)
     ]

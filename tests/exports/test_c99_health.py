@@ -61,27 +61,28 @@ class Drive:
         return dict(zip(TRUE, values, strict=True))
 
 
+def built(folder: Path, *options: str, **settings: Any) -> Path:
+    """An exported estimator as a library."""
+    flexid.export("flexible-joint", to="c99", out=folder, sample_time=H, **settings)
+    (folder / "shim.c").write_text(SHIM)
+    sources = (folder / "flexid_drive.c", folder / "shim.c")
+    library = folder / "drive.so"
+    run(tool("gcc"), *STRICT, "-O2", *options, "-fPIC", "-shared", *sources, "-lm", "-o", library)
+    return library
+
+
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory) -> Callable[[], Drive]:
     """Makes estimations that have just begun."""
-    folder = tmp_path_factory.mktemp("health")
-    flexid.export("flexible-joint", to="c99", out=folder, sample_time=H)
-    (folder / "shim.c").write_text(SHIM)
-    sources = (folder / "flexid_drive.c", folder / "shim.c")
-    run(tool("gcc"), *STRICT, "-O2", "-fPIC", "-shared", *sources, "-lm", "-o", folder / "drive.so")
-    return lambda: Drive(folder / "drive.so")
+    library = built(tmp_path_factory.mktemp("health"))
+    return lambda: Drive(library)
 
 
 @pytest.fixture
 def float_drive(tmp_path) -> Drive:
     """One in float, of a joint with a cubic spring."""
-    terms = ("gravity", "cubic_stiffness")
-    flexid.export("flexible-joint", to="c99", out=tmp_path, sample_time=H, terms=terms)
-    (tmp_path / "shim.c").write_text(SHIM)
-    sources = (tmp_path / "flexid_drive.c", tmp_path / "shim.c")
-    options = ("-O2", "-DFLEXID_FLOAT", "-fPIC", "-shared", "-o", tmp_path / "drive.so")
-    run(tool("gcc"), *STRICT, *sources, *options, "-lm")
-    return Drive(tmp_path / "drive.so", ctypes.c_float)
+    library = built(tmp_path, "-DFLEXID_FLOAT", terms=("gravity", "cubic_stiffness"))
+    return Drive(library, ctypes.c_float)
 
 
 def motion(duration: float, values: dict[str, float] = TRUE, state=(0.0,) * 4) -> np.ndarray:

@@ -110,21 +110,16 @@ def test_offsets_that_differ_from_log_to_log(document, tmp_path):
     assert model.actuator_biasprm[0, 0] == pytest.approx(1.5 * inertia)
 
 
-def test_a_model_without_values_is_refused(tmp_path, flexid):
-    """Assert that what is no estimate ends with a sentence, and leaves no file."""
-    done = flexid("export", "flexible-joint", "--to", "mjcf", "--out", tmp_path / "scene")
-    assert done.status == 2
-    assert "needs values: give an estimate.json" in done.stderr
-    assert not (tmp_path / "scene").exists()
-
-
-def test_a_value_that_is_missing_is_refused(document, tmp_path, flexid):
-    """Assert that a coefficient without a value makes no scene."""
+@pytest.mark.parametrize("from_file", [True, False])
+def test_what_has_no_value_is_refused(document, tmp_path, flexid, from_file):
+    """Assert that a coefficient without a value, or a model alone, makes no scene and no file."""
     document["coefficients"]["alpha2"]["value"] = None
-    path = _stored(document, tmp_path)
-    done = flexid("export", path, "--to", "mjcf", "--out", tmp_path / "scene")
+    what = _stored(document, tmp_path) if from_file else "flexible-joint"
+    done = flexid("export", what, "--to", "mjcf", "--out", tmp_path / "scene")
     assert done.status == 2
-    assert "alpha2: has no value" in done.stderr
+    sentence = "alpha2: has no value" if from_file else "needs values: give an estimate.json"
+    assert sentence in done.stderr
+    assert not (tmp_path / "scene").exists()
 
 
 def test_options_of_an_estimator_are_refused(estimate, tmp_path):

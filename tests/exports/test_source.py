@@ -7,9 +7,7 @@ import pytest
 
 import flexid
 from flexid.errors import SettingError
-from flexid.exports.fmu import write_fmu
 from flexid.exports.source import source_of_identification
-from flexid.exports.targets import ExportRequest
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +46,6 @@ def test_doubts_are_said(result):
     assert source_of_identification(result).doubts == ()
     (doubt,) = source_of_identification(doubted(result, verdict="undetermined")).doubts
     assert doubt == "the estimate leaves alpha2 undetermined"
-
-
-def test_a_plant_without_a_value_is_refused(result, tmp_path):
-    """Assert that an estimate without a value gives no plant."""
-    request = ExportRequest(source_of_identification(doubted(result, value=nan)))
-    with pytest.raises(SettingError, match="the plant needs values of alpha2"):
-        write_fmu(request, tmp_path)
 
 
 @pytest.mark.parametrize("name", ["theta2", "alpha1", "beta1"])

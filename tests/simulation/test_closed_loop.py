@@ -14,6 +14,7 @@ from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import Multisine
 from flexid.control.robust import robust_law
 from flexid.errors import SettingError, SimulationError
+from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop
@@ -111,6 +112,21 @@ def test_any_system() -> None:
     reference = Multisine([1.5, 0.8], [2.0, 5.3])
     run = simulate(ClosedLoop(system, true, law, reference, gains), 200.0, 0.1)
     assert run.estimates[-1] == pytest.approx(list(true.values()), rel=1e-3)
+
+
+def test_an_unknown_input_gain_is_found() -> None:
+    """Assert that all five estimates come within 1 % of the truth, beta1 among them."""
+    truth = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+    loop = ClosedLoop(
+        flexible_joint(),
+        truth,
+        pd_gravity(proportional=20.0, derivative=1.0),
+        Multisine([1.2, 0.6, 0.3], [2.0, 5.3, 20.0], [0.0, 0.4, 1.0]),
+        {"link": 20.0, "motor": 50.0},
+        {name: 0.5 * value for name, value in truth.items()},
+    )
+    run = simulate(loop, 600.0, sample_time=0.1)
+    assert np.max(np.abs(run.parameter_errors[-1]) / list(truth.values())) < 0.01
 
 
 @pytest.mark.parametrize(
