@@ -12,11 +12,11 @@ import sys
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import flexid
 from flexid.errors import SettingError
-from flexid.exports.fmu_description import build_description, model_description, sources
-from flexid.exports.fmu_model import FmuModel, estimator_model, plant_model
+from flexid.exports.fmu_model import FmuModel, Variable, estimator_model, plant_model
 from flexid.exports.template import template_text
 from flexid.models.terms import SMOOTHING
 from flexid.recording.names import cut
@@ -32,6 +32,7 @@ _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisib
 _SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib")}
 _PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 _YEAR = (1980, 1, 1, 0, 0, 0)  # the same content is the same file
+_TIME = Variable("time", "independent", None, "s", "simulated time")
 
 
 def write_fmu(request: "ExportRequest", directory: Path) -> list[str]:
@@ -85,15 +86,51 @@ def packed(model: FmuModel, version: str) -> bytes:
     texts = {**model.sources, "model.h": model.header()}
     texts |= {name: template_text(f"fmu/{name}") for name in interface}
     files = {f"sources/{name}": text.encode() for name, text in texts.items()}
-    files["modelDescription.xml"] = model_description(model, version)
+    files["modelDescription.xml"] = _model_description(model, version)
     if version == "3.0":
-        files["sources/buildDescription.xml"] = build_description(model)
+        files["sources/buildDescription.xml"] = _rendered(
+            "fmu/buildDescription.xml", model=model, sources=_sources(model, "3.0")
+        )
     files |= _library(model, version, texts)
     with io.BytesIO() as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             for name in sorted(files):
                 archive.writestr(zipfile.ZipInfo(name, _YEAR), files[name], zipfile.ZIP_DEFLATED)
         return file.getvalue()
+
+
+def _model_description(model: FmuModel, version: str) -> bytes:
+    """The description of an FMU for co-simulation."""
+    variables = [(_TIME, 0), *((v, model.reference(v)) for v in model.variables)]
+    places = [(v, place, number) for place, (v, number) in enumerate(variables, 1)]
+    outputs = [(place, number) for v, place, number in places if v.causality == "output"]
+    computed = [(place, number) for v, place, number in places if v.initial == "calculated"]
+    return _rendered(
+        "fmu/modelDescription.xml",
+        model=model,
+        version=version,
+        flexid_version=flexid.__version__,
+        sources=_sources(model, version),
+        units=dict.fromkeys(v.unit for v in (*model.variables, _TIME) if v.unit),
+        variables=variables,
+        outputs=outputs,
+        computed=computed,
+    )
+
+
+def _sources(model: FmuModel, version: str) -> tuple[str, ...]:
+    """Names of the files that are to be compiled."""
+    own = (name for name in model.sources if name.endswith(".c"))
+    return (f"fmi{version[0]}.c", *own)
+
+
+def _rendered(name: str, **values: Any) -> bytes:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
+    )
+    return environment.from_string(template_text(name)).render(values).encode()
 
 
 def _library(model: FmuModel, version: str, texts: dict[str, str]) -> dict[str, bytes]:
@@ -103,7 +140,7 @@ def _library(model: FmuModel, version: str, texts: dict[str, str]) -> dict[str, 
         return {}
     folder, suffix = place
     library = f"{model.identifier}{suffix}"
-    command = [compiler, *_OPTIONS, *sources(model, version), "-o", library, "-lm"]
+    command = [compiler, *_OPTIONS, *_sources(model, version), "-o", library, "-lm"]
     try:
         with tempfile.TemporaryDirectory() as made:
             for name, text in texts.items():

@@ -1,6 +1,7 @@
 """What goes into an FMU: the plant or the estimator, as variables and C sources."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -99,7 +100,7 @@ class FmuModel:
 
     def header(self) -> str:
         """Text of ``model.h``."""
-        count = {c: sum(v.causality == c for v in self.reals) for c in _CAUSALITIES}
+        count = Counter(v.causality for v in self.reals)
         return filled(
             "fmu/model.h",
             title=comment(self.description),
@@ -113,9 +114,6 @@ class FmuModel:
             starts=str(int(self.reals[0].start is not None)),
             own=self.own,
         )
-
-
-_CAUSALITIES: tuple[Causality, ...] = ("output", "input", "parameter")
 
 
 def plant_model(source: ExportSource) -> FmuModel:
