@@ -203,6 +203,16 @@ class ParametricSystem:
         """Return the same system with other values of some constants.
 
         Nothing is checked anew, since the names stay: thousands of runs differ in values alone.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            New values by name; the others stay as they are.
+
+        Raises
+        ------
+        ModelError
+            If there is no constant of a name.
         """
         for name in values:
             if name not in self.constants:
