@@ -34,7 +34,7 @@ _HOMES = {
     "JointEstimate": "library.joint_estimate",
     "EstimateValidation": "library.validation",
     "EstimateComparison": "library.comparison",
-    "Prediction": "library.prediction",
+    "Prediction": "library.validation",
     "FrequencyResponse": "frequency.frequency_response",
     "LogExcitation": "library.excitation",
     "ExperimentDesign": "library.design",

@@ -37,7 +37,6 @@ from flexid.library.joint_estimate import JointEstimate as JointEstimate
 from flexid.library.logs import read_log as read_log
 from flexid.library.logs import samples as samples
 from flexid.library.mujoco import mujoco_log as mujoco_log
-from flexid.library.prediction import Prediction as Prediction
 from flexid.library.python_control import controller_io_system as controller_io_system
 from flexid.library.python_control import estimator_io_system as estimator_io_system
 from flexid.library.python_control import loop_io_system as loop_io_system
@@ -48,6 +47,7 @@ from flexid.library.reproduce import reproduce as reproduce
 from flexid.library.simulate import SimulatedRun as SimulatedRun
 from flexid.library.simulate import simulate as simulate
 from flexid.library.validation import EstimateValidation as EstimateValidation
+from flexid.library.validation import Prediction as Prediction
 from flexid.library.validation import validate as validate
 from flexid.library.watch import Watch as Watch
 from flexid.library.watch import watch as watch

@@ -12,7 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexid.library.checks import as_path
+from flexid.library.entrance import as_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

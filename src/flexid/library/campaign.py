@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
 from flexid.library.answer import ReportedAnswer, TabularAnswer
-from flexid.library.checks import as_path, kind_of
-from flexid.library.entrance import entrance
+from flexid.library.entrance import as_path, entrance, kind_of
 
 if TYPE_CHECKING:
     from flexid.campaigns import Summary

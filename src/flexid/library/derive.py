@@ -5,8 +5,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, SettingError
-from flexid.library.checks import as_path, kind_of
-from flexid.library.entrance import did_you_mean, entrance
+from flexid.library.entrance import as_path, did_you_mean, entrance, kind_of
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:

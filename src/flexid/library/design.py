@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import PlottedAnswer, TabularAnswer
-from flexid.library.checks import as_path, kind_of
-from flexid.library.entrance import entrance
+from flexid.library.entrance import as_path, entrance, kind_of
 from flexid.library.estimates import estimate_content
 from flexid.library.options import as_number
 from flexid.library.threads import in_one_thread

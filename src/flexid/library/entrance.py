@@ -1,13 +1,14 @@
-"""What all functions of the front door have in common."""
+"""What all functions of the front door have in common: how they refuse arguments."""
 
 import inspect
+import os
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 from flexid.errors import ArgumentError
-from flexid.library.checks import kind_of
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -65,3 +66,20 @@ def _refused(name: str, signature: inspect.Signature, given: int, reason: str) -
     if missing != reason:
         return ArgumentError(name, missing.strip("'"), "is missing: give it")
     return ArgumentError(name, "arguments", reason)
+
+
+def as_path(function: str, argument: str, value: Any) -> Path:
+    """A path, if it is one; else an `ArgumentError`."""
+    if isinstance(value, str | os.PathLike):
+        text = os.fspath(value)
+        if isinstance(text, str):
+            return Path(text)
+    raise ArgumentError(function, argument, f"is {kind_of(value)}: give a path")
+
+
+def kind_of(value: object) -> str:
+    """What a value is, with its article."""
+    if value is None:
+        return "None"
+    name = type(value).__name__
+    return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
-from flexid.library.checks import as_path, kind_of
+from flexid.library.entrance import as_path, kind_of
 
 if TYPE_CHECKING:
     from flexid.identification.result.identification import Identification

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from flexid.errors import ArgumentError, SettingError
-from flexid.library.checks import as_path, kind_of
 from flexid.library.derive import SHIPPED, declared
-from flexid.library.entrance import did_you_mean, entrance
+from flexid.library.entrance import as_path, did_you_mean, entrance, kind_of
 from flexid.library.estimates import identified
 from flexid.library.threads import in_one_thread
 from flexid.models.parametric_system import ParametricSystem

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.checks import as_path
-from flexid.library.entrance import entrance
+from flexid.library.entrance import as_path, entrance
 from flexid.library.options import joint_settings
 from flexid.library.threads import in_one_thread
 

@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from flexid.frequency.frequency_response import FrequencyResponse
     from flexid.identification.preparation.settings import Settings
     from flexid.library.logs import Columns, Logs, OneLog
-    from flexid.library.prediction import Prediction
-    from flexid.library.validation import EstimateValidation
+    from flexid.library.validation import EstimateValidation, Prediction
     from flexid.recording.recording import Log
     from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
@@ -114,7 +113,7 @@ class JointEstimate(ReportedAnswer):
     @property
     def residuals(self) -> Mapping[str, NDArray[np.float64]]:
         """Measured minus simulated held-out data in rad by channel; none of a loaded estimate."""
-        from flexid.library.prediction import Prediction
+        from flexid.library.validation import Prediction
 
         if not self.result.validation.runs:
             return {}
@@ -324,7 +323,7 @@ class JointEstimate(ReportedAnswer):
         RecordingError
             If the log cannot be used, or has another kind of input.
         """
-        from flexid.library.prediction import Prediction
+        from flexid.library.validation import Prediction
 
         found = self.validate(log, columns=columns)
         return Prediction.of(found.result)

@@ -6,7 +6,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict
 
 from flexid.errors import ArgumentError, SettingError
-from flexid.library.checks import kind_of
+from flexid.library.entrance import kind_of
 from flexid.models.arm_name import is_arm_file
 
 if TYPE_CHECKING:

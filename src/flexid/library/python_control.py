@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from flexid.errors import ArgumentError
 from flexid.exports import python_control as worker
-from flexid.library.checks import as_path, kind_of
-from flexid.library.entrance import entrance
+from flexid.library.entrance import as_path, entrance, kind_of
 from flexid.library.options import as_mapping
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from flexid.library.answer import ReportedAnswer, TabularAnswer
-from flexid.library.checks import as_path
-from flexid.library.entrance import entrance
+from flexid.library.entrance import as_path, entrance
 from flexid.library.options import as_mapping, as_number
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.answer import Answer
-from flexid.library.checks import as_path
-from flexid.library.entrance import entrance
+from flexid.library.entrance import as_path, entrance
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexid.errors import ArgumentError
-from flexid.library.checks import kind_of
+from flexid.library.entrance import kind_of
 from flexid.library.options import as_known, as_number, as_terms
 from flexid.recording.channel import INPUTS, SI_UNITS
 

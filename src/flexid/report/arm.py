@@ -6,10 +6,9 @@ from typing import Any
 
 from rich.text import Text
 
-from flexid.arms.result import ArmIdentification, ArmParameter
+from flexid.arms.result import ArmIdentification
 from flexid.report.charts.description import Chart
-from flexid.report.digits import VERDICT_STYLES
-from flexid.report.identification import estimates_table
+from flexid.report.identification import estimates_table, verdict_reasons
 from flexid.report.page.layout import Answer, Command, Page, Section, Warned
 from flexid.report.presenter import Presenter
 from flexid.report.terminal import Column, Part, Table, numbers
@@ -19,7 +18,7 @@ def parts(result: ArmIdentification) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     for joint in range(1, result.arm.joints + 1):
         yield joint_table(result, joint)
-        yield from reasons(result.of_joint(joint))
+        yield from _reasons(result, joint)
     yield free_run_table(result)
     yield from map(Text, timing_lines(result))
 
@@ -30,11 +29,8 @@ def joint_table(result: ArmIdentification, joint: int) -> Table:
     return estimates_table(f"Joint {joint}", found)
 
 
-def reasons(parameters: list[ArmParameter]) -> Iterator[Text]:
-    """Why parameters are not determined, a line each."""
-    for p in parameters:
-        if p.verdict != "determined":
-            yield Text(f"  {p.name}: {p.reason}", style=VERDICT_STYLES[p.verdict])
+def _reasons(result: ArmIdentification, joint: int) -> Iterator[Text]:
+    return verdict_reasons({p.name: p for p in result.of_joint(joint)})
 
 
 def free_run_table(result: ArmIdentification) -> Table:
@@ -67,7 +63,10 @@ def page(
         Section(
             f"joint-{joint}",
             f"Joint {joint}",
-            [joint_table(result, joint), *reasons(result.of_joint(joint))],
+            [
+                joint_table(result, joint),
+                *_reasons(result, joint),
+            ],
         )
         for joint in joints[1:]
     ]

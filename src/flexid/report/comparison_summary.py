@@ -6,7 +6,7 @@ from math import isfinite
 from flexid.comparisons.comparison import Comparison
 from flexid.comparisons.number_difference import Difference
 from flexid.identification.vocabulary.intervals import CONFIDENCE
-from flexid.report.digits import format_with_interval
+from flexid.report.digits import format_with_interval, listed
 
 
 def comparison_summary(comparison: Comparison) -> tuple[str, ...]:
@@ -120,5 +120,4 @@ def _count(compared: Sequence[Difference]) -> str:
 
 
 def _names(differences: Sequence[Difference]) -> str:
-    names = [d.name for d in differences]
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    return listed([d.name for d in differences])

@@ -62,6 +62,15 @@ def _own_place(x: float, place: int) -> int:
     return min(place, floor(log10(abs(x)))) if x else place
 
 
+def listed(words: Sequence[str]) -> str:
+    """Words in a row, with "and" before the last.
+
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
 VERDICT_STYLES: dict[Verdict, str] = {
     "determined": "green",
     "weak": "yellow",

@@ -22,8 +22,9 @@ from flexid.report.charts.description import (
     Points,
 )
 from flexid.report.charts.limits import whole_decades
-from flexid.report.digits import VERDICT_STYLES, value_cells, verdict_cell
+from flexid.report.digits import value_cells, verdict_cell
 from flexid.report.documents import excitation_summary
+from flexid.report.identification import excitation_lines, verdict_reasons
 from flexid.report.presenter import Presenter
 from flexid.report.terminal import Column, Part, Table
 
@@ -34,22 +35,14 @@ _LITTLE = 1e-4  # share below which one is no more than small
 def parts(report: ExcitationReport) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     yield _table(report.assessment)
-    for name, c in report.assessment.coefficients.items():
-        if c.verdict != "determined":
-            yield Text(f"  {name}: {c.reason}", style=VERDICT_STYLES[c.verdict])
+    yield from verdict_reasons(report.assessment.coefficients)
     yield Text()
-    for row, excitation in report.assessment.excitation.items():
-        pair = " and ".join(excitation.correlated)
-        detail = f"; {pair} correlate by {excitation.correlation:.3f}" if pair else ""
-        yield Text(
-            f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
-        )
+    yield from map(Text, excitation_lines(report.assessment.excitation))
     noise = ", ".join(f"{name} {std:.3g} rad" for name, std in report.noise.items())
     yield Text(f"Residuals: {noise}")
     yield from map(Text, report.identification.summary)
     yield Text()
-    for line in advice_lines(report.advice, report.input_unit):
-        yield Text(line)
+    yield from map(Text, advice_lines(report.advice, report.input_unit))
 
 
 def _table(assessment: Assessment) -> Table:

@@ -9,6 +9,7 @@ from flexid.arrays import FloatArray
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.report.charts.description import Axis, Chart, Level, Line, Panel
 from flexid.report.charts.limits import with_margin
+from flexid.report.digits import listed
 from flexid.report.identification import format_fit
 
 _MARGIN = 0.15  # of the measured range, above and below it
@@ -70,20 +71,20 @@ def _says(validation: Validation, noise: Mapping[str, float]) -> str:
     lost = [labels[name] for name, error in _errors(validation) if not isfinite(_largest(error))]
     if lost:
         return (
-            f"The free run diverges from the measured {_all(lost)}: trust the model for short "
+            f"The free run diverges from the measured {listed(lost)}: trust the model for short "
             "predictions at most."
         )
     fits = {labels[name]: fit for name, fit in validation.fit_percent.items() if not isnan(fit)}
     if not fits:
         return "Nothing moves in these data: they do not test the model."
-    followed = _all([f"the {label} to {_percent(fit)}" for label, fit in fits.items()])
+    followed = listed([f"the {label} to {_percent(fit)}" for label, fit in fits.items()])
     over = {
         labels[name]: float(np.sqrt(np.mean(error**2))) / noise[name]
         for name, error in _errors(validation)
         if noise.get(name, 0.0) > 0.0
     }
-    left = _all([f"{_times(ratio)} times its noise in the {name}" for name, ratio in over.items()])
-    said = f"; the residual is {left}" if left else ""
+    times = [f"{_times(ratio)} times its noise in the {name}" for name, ratio in over.items()]
+    said = f"; the residual is {listed(times)}" if times else ""
     return f"On data not used for the fit the model follows {followed}{said}."
 
 
@@ -109,8 +110,3 @@ def _percent(fit: float) -> str:
 
 def _times(ratio: float) -> str:
     return f"{ratio:.1f}" if ratio < 10.0 else f"{ratio:.3g}"
-
-
-def _all(words: Sequence[str]) -> str:
-    *first, last = words or [""]
-    return f"{', '.join(first)} and {last}" if first else last

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
+from flexid.analysis.excitation import Excitation
 from flexid.comparisons.angles import ANGLES
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import (
@@ -30,11 +31,11 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     yield parameters_table(result)
     yield coefficients_table(result)
-    yield from verdict_reasons(result)
+    yield from verdict_reasons(result.coefficients)
     if small := next_to_none(result.parameters.values()):
         yield Text(f"  Negligible, and zero within the interval: {', '.join(small)}")
     yield Text()
-    yield from map(Text, excitation_lines(result))
+    yield from map(Text, excitation_lines(result.excitation))
     yield from map(Text, residual_lines(result))
     yield from map(Text, prediction_lines(result))
     yield Text(f"Compliance: {compliance_line(result)}")
@@ -65,16 +66,16 @@ def next_to_none(parameters: Iterable[ValueEstimate]) -> list[str]:
     ]
 
 
-def verdict_reasons(result: Identification) -> Iterator[Text]:
-    """Why coefficients are not determined, a line each."""
-    for name, c in result.coefficients.items():
-        if c.verdict != "determined":
-            yield Text(f"  {name}: {c.reason}", style=VERDICT_STYLES[c.verdict])
+def verdict_reasons(estimates: Mapping[str, Any]) -> Iterator[Text]:
+    """Why values are not determined, a line each."""
+    for name, e in estimates.items():
+        if e.verdict != "determined":
+            yield Text(f"  {name}: {e.reason}", style=VERDICT_STYLES[e.verdict])
 
 
-def excitation_lines(result: Identification) -> Iterator[str]:
+def excitation_lines(rows: Mapping[str, Excitation]) -> Iterator[str]:
     """How well the motion excites each row, and which two of its coefficients it confuses most."""
-    for row, excitation in result.excitation.items():
+    for row, excitation in rows.items():
         pair = " and ".join(excitation.correlated)
         detail = f"; {pair} correlate by {excitation.correlation:.3f}" if pair else ""
         yield f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"

@@ -1,19 +1,18 @@
-"""Joint confidence regions: their joint confidence regions."""
+"""Joint confidence regions of parameters, as a chart."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate, Fit
 from flexid.identification.vocabulary.intervals import CONFIDENCE
-from flexid.report.charts.description import Axis, Chart, Colour, Line, Mark, Panel, Points
+from flexid.report.charts.description import Axis, Chart, Line, Panel, Points
 from flexid.report.charts.limits import with_margin
 from flexid.report.confidence_region import Region, confidence_region, most_correlated
 
-_COLOURS: tuple[Colour, ...] = ("blue", "orange", "grey")
 _MARGIN = 0.06  # of what is shown, on either side of it
-_FARTHEST = 4.0  # times the first fit's half-width: a wider fit runs out of the picture
 _HEIGHT = 1.8
 _PAIRS = (
     ("joint_stiffness", "link_inertia"),
@@ -29,27 +28,23 @@ def regions_chart(result: Identification, level: float = CONFIDENCE) -> Chart | 
     if not pairs:
         return None
     units = {name: result.parameters[name].unit for name in found.names}
-    fits = {result.choices.estimator.replace("-", " "): found}
-    return confidence_regions_chart(fits, pairs, units, level)
+    label = result.choices.estimator.replace("-", " ")
+    return confidence_regions_chart(label, found, pairs, units, level)
 
 
 def confidence_regions_chart(
-    fits: Mapping[str, Fit],
+    label: str,
+    fit: Fit,
     pairs: Sequence[tuple[str, str]],
     units: Mapping[str, str],
     level: float = CONFIDENCE,
 ) -> Chart:
-    """The joint region of each pair, of one fit or of several beside each other."""
+    """The joint region of each pair."""
     panels, correlated = [], []
     for pair in pairs:
-        regions = {
-            label: region
-            for label, fit in fits.items()
-            if {*pair} <= {*fit.names}
-            and (region := confidence_region(fit, pair, level)) is not None
-        }
-        panels.append(_panel(pair, regions, [*fits], units))
-        for region in [*regions.values()][:1]:
+        region = confidence_region(fit, pair, level)
+        panels.append(_panel(pair, region, label, units))
+        if region is not None:
             correlated.append(f"{pair[0]} and {pair[1]} by {region.correlation:+.2f}")
     says = (
         f"Both values of a pair lie in the ellipse with {100 * level:g} % confidence. A narrow, "
@@ -63,50 +58,27 @@ def confidence_regions_chart(
 
 
 def _panel(
-    pair: tuple[str, str],
-    regions: Mapping[str, Region],
-    labels: Sequence[str],
-    units: Mapping[str, str],
+    pair: tuple[str, str], region: Region | None, label: str, units: Mapping[str, str]
 ) -> Panel:
-    """The regions of a pair, each in the colour of its fit."""
+    """The region of a pair, with the interval of each by itself."""
     first, second = pair
-    marks: list[Mark] = []
-    for colour, label in zip(_COLOURS, labels, strict=False):
-        if label in regions:
-            marks += _region_marks(regions[label], label, colour)
+    x, y = (Axis(name, units[name]) for name in pair)
     title = f"{first} and {second}:\n"
-    limits = (None, None)
-    if regions:
-        drawn = [*regions.values()]
-        title += f"correlation {drawn[0].correlation:+.2f}"
-        limits = _limits(drawn, 0), _limits(drawn, 1)
-    else:
-        title += "the log leaves one of the two free"
-    x = Axis(first, units[first], limits=limits[0])
-    y = Axis(second, units[second], limits=limits[1])
-    return Panel(title, x, y, tuple(marks), _HEIGHT)
-
-
-def _region_marks(region: Region, label: str, colour: Colour) -> tuple[Mark, ...]:
+    if region is None:
+        return Panel(f"{title}the log leaves one of the two free", x, y, (), _HEIGHT)
+    x_edge, y_edge = region.boundary
     (left, right), (low, high) = region.intervals
-    joint = f"{label}: joint {100 * region.level:g} %"
     around = np.array([left, right, right, left, left]), np.array([low, low, high, high, low])
-    return (
-        Line(joint, region.boundary[0], region.boundary[1], colour, filled=True),
-        Line("each by itself", *around, colour, 1.0, "dotted"),
-        Points("", region.centre[:1], region.centre[1:], colour),
+    marks = (
+        Line(f"{label}: joint {100 * region.level:g} %", x_edge, y_edge, "blue", filled=True),
+        Line("each by itself", *around, "blue", 1.0, "dotted"),
+        Points("", region.centre[:1], region.centre[1:], "blue"),
     )
-
-
-def _limits(regions: Sequence[Region], j: int) -> tuple[float, float]:
-    """Show the first region whole, and of wider ones as much as leaves it visible."""
-    first = regions[0]
-    centre = float(first.centre[j])
-    half = float(np.abs(first.boundary[j] - centre).max())
-    low = min(float(region.boundary[j].min()) for region in regions)
-    high = max(float(region.boundary[j].max()) for region in regions)
-    low, high = max(low, centre - _FARTHEST * half), min(high, centre + _FARTHEST * half)
-    return with_margin(low, high, _MARGIN)
+    x, y = (
+        replace(axis, limits=with_margin(float(ends.min()), float(ends.max()), _MARGIN))
+        for axis, ends in zip((x, y), region.boundary, strict=True)
+    )
+    return Panel(f"{title}correlation {region.correlation:+.2f}", x, y, marks, _HEIGHT)
 
 
 def correlated_pairs(estimate: Estimate) -> tuple[tuple[str, str], ...]:

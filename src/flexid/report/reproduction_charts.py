@@ -13,8 +13,6 @@ from flexid.studies.huang2003.reproduction import Reproduction
 from flexid.studies.huang2003.sweeps import RatePoint
 from flexid.studies.huang2003.table1 import DURATION, UNKNOWN
 
-FORMATS = ("png", "pdf")
-
 NOISE = 1e-3 * TOLERANCE
 """The integrator's absolute tolerance: smaller parameter errors are not distinguished from zero."""
 

@@ -54,11 +54,10 @@ def errors_parts(result: EstimateValidation) -> Iterator[Part]:
         off = (found[channel] for found in result.residuals.values())
         table.add(channel, number(noise, 3), *map(_residual, off))
     yield table
-    moving = {c: fit for c, fit in result.fit_percent.items() if not isnan(fit)}
-    worst = min(moving, key=lambda channel: moving[channel], default="")
-    if worst and not moving[worst] >= WEAK_FIT:
+    worst, fit = _worst(result)
+    if worst and not fit >= WEAK_FIT:
         yield Text(
-            f"The estimate does not describe this drive: the free run explains {moving[worst]:.3g} "
+            f"The estimate does not describe this drive: the free run explains {fit:.3g} "
             f"% of {worst}. Identify these logs, and compare both estimates."
         )
     count = len(result.runs)

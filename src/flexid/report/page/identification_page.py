@@ -97,11 +97,11 @@ def _sections(
     left = Bullets([*residual_lines(result)])
     yield Section("residuals", "Residuals", [*drawn(charts, "residuals"), left])
     yield Section("estimates", "Estimates over time", drawn(charts, "estimates"))
-    excited = Bullets([*excitation_lines(result)])
+    excited = Bullets([*excitation_lines(result.excitation)])
     yield Section("excitation", "Excitation", [*drawn(charts, "excitation"), excited])
     yield Section("bode", "Frequency response", drawn(charts, "bode"))
     yield Section("regions", "Correlation of parameters", drawn(charts, "regions"))
-    reasons = Bullets([line.plain.strip() for line in verdict_reasons(result)])
+    reasons = Bullets([line.plain.strip() for line in verdict_reasons(result.coefficients)])
     coefficients = [coefficients_table(result), *([reasons] if reasons.lines else [])]
     yield Section("coefficients", "Coefficients", coefficients)
     yield Section("choices", "What was chosen, and the alternatives", [*_choices(result)])
