@@ -380,7 +380,7 @@ def test_doubts_are_said():
     """Assert that common knowledge, logs without a name and warnings of either are passed on."""
     rng = np.random.default_rng(9)
     a, b = (drawn(rng, known={"motor_inertia": 0.3}) for _ in range(2))
-    b = replace(b, provenance={**b.provenance, "inputs": "?"}, warnings=("the joint hardly moves",))
+    b = replace(b, provenance={**b.provenance, "inputs": []}, warnings=("the joint hardly moves",))
     unnamed, knowledge, passed = compare_estimates(a, b).warnings
     assert "both rest on what was said of motor_inertia" in knowledge
     assert unnamed.startswith("B does not say which logs")

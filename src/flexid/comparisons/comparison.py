@@ -105,7 +105,7 @@ def compare_estimates(
         together,
         logs,
         apart(a, b),
-        doubts(a, b, logs),
+        tuple(doubts(a, b, logs)),
         {"flexid_version": flexid.__version__, "a": dict(a.provenance), "b": dict(b.provenance)},
     )
 

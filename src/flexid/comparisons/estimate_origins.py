@@ -54,12 +54,8 @@ def _beside(one: Identification, other: Identification) -> str:
     return _text([term for term in one.choices.terms if term not in other.choices.terms])
 
 
-def doubts(a: Identification, b: Identification, logs: Sharing) -> tuple[str, ...]:
+def doubts(a: Identification, b: Identification, logs: Sharing) -> Iterator[str]:
     """What limits a comparison, a sentence each."""
-    return tuple(_doubts(a, b, logs))
-
-
-def _doubts(a: Identification, b: Identification, logs: Sharing) -> Iterator[str]:
     if a.model != b.model:
         yield (
             f"A is of {_joint(a)} and B of {_joint(b)}: only what has the same name, meaning and "
@@ -104,11 +100,11 @@ def _facts(estimate: Identification) -> dict[str, str]:
     """Everything that an estimate was made with, as text."""
     provenance = estimate.provenance
     facts = {
-        "logs": _text([log.get("file") for log in inputs(provenance)]),
+        "logs": _text([log.get("file") for log in provenance.get("inputs", ())]),
         "model": estimate.model,
         "flexid": _text(provenance.get("flexid_version")),
     }
-    asked = _mapping(provenance.get("settings"))
+    asked = provenance.get("settings", {})
     facts |= {f"{name} (asked)": _text(value) for name, value in asked.items() if name != "model"}
     choices, alignment = estimate.choices, estimate.choices.alignment
     facts |= {
@@ -132,42 +128,30 @@ def _facts(estimate: Identification) -> dict[str, str]:
 
 def _columns(provenance: Mapping[str, Any]) -> dict[str, str]:
     """How each channel was computed from the columns of the first log."""
-    first = next(inputs(provenance), {})
+    first = next(iter(provenance.get("inputs", ())), {})
     found = {}
-    for channel, origin in _mapping(first.get("columns")).items():
-        said = _mapping(origin)
-        numbers = {key: said.get(key) for key in ("columns", "factor", "offset", "gear_ratio")}
+    for channel, origin in first.get("columns", {}).items():
+        numbers = {key: origin.get(key) for key in ("columns", "factor", "offset", "gear_ratio")}
         found[f"column of {channel}"] = _text({k: v for k, v in numbers.items() if v is not None})
     return found
-
-
-def inputs(provenance: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """Each log; what a file says of them may be anything."""
-    inputs = provenance.get("inputs")
-    if isinstance(inputs, list | tuple):
-        yield from filter(None, map(_mapping, inputs))
 
 
 def _named_logs(provenance: Mapping[str, Any]) -> set[_Log]:
     return {
         _Log(str(log["sha256"]), frozenset(_position_columns(log)))
-        for log in inputs(provenance)
+        for log in provenance.get("inputs", ())
         if log.get("sha256")
     }
 
 
 def _position_columns(log: Mapping[str, Any]) -> Iterator[str]:
-    channels = _mapping(log.get("columns"))
-    for position in _POSITIONS:
-        yield from map(str, _mapping(_mapping(channels.get(position)).get("columns")))
+    for channel, origin in log.get("columns", {}).items():
+        if channel in _POSITIONS:
+            yield from origin["columns"]
 
 
 def _known(estimate: Identification) -> Mapping[str, Any]:
-    return _mapping(_mapping(estimate.provenance.get("settings")).get("known"))
-
-
-def _mapping(value: Any) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}
+    return estimate.provenance.get("settings", {}).get("known", {})
 
 
 def _text(value: Any) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 from rich.text import Text
 
 from flexid.comparisons.comparison import Comparison
-from flexid.comparisons.estimate_origins import inputs
 from flexid.comparisons.number_difference import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
@@ -308,7 +307,7 @@ def _origin(comparison: Comparison, command: str) -> Iterator[Item]:
 
 
 def _logs(side: str, provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    for log in inputs(provenance):
+    for log in provenance.get("inputs", ()):
         yield f"log of {side}", str(log.get("file") or "data in memory")
         if log.get("sha256"):
             yield "SHA-256", str(log["sha256"])

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from math import isclose, isfinite
 from typing import Any
 
-from flexid.comparisons.estimate_origins import inputs
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.recording.columns import is_by_name
@@ -39,7 +38,7 @@ def excitation_command(result: Identification) -> str:
 
 
 def _command(name: str, result: Identification, more: list[str]) -> str:
-    logs = inputs(result.provenance)
+    logs = result.provenance.get("inputs", ())
     files = [str(source.get("file") or "LOG") for source in logs] or ["LOG"]
     options = [*_options(result.provenance.get("settings", {}))]
     if mapped(result.provenance):
@@ -51,7 +50,7 @@ def mapped(provenance: Mapping[str, Any]) -> bool:
     """Whether a channel was computed as no column's name says, but a column map."""
     return any(
         not is_by_name(channel, origin)
-        for source in inputs(provenance)
+        for source in provenance.get("inputs", ())
         for channel, origin in source.get("columns", {}).items()
     )
 
