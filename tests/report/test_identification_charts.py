@@ -32,7 +32,7 @@ TIME = np.linspace(0.0, 10.0, 101)
 def result(end: float = 3.0, first: float = 0.1) -> Identification:
     """Return 300/3 N m/rad and 1/3 kg m², with an observer whose beta1 ends somewhere."""
     alpha1 = CoefficientEstimate("alpha1", "1/s^2", 300.0, 3.0, (294.0, 306.0), "determined")
-    beta1 = CoefficientEstimate("beta1", "", 3.0, 0.03, (2.94, 3.06), "determined")
+    beta1 = CoefficientEstimate("beta1", "rad/s^2/(N m)", 3.0, 0.03, (2.94, 3.06), "determined")
     slopes = {"alpha1": 1.0 / 3.0, "beta1": -100.0 / 3.0}
     stiffness = ParameterEstimate(
         "joint_stiffness", "N m/rad", 100.0, 1.0, (98.0, 102.0), "determined", slopes=slopes

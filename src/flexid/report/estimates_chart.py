@@ -5,14 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.identification.preparation.joint import joint_of
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.parameter_kinds import PhysicalParameter
-from flexid.models.physical import (
-    link_parameters,
-    physical_parameters,
-    rigid_parameters,
-)
 from flexid.report.charts.description import (
     VERDICT_COLOURS,
     Axis,
@@ -25,12 +21,12 @@ from flexid.report.charts.description import (
 )
 from flexid.report.charts.limits import with_margin
 from flexid.report.digits import format_with_interval
+from flexid.stored_estimates.rebuilt import input_unit_of
 
 _CONVERGED = 0.5  # relative distance from the estimate at the end, within which a curve is drawn
 _AROUND = 4.0  # half-widths of the interval that are shown to either side of an estimate
 _FIRST = 10  # part of the observer's time, one over this, in which it may swing anywhere
 _MARGIN = 0.08  # of what is shown, above and below it
-_SAME = 1e-6  # relative difference of a parameter to the function that gives it
 
 
 def estimates_chart(result: Identification) -> Chart:
@@ -121,18 +117,8 @@ def observer_histories(result: Identification) -> dict[str, FloatArray]:
 
 
 def _functions(result: Identification) -> Mapping[str, PhysicalParameter]:
-    """The function behind each parameter; of those that each log has its own of, none."""
+    """The function of the coefficients behind each parameter."""
     values = {name: c.value for name, c in result.coefficients.items()}
-    found = {}
-    makers = (physical_parameters, rigid_parameters)
-    tables = [make(values, torque) for make in makers for torque in (True, False)]
-    for function in (
-        function for table in (*tables, link_parameters(values)) for function in table
-    ):
-        stated = result.parameters.get(function.name)
-        if stated is None:
-            continue
-        apart = abs(function.value(values) - stated.value)
-        if apart <= _SAME * abs(stated.value):
-            found[function.name] = function
-    return found
+    is_torque = input_unit_of(result) == "N m"
+    made = joint_of(result.model).parameters(values, input_is_torque=is_torque)
+    return {function.name: function for function in made if function.name in result.parameters}
