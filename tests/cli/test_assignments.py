@@ -7,19 +7,10 @@ import pytest
 from flexid.cli.assignments import (
     parse_bounds,
     parse_known,
-    parse_names,
     parse_number,
     parse_values,
 )
 from flexid.errors import SettingError
-
-
-def test_names_stand_between_commas():
-    """Assert that blanks about names, empty names and repetitions do not count."""
-    assert parse_names("--terms", " gravity, motor_viscous,,gravity") == (
-        "gravity",
-        "motor_viscous",
-    )
 
 
 @pytest.mark.parametrize("text", ["theta2=100+-5", "theta2 = 100 ± 5", "theta2=1e2+-5e+0"])

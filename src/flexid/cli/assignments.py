@@ -11,13 +11,6 @@ _Value = TypeVar("_Value")
 _UNCERTAIN = re.compile(r"(.+?)(?:±|\+-)(.+)")
 
 
-def parse_names(_option: str, text: str) -> tuple[str, ...] | Literal["auto"]:
-    """Names that stand between commas, each once; or ``auto``."""
-    if text == "auto":
-        return "auto"
-    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-
-
 def parse_known(option: str, assignments: Iterable[str]) -> dict[str, float | tuple[float, float]]:
     """Values by name, with the standard deviation of those that have one.
 

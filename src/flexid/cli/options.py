@@ -13,7 +13,6 @@ import typer
 from flexid.cli.assignments import (
     parse_bounds,
     parse_known,
-    parse_names,
     parse_number,
     parse_values,
 )
@@ -110,8 +109,7 @@ OPTIONS = {
     "terms": Option(
         str | None,
         "NAMES",
-        parse_names,
-        f"Names between commas: {_NAMES}.",
+        note=f"Names between commas: {_NAMES}.",
     ),
     "to": Option(str),
     "unknown_input_gain": Option(bool),

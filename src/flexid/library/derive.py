@@ -4,8 +4,9 @@ from collections.abc import Iterable, Iterator
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
-from flexid.errors import ArgumentError, SettingError
-from flexid.library.entrance import as_path, did_you_mean, entrance, kind_of
+from flexid.errors import SettingError
+from flexid.library.entrance import as_path, did_you_mean, entrance
+from flexid.library.options import as_names
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
@@ -100,7 +101,9 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
 
         # The equations hold for every value of a known beta1, which stays a symbol in them.
         known = None if unknown_input_gain else {"beta1": 1.0}
-        return flexible_joint(PAPER_TERMS if terms is None else _names(terms), known=known)
+        return flexible_joint(
+            PAPER_TERMS if terms is None else as_names("derive", terms), known=known
+        )
     if terms is not None or unknown_input_gain:
         raise SettingError(
             "unknown-input-gain" if terms is None else "terms",
@@ -111,11 +114,3 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
     from flexid.models.model_file import read_model
 
     return read_model(as_path("derive", "model", model))
-
-
-def _names(terms: Any) -> tuple[str, ...]:
-    if isinstance(terms, str):
-        return tuple(name.strip() for name in terms.split(",") if name.strip())
-    if not isinstance(terms, Iterable):
-        raise ArgumentError("derive", "terms", f"is {kind_of(terms)}: give names")
-    return tuple(terms)

@@ -116,17 +116,18 @@ def _auto_number(function: str, argument: str, value: Any) -> Any:
 
 def as_terms(function: str, terms: Any) -> Any:
     """Names of terms as a tuple, or "auto"; an `ArgumentError` for what is neither."""
+    return terms if terms == "auto" else as_names(function, terms)
+
+
+def as_names(function: str, terms: Any) -> tuple[str, ...]:
+    """Names, each once, that stand between commas or one by one."""
     if isinstance(terms, str):
-        if terms == "auto":
-            return terms
         return tuple(dict.fromkeys(name.strip() for name in terms.split(",") if name.strip()))
     names = tuple(terms) if isinstance(terms, Iterable) else (terms,)
     wrong = [name for name in names if not isinstance(name, str)]
     if wrong:
-        raise ArgumentError(
-            function, "terms", f"holds {kind_of(wrong[0])}: give names, such as ['gravity'], or"
-            " 'auto'"
-        )  # fmt: skip
+        said = f"holds {kind_of(wrong[0])}: give names, such as ['gravity'], or 'auto'"
+        raise ArgumentError(function, "terms", said)
     return tuple(dict.fromkeys(names))
 
 

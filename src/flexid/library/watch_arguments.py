@@ -6,7 +6,7 @@ import numpy as np
 
 from flexid.errors import ArgumentError
 from flexid.library.entrance import kind_of
-from flexid.library.options import as_known, as_number, as_terms
+from flexid.library.options import as_known, as_names, as_number
 from flexid.recording.channel import INPUTS, SI_UNITS
 
 if TYPE_CHECKING:
@@ -81,8 +81,7 @@ def as_samples(name: str, values: Any) -> "FloatArray":
 def _terms(terms: Any) -> tuple[str, ...] | None:
     if isinstance(terms, str) and terms == "usual":
         return None
-    names = as_terms("watch", terms)
-    return (names,) if isinstance(names, str) else names
+    return as_names("watch", terms)
 
 
 def as_commissioned(estimate: Any) -> "Commissioned | None":
