@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 from rich.text import Text
-from tests.report.made_result import made_result
 
-from flexid.report.identification import coefficients_table
+from flexid.identification.vocabulary.evidence import CoefficientEstimate
+from flexid.report.identification import estimates_table
 from flexid.report.page.layout import Answer as PageAnswer
 from flexid.report.page.layout import Bullets, Command, Link
 from flexid.report.terminal import Table
@@ -193,16 +193,13 @@ def test_the_answers_are_those_of_the_report():
 
 def test_values_are_those_of_the_report():
     """Assert that the table has value, interval and verdict, and why one is not determined."""
-    result = made_result()
-    found = replace(
-        NOTHING,
-        coefficients=coefficients_table(result),
-        reasons={name: e.reason for name, e in result.coefficients.items()},
-    )
+    weak = CoefficientEstimate("alpha_coulomb", "", 2.0, 0.5, (1.0, 3.0), "weak", "it is wide")
+    table = estimates_table("Coefficients", {weak.name: weak})
+    found = replace(NOTHING, coefficients=table, reasons={weak.name: weak.reason})
     page = fragment("result.html", window="", files=[], exports={}, found=found)
     row = page[page.index("alpha_<wbr>coulomb") :]
     assert "[1.0, 3.0]" in row
-    assert '<span class="tone fair">weak</span> <span class="muted">its interval is wide<' in row
+    assert '<span class="tone fair">weak</span> <span class="muted">it is wide<' in row
 
 
 async def test_a_question_of_the_columns_is_asked_once(studio: Opened):
