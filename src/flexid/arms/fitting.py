@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -49,11 +49,24 @@ class ArmFit:
     covariance: FloatArray  # (k, k): of what was sought
     degrees_of_freedom: FloatArray  # (k,): of each variance; 0 where the log says nothing
     noise: FloatArray  # (n_rows,): standard deviation of each encoder's noise
+    first: Mapping[str, float] = field(default_factory=dict)  # values over the shortest segments
 
     @property
     def values(self) -> dict[str, float]:
         """What was sought, by name."""
         return dict(zip(self.problem.names, self.minimum.point.values.tolist(), strict=True))
+
+    @property
+    def excess(self) -> FloatArray:
+        """Residual of each encoder over its noise, root mean squares."""
+        segments, residuals = self.problem.segments, self.minimum.equations.residuals
+        return np.sqrt(np.mean(residuals[segments.within] ** 2, axis=0)) / self.noise
+
+    @property
+    def ended(self) -> bool:
+        """Whether there is a minimum, and something known of it."""
+        minimum = self.minimum
+        return minimum.last_step <= _UNFINISHED and not minimum.reduced.free.all()
 
     @property
     def duration(self) -> float:
@@ -69,9 +82,9 @@ def fit_arm(
 ) -> ArmFit:
     """Fit a torque balance to recordings."""
     divisions = _divisions(recordings)
-    noise = _noise(recordings)
+    noise = noise_of(recordings)
     progress("least squares")
-    found = [_begin(balance, recordings, dict(fixed), divisions[0], noise)]
+    found = [begun(balance, recordings, dict(fixed), divisions[0], noise)]
     timings = _TIMINGS[:1]
     for segments in divisions[1:]:
         duration = _duration(segments)
@@ -92,7 +105,9 @@ def fit_arm(
             timings = (*timings, found[-1][0].timing)
     progress("intervals")
     last, *before = _ends(found, noise)
-    return _spread(last, before)
+    problem, minimum = found[0]
+    first = dict(zip(problem.names, minimum.point.values.tolist(), strict=True))
+    return replace(_spread(last, before), first=first)
 
 
 Solved = tuple[SegmentedMotion, Minimum]
@@ -126,11 +141,11 @@ def _ends(found: Sequence[Solved], noise: FloatArray) -> list[ArmFit]:
             continue
         # Sensitivities that grew beyond all bounds leave nothing known, and no step to take.
         if end.last_step <= _UNFINISHED and not end.reduced.free.all():
-            ends.append(_with_covariance(own, end, noise))
+            ends.append(with_covariance(own, end, noise))
         if len(ends) == _COMPARED:
             break
     # Where no fit ends, the last one is shown for what it is: its intervals are infinite.
-    return ends or [_with_covariance(*longest[-1], noise)]
+    return ends or [with_covariance(*longest[-1], noise)]
 
 
 def _holds(one: Solved, first: Solved) -> bool:
@@ -159,14 +174,14 @@ def _divisions(recordings: Sequence[Samples]) -> list[Segments]:
     return divisions[::-1]
 
 
-def _noise(recordings: Sequence[Samples]) -> FloatArray:
+def noise_of(recordings: Sequence[Samples]) -> FloatArray:
     """Standard deviation of each position's noise."""
     noise = np.array([[position_noise(c) for c in r.positions.T] for r in recordings]).max(axis=0)
     largest = max(float(np.abs(r.positions).max()) for r in recordings)
     return np.maximum(noise, 1e-9 * largest)
 
 
-def _begin(
+def begun(
     balance: TorqueBalance,
     recordings: Sequence[Samples],
     fixed: dict[str, float],
@@ -222,7 +237,7 @@ def _spread(best: ArmFit, ends: Sequence[ArmFit]) -> ArmFit:
     return replace(best, covariance=covariance)
 
 
-def _with_covariance(problem: SegmentedMotion, minimum: Minimum, noise: FloatArray) -> ArmFit:
+def with_covariance(problem: SegmentedMotion, minimum: Minimum, noise: FloatArray) -> ArmFit:
     """The covariance from the scores of the blocks, drawn towards that of white noise."""
     reduced = minimum.reduced
     variance = minimum.variance(problem)

@@ -1,23 +1,33 @@
 """The job: the log of an arm, and what is known of it, to a table per joint."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 import flexid
+from flexid.arms.disturbed import fit_disturbed
+from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import ArmFit, fit_arm
 from flexid.arms.log import ArmLog, read_arm_log
-from flexid.arms.prediction import free_run
+from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, ArmParameter
 from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
 from flexid.estimators.balance_start import filtered
 from flexid.estimators.channel_timing import INPUT
+from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED
+from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.identification.judgement.verdict import verdict
+from flexid.identification.result.warnings import model_warnings
+from flexid.identification.vocabulary.evidence import Disturbances, ModelError
 from flexid.identification.vocabulary.intervals import interval
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
+from flexid.recording.caution import Caution, Rank, ranked
 
 REFERENCE = "torque_constant_1"
 """What is fixed at 1 where no torque is calibrated: torques then have the unit of that input."""
@@ -25,7 +35,8 @@ REFERENCE = "torque_constant_1"
 _CALIBRATED = "N m"
 _EFFECT_BAND = 20.0  # Hz up to which a parameter's share of its balance is taken
 _CONFUSED = 0.9  # correlation from which on two parameters are named together
-_POOR_FIT = 80.0  # per cent of a free run, below which a warning says so
+_OF_A_SPRING = ("joint_stiffness", "joint_damping", "motor_inertia", "stiffness_over_inertia")
+_POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia")
 _WRONG = 10.0  # of what is left over the encoders' noise, from which on no number is trusted
 _EXCESS = 1.5  # of what is left over the encoders' noise
 
@@ -40,9 +51,41 @@ def identify_arm(
     log = read_arm_log(path, arm.joints, columns)
     balance = planar_arm(arm)
     fixed = fixed_parameters(arm, log.input_units)
+    found = _found(balance, log, fixed, progress)
+    return _result(arm, balance, log, found, fixed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A fit, and what is known beyond its numbers."""
+
+    fit: ArmFit
+    free_run: Mapping[str, float]
+    periods: Mapping[int, float]  # per cent of each deflection that is predicted over a period
+    shares: Mapping[str, float] | None = None  # what disturbs each balance; None of an exact fit
+    widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
+
+
+def _found(
+    balance: TorqueBalance,
+    log: ArmLog,
+    fixed: dict[str, float],
+    progress: Callable[[str], None],
+) -> _Found:
+    """The exact fit; where that does not explain the log, the fit with disturbances."""
     fit = fit_arm(balance, log.recordings, fixed, progress)
+    explained = fit.ended and float(np.mean(fit.excess**2)) <= THRESHOLDS.sensor_excess
+    if not explained:
+        progress("what disturbs the arm")
+        with suppress(ConvergenceError):
+            disturbed = fit_disturbed(balance, log.recordings, fixed, (fit.first, fit.values))
+            progress("what may be wrong with it")
+            doubted, widest = with_doubts(disturbed)
+            if not doubted.degrees_of_freedom.any():
+                raise ConvergenceError("arm", "the fit with disturbances knows nothing")
+            return _Found(doubted, *disturbed_run(disturbed), disturbed.shares(), widest)
     progress("free run")
-    return _result(arm, balance, log, fit, fixed, free_run(balance, log.recordings, fit))
+    return _Found(fit, free_run(balance, log.recordings, fit), {})
 
 
 def fixed_parameters(arm: PlanarArm, input_units: tuple[str, ...]) -> dict[str, float]:
@@ -62,44 +105,49 @@ def _result(
     arm: PlanarArm,
     balance: TorqueBalance,
     log: ArmLog,
-    fit: ArmFit,
+    found: _Found,
     fixed: dict[str, float],
-    runs: Mapping[str, float],
 ) -> ArmIdentification:
+    fit = found.fit
     names = fit.problem.names
     shares = _shares(balance, log, fit, fixed)
     parameters: dict[str, ArmParameter] = {}
     for name, joint, term in balance.placed():
         if name in names:
             unit = _unit(term, log.input_units, joint)
-            parameters[name] = _judged(name, joint, unit, fit, shares.get(name, 0.0))
+            share, why = shares.get(name, 0.0), found.widest.get(name, "")
+            parameters[name] = _judged(name, joint, unit, fit, share, why)
     for joint in range(1, arm.joints + 1):
         ratio = _ratio(arm, joint, fit, fixed)
         parameters[ratio.name] = ratio
-    noise = fit.noise
-    left = np.sqrt(np.mean(fit.minimum.equations.residuals[fit.problem.segments.within] ** 2, 0))
-    excess = {row.name: float(x) for row, x in zip(balance.rows, left / noise, strict=True)}
-    if max(excess.values()) > _WRONG:
-        parameters = {name: _doubted(p, excess) for name, p in parameters.items()}
-    free = dict(runs)
+    rows = (row.name for row in balance.rows)
+    excess = dict(zip(rows, fit.excess.tolist(), strict=True))
+    doubts = _doubts(found, parameters, excess)
+    for names_doubted, doubt in doubts:
+        for name in names_doubted & parameters.keys():
+            parameters[name] = replace(parameters[name], verdict="undetermined", reason=str(doubt))
     return ArmIdentification(
         arm=arm,
         parameters=parameters,
         names=names,
         covariance=fit.covariance,
         fixed=fixed,
-        free_run=free,
+        free_run=found.free_run,
+        disturbances=found.shares,
         residual_excess=excess,
-        hold=fit.problem.timing.hold,
+        # An input that is low-passed to the arm's band is smooth; it was held all the same.
+        hold=fit.problem.timing.hold if found.shares is None else "zero",
         input_delay=fit.values.get(INPUT, 0.0),
         segment_duration=fit.duration,
         condition_number=_condition(fit),
-        warnings=(*_warnings(parameters, free, excess), *log.warnings),
+        warnings=ranked(
+            (*log.warnings, *(doubt for _, doubt in doubts), *_warnings(parameters, found, excess))
+        ),
         provenance={"flexid_version": flexid.__version__, "inputs": [log.provenance]},
     )
 
 
-def _judged(name: str, joint: int, unit: str, fit: ArmFit, share: float) -> ArmParameter:
+def _judged(name: str, joint: int, unit: str, fit: ArmFit, share: float, why: str) -> ArmParameter:
     place = fit.problem.names.index(name)
     value = fit.values[name]
     std = float(np.sqrt(fit.covariance[place, place]))
@@ -108,7 +156,7 @@ def _judged(name: str, joint: int, unit: str, fit: ArmFit, share: float) -> ArmP
     effect = share * 0.5 * (ends[1] - ends[0])
     word, reason = verdict(value, ends, effect if np.isfinite(effect) else np.inf)
     if word != "determined":
-        reason = "; ".join(filter(None, (reason, _confusion(place, fit))))
+        reason = "; ".join(filter(None, (reason, why, _confusion(place, fit))))
     return ArmParameter(name, joint, value, ends, unit, word, reason)
 
 
@@ -130,14 +178,46 @@ def _confusion(place: int, fit: ArmFit) -> str:
     )
 
 
-def _doubted(parameter: ArmParameter, excess: dict[str, float]) -> ArmParameter:
-    """A parameter of a model that is plainly wrong."""
+def _doubts(
+    found: _Found, parameters: Mapping[str, ArmParameter], excess: Mapping[str, float]
+) -> list[tuple[set[str], Caution]]:
+    """Parameters that are not known, whatever their intervals say, and why."""
+    doubts: list[tuple[set[str], Caution]] = []
     worst = max(excess, key=lambda name: excess[name])
-    reason = (
-        f"the model leaves {excess[worst]:.3g} times the encoder's noise of {worst}, and what it "
-        f"lacks may pass for this parameter"
-    )
-    return replace(parameter, verdict="undetermined", reason=reason)
+    if found.shares is None and excess[worst] > _WRONG:
+        doubts.append(
+            (
+                {*parameters},
+                Caution(
+                    f"the model leaves {excess[worst]:.3g} times the encoder's noise of {worst}, "
+                    f"and no disturbances explain it: check units, signs, lengths and gear ratios",
+                    Rank.SCALE,
+                ),
+            )
+        )
+    for joint, predicted in found.periods.items():
+        shares = found.shares or {}
+        left = max(shares.get(f"{side}_{joint}", 0.0) for side in ("link", "motor"))
+        if not predicted >= PREDICTED and left > UNEXPLAINED:
+            doubts.append(
+                (
+                    {f"{name}_{joint}" for name in _OF_A_SPRING},
+                    Caution(
+                        f"more moves joint {joint} than the model has: over a period of the "
+                        f"resonance, its spring predicts {max(predicted, 0.0):.0f} % of the "
+                        f"deflection; look for other axes, loads and backlash",
+                        Rank.MODEL,
+                    ),
+                )
+            )
+    for joint in {p.joint for p in parameters.values()}:
+        names = (f"{name}_{joint}" for name in _POSITIVE)
+        negative = [name for name in names if parameters[name].value <= 0.0]
+        if negative:
+            own = {name for name, p in parameters.items() if p.joint == joint}
+            said = f"{', '.join(negative)} came out negative, which no spring or inertia can be"
+            doubts.append((own, Caution(f"{said}: check the signs of this joint", Rank.SCALE)))
+    return doubts
 
 
 def _unit(term: JointTerm | BodyTerm, input_units: tuple[str, ...], joint: int) -> str:
@@ -214,26 +294,31 @@ def _condition(fit: ArmFit) -> float:
 
 
 def _warnings(
-    parameters: dict[str, ArmParameter], free: dict[str, float], excess: dict[str, float]
-) -> list[str]:
-    found = []
+    parameters: dict[str, ArmParameter], found: _Found, excess: dict[str, float]
+) -> Iterator[Caution]:
     lacking = [p.name for p in parameters.values() if p.verdict == "undetermined"]
     if lacking:
-        found.append(
+        yield Caution(
             f"not determined: {', '.join(lacking)}: excite the joints they stand for up to a third "
-            f"of the resonance, or use the parameters that are determined"
+            f"of the resonance, or use the parameters that are determined",
+            Rank.MOTION,
         )
-    poor = {name: share for name, share in free.items() if share < _POOR_FIT}
+    if found.shares is not None:
+        disturbances = Disturbances(found.shares, found.fit.problem.segments.sample_times[0])
+        yield from model_warnings(ModelError(0.0, 0.0, 0.0), "flexible", 0.0, disturbances)
+        return
+    poor = {name: share for name, share in found.free_run.items() if share < WEAK_FIT}
     if poor:
         worst = min(poor, key=lambda name: poor[name])
-        found.append(
+        yield Caution(
             f"a free run over the last third explains {poor[worst]:.0f} % of {worst}: trust the "
-            f"parameters of that joint only if this is enough for what they are for"
+            f"parameters of that joint only if this is enough for what they are for",
+            Rank.MODEL,
         )
     worst = max(excess, key=lambda name: excess[name])
     if excess[worst] > _EXCESS:
-        found.append(
+        yield Caution(
             f"the residual of {worst} is {excess[worst]:.2g} times the encoder's noise: the arm "
-            f"does something that the model does not have, and intervals may be too short"
+            f"does something that the model does not have, and intervals may be too short",
+            Rank.MODEL,
         )
-    return found

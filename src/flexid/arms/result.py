@@ -34,6 +34,8 @@ class ArmIdentification:
     # share of each channel's motion, in per cent, that a free run over the last third explains with
     # parameters from the first two; ``motor_1``, ``link_1``, ``deflection_1``,
     free_run: Mapping[str, float]
+    # share of each balance's acceleration that no term describes; None where the model explains all
+    disturbances: Mapping[str, float] | None
     residual_excess: Mapping[str, float]  # of each channel, what is left over the encoder's noise
     hold: str  # how the inputs behave between samples
     input_delay: float  # in s

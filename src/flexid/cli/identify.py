@@ -1,5 +1,6 @@
 """``flexid identify``: a joint, or with the file of an arm after ``--model`` an arm."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from flexid.cli.generated import Command, Options, present, show
@@ -25,7 +26,7 @@ def identify(command: Command, options: Options, flags: Options) -> None:
     from flexid.library.arm_estimate import identify_arm
 
     show(
-        command,
+        replace(command, more="--json"),
         flags,
         lambda progress: identify_arm(logs[0], Path(model), options.get("columns"), progress),
     )

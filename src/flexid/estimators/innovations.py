@@ -25,7 +25,8 @@ from flexid.estimators.segmented_motion import Observer, Point, SegmentedMotion
 
 _ROUNDS = (4, 2)  # of sizes and coefficients in turn, from afar and from values nearly right
 _STEPS = (8, 30)  # of Gauss and Newton in each, and in the last
-_TRIALS = (80, 40)  # of sizes and rates in each
+_TRIALS = (80, 40)  # of sizes and rates in each, of one joint; of more in proportion
+_OF_ONE_JOINT = 6  # sizes and rates: those of two sensors and two rows
 _SPREAD = 0.7  # natural logarithm, by which the first trials differ; less in later rounds
 _FINE = 1e-2  # standard deviations, of a step that ends an iteration
 _WORST = 1e15  # cost of what cannot be computed
@@ -173,7 +174,7 @@ def _likeliest(
         start,
         method="Nelder-Mead",
         options={
-            "maxfev": trials,
+            "maxfev": trials * max(1, len(start) // _OF_ONE_JOINT),
             "fatol": 1.0,
             "xatol": 0.05,
             "initial_simplex": np.vstack((start, start + spread * np.eye(len(start)))),

@@ -48,7 +48,7 @@ class Observer:
     # (n_segments, n_rows): share of a disturbance that one sampling interval leaves
     decay: FloatArray
     # (n_samples, n_rows): mean direction, from -1 to 1, of each row's motion over the interval from
-    # each sample on: the direction of its friction
+    # each sample on: the direction of its friction. With no samples, friction is set-valued
     directions: FloatArray
     # (n_segments, n_outputs, n_outputs): lower triangle that makes the innovations white and of
     # unit size

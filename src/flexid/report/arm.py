@@ -47,7 +47,11 @@ def timing_lines(result: ArmIdentification) -> Iterator[str]:
     """How the input lies in time, what is left over, and how alike parameters look."""
     held = "held between samples" if result.hold == "zero" else "on straight lines between samples"
     late = f", {1e3 * result.input_delay:.3g} ms late" if result.input_delay else ""
-    yield f"Input: {held}{late}. Segments of {result.segment_duration:.2g} s."
+    if result.disturbances is None:
+        yield f"Input: {held}{late}. Segments of {result.segment_duration:.2g} s."
+    else:
+        shares = ", ".join(f"{name} {100.0 * s:.2g} %" for name, s in result.disturbances.items())
+        yield f"Input: {held}{late}. Fitted with disturbances: of the acceleration, {shares}."
     left = ", ".join(f"{name} {x:.2f}" for name, x in result.residual_excess.items())
     yield f"Residual over the encoders' noise: {left}"
     yield f"Excitation: condition number {result.condition_number:.3g}"
@@ -109,6 +113,8 @@ def document(result: ArmIdentification) -> dict[str, Any]:
         "joints": [{p.name: p for p in result.of_joint(joint)} for joint in joints],
         "fit": {"names": result.names, "covariance": result.covariance, "fixed": result.fixed},
         "free_run_percent": result.free_run,
+        "estimator": "innovations" if result.disturbances else "prediction-error",
+        "disturbances": result.disturbances,
         "residual_excess": result.residual_excess,
         "hold": result.hold,
         "input_delay": result.input_delay,

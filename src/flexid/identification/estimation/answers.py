@@ -49,8 +49,8 @@ from flexid.recording.caution import Caution, Rank
 SPRINGS = frozenset({"theta2", "alpha1", "beta1"})
 """What is not known without the spring: of the motor, as the link may be part of it, all."""
 
-_PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
-_UNEXPLAINED = 0.25  # of a balance's acceleration: with less, its spring is there all the same
+PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
+UNEXPLAINED = 0.25  # of a balance's acceleration: with less, its spring is there all the same
 # Mean square of a rigid joint's residuals over the sensors' noise: DFKI's pendulum has 2, a joint
 # that is stiff for its load 16, and both are right; EMPS without its pulses has 10⁹, and is not.
 _RIGID_EXCESS = 100.0
@@ -200,10 +200,10 @@ def _judged(
     )
     found = replace(found, prediction=prediction)
     skewed = _skewed(job, whole, entirely=False)
-    if skewed or predicted >= _PREDICTED:
+    if skewed or predicted >= PREDICTED:
         return replace(found, doubts=skewed)
     shares = {} if found.disturbances is None else found.disturbances.shares
-    doubted = {c for c in SPRINGS if shares.get(balance_of(c), 1.0) > _UNEXPLAINED}
+    doubted = {c for c in SPRINGS if shares.get(balance_of(c), 1.0) > UNEXPLAINED}
     if not doubted:
         return found
     what = "joint" if doubted == SPRINGS else balance_of(min(doubted))

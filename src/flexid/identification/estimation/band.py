@@ -26,7 +26,7 @@ _REACH = 10  # new samples that the low-pass reaches to either side
 _WINDOW = 0.03  # s over which a direction of motion is measured
 _POWER = 0.99  # share of a rigid joint's acceleration that lies in its band
 _RIGID_PER_PERIOD = 8.0  # samples per period of the fastest of that
-_SPRING_SHARE = 0.25  # of the resonance, that is the least rate of a disturbance
+SPRING_SHARE = 0.25  # of the resonance, that is the least rate of a disturbance
 _FEWEST = 200  # samples that are left at least
 
 
@@ -40,16 +40,25 @@ def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PER
         fastest = _fastest(data) * _RIGID_PER_PERIOD / PER_PERIOD
     if fastest <= 0.0:
         return 1
+    return factor_of(fastest, sample_time, min(map(len, data.samples)), per_period)
+
+
+def factor_of(
+    fastest: float,  # in rad/s
+    sample_time: float,
+    length: int,
+    per_period: float = PER_PERIOD,
+) -> int:
+    """Every how many samples suffice for an angular frequency; some are left at least."""
     wanted = int(2.0 * np.pi / (fastest * per_period * sample_time))
-    most = min(map(len, data.samples)) // _FEWEST
-    return max(1, min(wanted, most))
+    return max(1, min(wanted, length // _FEWEST))
 
 
 def slowest_disturbance(data: Data, *, rigid: bool) -> float:
     """Least rate of a disturbance in 1/s: below it, it would take the part of friction."""
     sample_time = max(samples.sample_time for samples in data.samples)
     resonance = 2.0 * np.pi / (PER_PERIOD * sample_time)
-    return resonance if rigid else _SPRING_SHARE * resonance
+    return resonance if rigid else SPRING_SHARE * resonance
 
 
 def _fastest(data: Data) -> float:
@@ -67,27 +76,29 @@ def thinned(data: Data, factor: int, *, held: bool) -> Data:
     """A log in its band."""
     if factor == 1:
         return data
-    found = []
-    for samples in data.samples:
-        assert samples.velocities is not None
-        inputs = samples.inputs
-        if held:
-            inputs = 0.5 * (inputs + np.vstack((inputs[:1], inputs[:-1])))
-        found.append(
-            replace(
-                samples,
-                positions=_low_passed(samples.positions, factor),
-                velocities=_low_passed(samples.velocities, factor),
-                inputs=_low_passed(inputs, factor),
-                sample_time=factor * samples.sample_time,
-            )
-        )
+    found = [thinned_samples(samples, factor, held=held) for samples in data.samples]
     noise = [position_noise(column) for column in max(found, key=len).positions.T]
     return replace(
         data,
         samples=tuple(found),
         noise=np.maximum(noise, data.noise / np.sqrt(factor)),
         refinement=1,
+    )
+
+
+def thinned_samples(samples: Samples, factor: int, *, held: bool) -> Samples:
+    """A recording in its band; an input that is held is half a sample late."""
+    if factor == 1:
+        return samples
+    inputs, velocities = samples.inputs, samples.velocities
+    if held:
+        inputs = 0.5 * (inputs + np.vstack((inputs[:1], inputs[:-1])))
+    return replace(
+        samples,
+        positions=_low_passed(samples.positions, factor),
+        velocities=None if velocities is None else _low_passed(velocities, factor),
+        inputs=_low_passed(inputs, factor),
+        sample_time=factor * samples.sample_time,
     )
 
 

@@ -147,12 +147,12 @@ def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimat
     others = list(_in_other_bands(found, data))
     for other in others:
         by_chance = np.abs(_variances(other) - variances)
-        beyond = _beyond(other.values - fitted.values, by_chance)
+        beyond = beyond_chance(other.values - fitted.values, by_chance)
         added += np.outer(beyond, beyond) / len(others)
     halves = _halves(found, data)
     if halves is not None:
         by_chance = 0.25 * (_variances(halves[0]) + _variances(halves[1]))
-        beyond = _beyond(0.5 * (halves[0].values - halves[1].values), by_chance)
+        beyond = beyond_chance(0.5 * (halves[0].values - halves[1].values), by_chance)
         added += np.outer(beyond, beyond)
     doubted = Doubted(
         fitted,
@@ -194,7 +194,7 @@ def _rescaled(data: Data, scale: float) -> Data:
     return replace(data, samples=tuple(rescaled))
 
 
-def _beyond(difference: FloatArray, variance: FloatArray) -> FloatArray:
+def beyond_chance(difference: FloatArray, variance: FloatArray) -> FloatArray:
     """The part of differences that is more than chance, with their signs."""
     square = difference**2 - np.where(np.isfinite(variance), variance, np.inf)
     return np.sign(difference) * np.sqrt(np.maximum(square, 0.0))
@@ -219,7 +219,7 @@ def _halves(found: Disturbed, data: Data) -> tuple[Fitted, Fitted] | None:
     """The structure fitted to either half of every recording; None where one is too short."""
     fits = []
     for second in (False, True):
-        part = replace(data, samples=tuple(_half(s, second=second) for s in data.samples))
+        part = replace(data, samples=tuple(half_of(s, second=second) for s in data.samples))
         fits.append(_again(found, part, found.factor))
     return (fits[0], fits[1]) if all(fits) else None
 
@@ -235,7 +235,7 @@ def _again(found: Disturbed, data: Data, factor: int) -> Fitted | None:
     return other if usable else None
 
 
-def _half(samples: Samples, *, second: bool) -> Samples:
+def half_of(samples: Samples, *, second: bool) -> Samples:
     """One half of a recording."""
     middle = len(samples) // 2
     part = slice(middle, None) if second else slice(0, middle)

@@ -17,7 +17,7 @@ from flexid.identification.full_model.model import Fitted
 from flexid.identification.vocabulary.evidence import balance_of
 from flexid.models.flexible_joint import DISSIPATIVE
 
-_CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is known better
+CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is known better
 _FURTHER_MODES = 0.003  # of a link's inertia: by its next bending mode it looks heavier
 _CABLE = 0.01  # of the spring's torque, that a cable adds: it pulls the link back as gravity does
 _ECCENTRICITY = 5e-4  # rad: 0.03 degrees, once per turn, of encoders in good joints
@@ -26,8 +26,8 @@ _DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of it
 _LAG = 2e-3  # s: time constants of coils and current loops are hardly longer, whatever the delay
 # Of what a balance leaves unexplained, the part that may look like any one of its terms, for each
 # unit of the share that it is: the more there is, the less of it is chance.
-_UNEXPLAINED = 0.8
-_UNEXPLAINED_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
+UNEXPLAINED = 0.8
+UNEXPLAINED_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
 _SPRINGS = frozenset({"theta2", "alpha1"})
@@ -70,7 +70,7 @@ Doubt = Callable[[Doubted], FloatArray]
 
 def calibration(doubted: Doubted) -> FloatArray:
     """No sensor's scale is known better."""
-    return doubted.diagonal(lambda _, value: _CALIBRATION * value)
+    return doubted.diagonal(lambda _, value: CALIBRATION * value)
 
 
 def further_modes(doubted: Doubted) -> FloatArray:
@@ -145,7 +145,7 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
         if not size:  # a delay, of no balance
             return 0.0
         share = doubted.shares[balance_of(name)]
-        part = _UNEXPLAINED_FRICTION if friction else _UNEXPLAINED * share
+        part = UNEXPLAINED_FRICTION if friction else UNEXPLAINED * share
         return part * share / size
 
     return doubted.diagonal(deviation)

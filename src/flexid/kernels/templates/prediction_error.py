@@ -135,6 +135,11 @@ def correct(errors, rows, gains, model, work, columns):
             work[x + i] += gain[i, a] * errors[a]
             for j in range(1, n):
                 work[z + i * width + j] -= gain[i, a] * rows[a, j]
+    for row in range(model.n_rows):
+        if work[model.dry + row] != 0.0 and work[model.modes + row] == 0.0:
+            first = model.z + (2 * row + 1) * width
+            work[x + 2 * row + 1] = 0.0
+            work[first : first + n] = 0.0
 
 
 @uncounted
@@ -241,7 +246,8 @@ def segment_equations(part, segments, sensors, motion, substeps, sought, results
               which rows can stick; and the observer: for each segment the gains of the states and
               of the disturbances, one column for each output, or none, and what an interval leaves
               of a disturbance; the direction of each row's friction over the interval from
-              each sample on; and after how many samples of a segment the model runs alone
+              each sample on, or none where it follows from the motion; and after how many samples
+              of a segment the model runs alone
     sought    places of the coefficients, and whether the input's delay is sought after them
     results   filled, all zero before: normal equations, shape (n_blocks, n, n), their right-hand
               sides, shape (n_blocks, n), residuals, shape of the outputs, and the weighted sum of
@@ -274,7 +280,7 @@ def segment_equations(part, segments, sensors, motion, substeps, sought, results
         costs[s] = 0.0
         set_drive(drives[first], model, work)
         start_segment(initial_states[s], p[s], model, work)
-        directed = observed
+        directed = observed and directions.shape[0] > 0
         set_modes(dry, directed, noise, h, model, work, columns)
         for k in range(first, first + lengths[s]):
             alone = k - first >= corrected[s]

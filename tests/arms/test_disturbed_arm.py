@@ -1,0 +1,107 @@
+"""Arms that their model does not explain: noise of the logged torque, and what is doubted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from benchmarks.arms.log import Motion, simulate
+from test_identify_arm import MADE
+from two_links import ARM, TRUTH
+
+from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed, values_of
+from flexid.arms.doubts import Doubted, noise_of_the_inputs, other_minima, with_doubts
+from flexid.arms.fitting import ArmFit
+from flexid.arms.prediction import disturbed_run
+from flexid.estimators.balance_motion import balance_columns
+from flexid.estimators.samples import Samples
+from flexid.models.planar_arm import PlanarArm, planar_arm
+
+KNOWN = PlanarArm((0.4, 0.3), (9.81, 0.0))
+NOISE = 0.03  # of the torque's root mean square
+FIXED = {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
+
+
+@cache
+def recording() -> Samples:
+    """Six seconds of an arm in MuJoCo whose torque is logged with noise."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    motion = Motion(duration=6.0, sample_time=2e-3, bits=17, torque_noise=NOISE)
+    log = simulate(MADE, motion, np.random.default_rng(3))
+    positions = np.stack((log.link, log.motor), axis=2).reshape(len(log.time), -1)
+    return Samples(np.ascontiguousarray(positions), None, log.torque, 2e-3)
+
+
+@cache
+def disturbed() -> DisturbedFit:
+    """The fit of that log, begun 20 % off."""
+    start = {name: 1.2 * value for name, value in MADE.truth().items()}
+    return fit_disturbed(planar_arm(KNOWN), [recording()], FIXED, (start,))
+
+
+@cache
+def doubted() -> ArmFit:
+    """The same with all doubts."""
+    return with_doubts(disturbed())[0]
+
+
+def test_intervals_hold_the_truth_where_the_torque_is_noisy():
+    """Assert that nine of ten values lie within two standard deviations, stiffnesses within 5 %."""
+    fit, truth = doubted(), MADE.truth()
+    deviations = np.sqrt(np.diag(fit.covariance))
+    errors = np.array([value - truth[name] for name, value in fit.values.items()])
+    assert np.mean(np.abs(errors) < 2.0 * deviations) >= 0.9
+    for joint in (1, 2):
+        name = f"joint_stiffness_{joint}"
+        assert fit.values[name] == pytest.approx(truth[name], rel=0.05)
+
+
+def test_noise_of_the_inputs_is_what_was_added():
+    """Assert that the noise that the log of the torque holds is found to a fifth."""
+    truth = NOISE * np.sqrt(np.mean(recording().inputs ** 2, axis=0))
+    assert Doubted(disturbed(), disturbed().fit).input_noise == pytest.approx(truth, rel=0.2)
+
+
+def test_noise_of_the_inputs_makes_inertias_look_larger():
+    """Assert that the bias that is expected has the sign of attenuation."""
+    made = Doubted(disturbed(), disturbed().fit)
+    moved = dict(zip(made.fit.problem.names, noise_of_the_inputs(made)[:, 0], strict=True))
+    assert moved["motor_inertia_2"] > 0.0
+
+
+def test_a_rival_as_likely_is_doubted_and_one_less_likely_is_not():
+    """Assert that another minimum counts by its likelihood."""
+    fit, found = disturbed(), disturbed().found
+    for worse, columns in ((1.0, 1), (1e3, 0)):
+        rival = replace(found, cost=found.cost + worse)
+        own = replace(fit, rivals=(rival,))
+        assert other_minima(Doubted(own, fit.fit)).shape == (len(values_of(found)), columns)
+
+
+def test_an_observer_predicts_the_deflections():
+    """Assert that parameters of the first two thirds predict the last over a resonance's period."""
+    shares, periods = disturbed_run(disturbed())
+    assert min(shares[f"link_{joint}"] for joint in (1, 2)) > 50.0
+    assert min(periods.values()) > 50.0
+
+
+def test_a_physical_start_moves_a_stiff_joint_as_before():
+    """Assert that what leaves a rigid second joint's motion as it is leaves its torques as well."""
+    balance = planar_arm(ARM)
+    values = {**dict.fromkeys(balance.coefficients, 0.0), **TRUTH}
+    values |= {"rotor_coupling_2": -0.03, "link_viscous_friction_2": 0.3, "joint_damping_2": 0.0}
+    rng = np.random.default_rng(1)
+    signals = rng.standard_normal((20, 4, 3))
+    signals[:, 3] = signals[:, 2]  # motor 2 is link 2
+    columns = balance_columns(balance, signals, rng.standard_normal((20, 2)))
+    moved = as_physical(balance, values)
+    kept = {name: values[name] for name in values if name.endswith("friction_1")}
+    before, after = (
+        columns @ np.array([each[name] for name in balance.coefficients])
+        for each in (values, {**moved, **kept})
+    )
+    assert moved["rotor_coupling_2"] == 0.0
+    assert after[:, 0] == pytest.approx(before[:, 0])
+    assert after[:, 2] + after[:, 3] == pytest.approx(before[:, 2] + before[:, 3])
