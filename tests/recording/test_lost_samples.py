@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from flexid.recording.lost_samples import counted_on, lost_samples
+from flexid.recording.channel import Channel
+from flexid.recording.lost_samples import (
+    counted_on,
+    lost_by_the_clock,
+    lost_samples,
+    put_back,
+    stamped_on,
+)
 
 STEP = 0.01
 
@@ -62,6 +69,25 @@ def test_a_clock_that_was_read_is_left_alone():
     positions, true = without(motion(1e-5), np.arange(100, 2900, 50))
     read = clock(int(true.sum()) + len(true) + 1)[np.append(0, np.cumsum(1 + true))]
     assert not lost_samples(positions, read).any()
+
+
+@pytest.mark.parametrize(("every", "found"), [(50, True), (400, False)])
+def test_losses_that_the_clock_shows_are_bridged_where_they_are_often(every: int, found: bool):
+    """Assert that a log is not cut into pieces of less than two seconds, and else left to cuts."""
+    kept = np.setdiff1d(np.arange(3000), np.arange(100, 2900, every))
+    lost = lost_by_the_clock(clock(3000)[kept])
+    np.testing.assert_array_equal(lost, (np.diff(kept) - 1) * found)
+
+
+def test_what_is_put_back_is_the_motion():
+    """Assert that three samples in a row return within a cubic's error, those around unchanged."""
+    kept = np.setdiff1d(np.arange(3000), [100, 101, 102, 180, 250, 251, 300])
+    lost = np.diff(kept) - 1
+    values = motion(0.0)[0]
+    channel = put_back(Channel(values[kept], "rad", "link", True, {}), lost, held=False)
+    np.testing.assert_array_equal(channel.values[kept], values[kept])
+    np.testing.assert_allclose(channel.values, values, atol=1e-5)
+    np.testing.assert_allclose(stamped_on(clock(3000)[kept], lost), clock(3000), atol=1e-12)
 
 
 def test_the_time_is_counted_on():

@@ -1,8 +1,8 @@
-"""Samples that were lost while the time was counted from the rest: found, and put back.
+"""Samples that were lost, whether the clock shows it or not: found, and put back.
 
-Where a sample is lost, every position advances by one more step than around it. A step is compared
-with the parabola through its neighbours, with and without samples lost, by the likelihood of both
-for all positions together.
+Where the time was counted from the samples that are there, every position advances by one more step
+than around it. A step is compared with the parabola through its neighbours, with and without
+samples lost, by the likelihood of both for all positions together.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.recording.channel import Channel
+from flexid.recording.sampling import MOST_GAPS, MOST_JITTER, interpolated
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,6 +25,8 @@ _MOST_LOST = 3  # samples in one place; a longer gap is a gap
 _CLEAR = 8.0  # of the logarithm of the likelihoods' ratio: a chance of 1 in 3000, at a place in 100
 _LEAST_SHARE = 4.0  # times as many places as there are where a step seems to be one too many
 _PASSES = 3  # over the log: a place hides those beside it
+FEWEST_PLACES = 3  # where samples are lost: fewer change next to nothing
+_SHORTEST_PART = 2.0  # s between losses that the clock shows: a log of longer parts is cut instead
 _EVEN = 1e-3  # of a step, by which a counted time differs from even
 
 
@@ -46,22 +49,37 @@ def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.in
     return lost
 
 
-def put_back(channel: Channel, lost: NDArray[np.int64], *, held: bool) -> Channel:
-    """A channel with the lost samples interpolated: by the last value, or by a cubic spline."""
-    from scipy.interpolate import make_interp_spline  # late: few logs need it
+def lost_by_the_clock(time: FloatArray) -> NDArray[np.int64]:
+    """How many samples are missing after each, shape (n - 1,), where they are few but often.
 
+    A cut loses no accuracy, interpolation a little: but a log in pieces shows no slow motion.
+    """
+    steps = np.diff(time) / np.median(np.diff(time))
+    whole = np.rint(steps)
+    is_loss = (whole >= 2) & (whole <= _MOST_LOST + 1) & (np.abs(steps - whole) <= MOST_JITTER)
+    lost = np.where(is_loss, whole - 1, 0).astype(np.int64)
+    places = np.count_nonzero(lost)
+    is_often = places >= FEWEST_PLACES and places * _SHORTEST_PART > time[-1] - time[0]
+    return lost if is_often and np.mean(lost > 0) <= MOST_GAPS else np.zeros_like(lost)
+
+
+def put_back(channel: Channel, lost: NDArray[np.int64], *, held: bool) -> Channel:
+    """A channel with the lost samples interpolated; one that may step, without overshoot."""
     kept = np.concatenate(([0], np.cumsum(1 + lost)))
-    every = np.arange(kept[-1] + 1)
-    if held:
-        values = channel.values[np.searchsorted(kept, every, side="right") - 1]
-    else:
-        values = np.asarray(make_interp_spline(kept, channel.values)(every))
-        values[kept] = channel.values
+    every = np.arange(kept[-1] + 1.0)
+    values = interpolated(kept.astype(np.float64), channel.values, every, held=held)
+    values[kept] = channel.values
     return replace(channel, values=values)
 
 
+def stamped_on(time: FloatArray, lost: NDArray[np.int64]) -> FloatArray:
+    """The time of all samples, those that are missing by the clock among them."""
+    kept = np.concatenate(([0], np.cumsum(1 + lost)))
+    return np.interp(np.arange(kept[-1] + 1), kept, time)
+
+
 def counted_on(time: FloatArray, lost: NDArray[np.int64]) -> FloatArray:
-    """The time of all samples, those that were lost among them."""
+    """The time of all samples, those that the clock does not know of among them."""
     step = (time[-1] - time[0]) / (len(time) - 1)
     return time[0] + step * np.arange(len(time) + int(lost.sum()))
 

@@ -13,7 +13,14 @@ import numpy as np
 
 from flexid.recording.caution import Caution, Rank
 from flexid.recording.channel import INPUTS
-from flexid.recording.lost_samples import counted_on, lost_samples, put_back
+from flexid.recording.lost_samples import (
+    FEWEST_PLACES,
+    counted_on,
+    lost_by_the_clock,
+    lost_samples,
+    put_back,
+    stamped_on,
+)
 from flexid.recording.names import MOST_TIMES, first_times
 from flexid.recording.sampling import GAP
 from flexid.recording.velocities import position_noise
@@ -32,7 +39,6 @@ _SPIKE = 20.0  # times the noise, by which a spike is off: 14 standard deviation
 _CALM = 0.4  # of a spike, up to which the motion around it bends; where it stops dead, more than 1
 _AROUND = 8  # samples on either side
 _MOST = 0.01  # share of spikes, up to which a channel is mended: more are no single errors
-_FEWEST_PLACES = 3  # where samples are lost: fewer change next to nothing
 
 
 def mended(
@@ -61,11 +67,17 @@ def mended(
                 f"through these was taken instead: check the sensor and its cable"
             )
         lost = lost_samples([channels[name].values for name in sensors], time)
-    places = np.flatnonzero(lost)
-    if len(places) >= _FEWEST_PLACES:
-        channels = {
-            name: put_back(channel, lost, held=name in INPUTS) for name, channel in channels.items()
-        }
+    missing = lost_by_the_clock(time)
+    if missing.any():
+        places = np.flatnonzero(missing)
+        warnings.append(
+            f"{file}: {missing.sum()} samples are missing in {len(places)} places (after "
+            f"{_times(time, places)}), up to three in each, so they were put back by "
+            f"interpolation: record without gaps"
+        )
+        channels, time = _with(channels, missing), stamped_on(time, missing)
+    elif np.count_nonzero(lost) >= FEWEST_PLACES:
+        places = np.flatnonzero(lost)
         columns = " and ".join(repr(channel.column) for channel in sensors.values())
         warnings.append(
             f"{file}: columns {columns}: in {len(places)} places all positions advance by whole "
@@ -73,8 +85,13 @@ def mended(
             f"lost and the time counted from the rest, so they were put back by interpolation: "
             f"log the time of each sample"
         )
-        time = counted_on(time, lost)
+        channels, time = _with(channels, lost), counted_on(time, lost)
     return channels, time, tuple(Caution(warning, Rank.DATA) for warning in warnings)
+
+
+def _with(channels: dict[str, Channel], lost: NDArray[np.int64]) -> dict[str, Channel]:
+    """The channels with lost samples put back."""
+    return {name: put_back(own, lost, held=name in INPUTS) for name, own in channels.items()}
 
 
 def _off(values: FloatArray) -> FloatArray:
