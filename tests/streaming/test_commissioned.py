@@ -9,6 +9,7 @@ from moving_joint import OPTIONS, H, stream, watched
 
 import flexid
 from flexid.errors import SettingError
+from flexid.identification.full_model.amplifier import Amplifier
 from flexid.identification.preparation.alignment import Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.vocabulary.evidence import ParameterEstimate
@@ -195,6 +196,13 @@ def test_a_late_channel_is_warned_of(result):
     (warning,) = made.warnings(0.019)
     assert "the input late by 2 ms" in warning
     assert made.warnings(0.021) == ()
+
+
+def test_a_corrected_voltage_is_warned_of(result):
+    """Assert that an amplifier's dead zone in the estimate is said: a stream is not corrected."""
+    choices = replace(result.choices, amplifier=Amplifier(dead_zone=0.2))
+    (warning,) = commissioned(replace(result, choices=choices)).warnings(0.01)
+    assert "send the voltage at the motor" in warning
 
 
 def test_a_checkpoint_keeps_what_it_is_held_against(tmp_path: Path):

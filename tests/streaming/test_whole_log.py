@@ -117,6 +117,19 @@ def test_the_evidence_of_a_stream(write: Write, monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_array_equal(again.fit.covariance, result.fit.covariance)
 
 
+def test_a_dead_zone_is_corrected_in_the_whole_log(tmp_path: Path, columns: Columns):
+    """Assert that what the head shows of the amplifier is taken off every sample."""
+    acting = columns["motor_torque"]
+    commanded = acting + 0.4 * np.sign(acting)
+    path = tmp_path / "log.parquet"
+    frame = pl.DataFrame({**columns, "motor_voltage": commanded}).drop("motor_torque")
+    frame.write_parquet(path, row_group_size=7_000)
+    found = identify_stream(path, settings=CHOSEN)
+    assert found.choices.amplifier.dead_zone == pytest.approx(0.4, abs=0.02)
+    assert found.coefficients["beta1"].value == pytest.approx(TRUE["beta1"], rel=0.005)
+    assert any("dead zone" in warning for warning in found.warnings)
+
+
 @pytest.mark.parametrize(("link_delay", "input_delay"), [(2.4e-3, 0.0), (-1.3e-3, 0.7e-3)])
 def test_delays_are_corrected(
     write: Write, columns: Columns, link_delay: float, input_delay: float

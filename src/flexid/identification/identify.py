@@ -89,7 +89,7 @@ def identify(
     training = data_of(job.joint, recordings.fitted, recordings.groups)
     # A current is controlled; what becomes of a voltage depends on the amplifier.
     amplifier = amplifier_of(job.structure(training), training) if job.input_unit == "V" else IDEAL
-    if amplifier != IDEAL:
+    if amplifier.corrects:
         recordings = amplifier.split_behind(recordings)
         training = data_of(job.joint, recordings.fitted, recordings.groups)
     whole = data_of(job.joint, recordings.whole, recordings.groups)

@@ -39,14 +39,22 @@ class Commissioned:
     input_unit: str = ""  # of the input; empty where there is none
     # channels that were found late, and by how many seconds
     late: Mapping[str, float] = field(default_factory=dict)
+    corrected: bool = False  # whether the logged voltage was corrected for its amplifier
 
     def warnings(self, sample_time: float) -> tuple[str, ...]:
         """What a stream of such samples does not account for."""
-        return tuple(
+        late = tuple(
             f"the estimate found the {name} late by {1e3 * delay:.3g} ms, and a stream is taken as "
             f"it comes: send it in time, or inertias, friction and damping seem to have changed"
             for name, delay in self.late.items()
             if abs(delay) > LATE * sample_time
+        )
+        if not self.corrected:
+            return late
+        return (
+            *late,
+            "the estimate corrected the voltage for its amplifier, and a stream is taken as it "
+            "comes: send the voltage at the motor, or gain and friction seem to have changed",
         )
 
 
@@ -96,6 +104,7 @@ def taken_from(result: "Identification") -> Commissioned:
             "input": choices.alignment.input_delay.value,
             "link's encoder": choices.alignment.link_delay.value,
         },
+        corrected=choices.amplifier.corrects,
     )
 
 

@@ -24,6 +24,7 @@ from flexid.identification.preparation.stated import stated
 from flexid.identification.result.identification import Choices, Identification
 from flexid.identification.result.summary import summary
 from flexid.identification.result.warnings import (
+    amplifier_warnings,
     compliance_warnings,
     model_warnings,
     sign_warnings,
@@ -84,6 +85,8 @@ def identify_stream(
         session = Session(_options(replay, head.log, found, settings))
         clock = _Clock(replay.name, session.options.sample_time)
         for samples in _samples(replay, clock, session.options, head.log):
+            if session.options.n_inputs:
+                samples[:, -1] = found.choices.amplifier.passed(samples[:, -1])
             session.feed(samples)
             share = f"{session.fed / head.all_rows:.0%}"
             progress(f"{share} of {head.all_rows / 1e6:.3g} million samples")
@@ -255,6 +258,7 @@ def _result(
                 *cautions(Rank.MODEL, _stream_warnings(found, noisy, apart)),
                 *cautions(Rank.SCALE, (*contradicted, *now.against)),
                 *sign_warnings(now.coefficients, ()),
+                *amplifier_warnings(found.choices.amplifier),
                 *_head_warnings(found, now, regressor_sizes(learner, states)),
             )
         ),

@@ -35,6 +35,11 @@ class Amplifier:
     dead_zone: float = 0.0  # in the input's unit
     limit: float | None = None  # the same, of what was logged; None where none was seen
 
+    @property
+    def corrects(self) -> bool:
+        """Whether it passes on anything but what it was given."""
+        return self != IDEAL
+
     def passed(self, commanded: FloatArray) -> FloatArray:
         """What is left of an input."""
         limited = commanded
@@ -44,7 +49,7 @@ class Amplifier:
 
     def behind(self, recording: Recording) -> Recording:
         """A recording with what reached the motor in place of what was commanded."""
-        if recording.input is None or self == IDEAL:
+        if recording.input is None or not self.corrects:
             return recording
         return replace(recording, input=self.passed(recording.input))
 
