@@ -9,7 +9,7 @@ sys.path.insert(0, str(HERE))
 
 project = "flexid"
 author = "The flexid developers"
-copyright = author  # noqa: A001
+copyright = author  # noqa: A001 - Sphinx's name
 release = importlib.metadata.version("flexid")
 
 extensions = [

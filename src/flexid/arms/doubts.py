@@ -12,15 +12,14 @@ from functools import cached_property
 import numpy as np
 
 from flexid.arms.disturbed import RIVAL, DisturbedFit, Job, values_of
-from flexid.arms.fitting import ArmFit
+from flexid.arms.fitting import ArmFit, effect_sizes
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.balance_start import filtered
 from flexid.identification.estimation.disturbed import beyond_chance, half_of
 from flexid.identification.estimation.doubts import (
     CALIBRATION,
-    UNEXPLAINED,
-    UNEXPLAINED_FRICTION,
+    LIKE_A_FRICTION,
+    LIKE_A_TERM,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import JointTerm
@@ -28,7 +27,6 @@ from flexid.recording.velocities import position_noise
 
 _SEED = 1  # of the noise that is added to inputs
 _NEVER_NEGATIVE = ("friction", "damping", "coupling")  # but as a sign of something else
-_EFFECT_BAND = 20.0  # Hz up to which a parameter's torque is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,14 +165,12 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
     shares = np.array([*doubted.disturbed.shares().values()])
     for each in (torques, shares):
         each[1::2] *= np.sqrt(1.0 - noise**2)
-    rate = 0.1 / max(recording.sample_time for recording in job.recordings)
-    columns = filtered(job.balance, job.recordings, min(_EFFECT_BAND, rate)).columns
-    sizes = np.sqrt(np.mean(columns**2, axis=0))  # of each row and parameter
+    sizes = effect_sizes(job.balance, job.recordings)
     deviations = {}
     for place, (name, _, term) in enumerate(job.balance.placed()):
         seen = sizes[:, place] > 0.0
         friction = isinstance(term, JointTerm) and "v" in term.expression
-        part = np.full(len(shares), UNEXPLAINED_FRICTION) if friction else UNEXPLAINED * shares
+        part = np.full(len(shares), LIKE_A_FRICTION) if friction else LIKE_A_TERM * shares
         if seen.any():  # where it stands in two balances, the better one tells
             deviations[name] = float(((part * torques)[seen] / sizes[seen, place]).min())
     return np.diag([deviations.get(name, 0.0) for name in doubted.fit.problem.names])

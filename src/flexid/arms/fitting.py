@@ -9,7 +9,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_motion import balance_motion, balance_unknowns
-from flexid.estimators.balance_start import starts
+from flexid.estimators.balance_start import filtered, starts
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.cluster_covariance import cluster_influences
 from flexid.estimators.gauss_newton import Minimum, minimise
@@ -37,6 +37,7 @@ _UNFINISHED = 1.0  # standard deviations, of the step that would come next
 _COMPARED = 2  # lengths of segments whose fits are compared
 _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows
 _TIMINGS = (Timing("zero"), Timing("zero", {}, (INPUT,)), Timing("linear", {}, (INPUT,)))
+_EFFECT_BAND = 20.0  # Hz up to which a parameter's torque is taken
 _TIMING_FALL = 25.0  # of the weighted squares, over their variance, that an unusual timing brings
 
 
@@ -247,3 +248,13 @@ def with_covariance(problem: SegmentedMotion, minimum: Minimum, noise: FloatArra
         influences @ influences.T, reduced.inverse * max(variance, 1e-300), freedom
     )
     return ArmFit(problem, minimum, covariance, freedom, noise)
+
+
+def effect_sizes(balance: TorqueBalance, recordings: Sequence[Samples]) -> FloatArray:
+    """Root mean square torque of one unit of each parameter in each balance.
+
+    Returns shape (n_rows, n_parameters).
+    """
+    rate = 0.1 / max(recording.sample_time for recording in recordings)
+    columns = filtered(balance, recordings, min(_EFFECT_BAND, rate)).columns
+    return np.sqrt(np.mean(columns**2, axis=0))

@@ -10,13 +10,12 @@ import numpy as np
 import flexid
 from flexid.arms.disturbed import fit_disturbed
 from flexid.arms.doubts import with_doubts
-from flexid.arms.fitting import ArmFit, fit_arm
+from flexid.arms.fitting import ArmFit, effect_sizes, fit_arm
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, ArmParameter
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.balance_start import filtered
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED
 from flexid.identification.judgement.compliance import WEAK_FIT
@@ -33,7 +32,6 @@ REFERENCE = "torque_constant_1"
 """What is fixed at 1 where no torque is calibrated: torques then have the unit of that input."""
 
 _CALIBRATED = "N m"
-_EFFECT_BAND = 20.0  # Hz up to which a parameter's share of its balance is taken
 _CONFUSED = 0.9  # correlation from which on two parameters are named together
 _OF_A_SPRING = ("joint_stiffness", "joint_damping", "motor_inertia", "stiffness_over_inertia")
 _POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia")
@@ -272,9 +270,7 @@ def _shares(
 ) -> dict[str, float]:
     """Share of the largest torque of its balance that one unit of each parameter makes."""
     values = {**fixed, **fit.values}
-    rate = 0.1 / max(recording.sample_time for recording in log.recordings)
-    columns = filtered(balance, log.recordings, min(_EFFECT_BAND, rate)).columns
-    sizes = np.sqrt(np.mean(columns**2, axis=0))
+    sizes = effect_sizes(balance, log.recordings)
     own = np.array([abs(values[name]) for name in balance.coefficients])
     largest = (sizes * own).max(axis=1)
     largest = np.where(largest > 0.0, largest, np.inf)

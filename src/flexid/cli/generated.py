@@ -89,7 +89,7 @@ class PlainCommand(TyperCommand):
         super().__init__(*arguments, **keywords)
         for parameter in self.params:
             if isinstance(parameter, TyperArgument):
-                setattr(parameter, "display_type_rich", lambda ctx: None)  # noqa: ARG005, B010
+                setattr(parameter, "display_type_rich", lambda ctx: None)  # noqa: ARG005, B010 - Typer's
 
 
 def present(command: Command, options: Options, flags: Options) -> None:

@@ -100,7 +100,7 @@ class _DrivePrinter(ScalarPrinter):
     def _print_sign(self, e: sp.Function) -> str:
         return f"sign_of({self._print(e.args[0])})"
 
-    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:  # noqa: ARG002
+    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:  # noqa: ARG002 - SymPy's
         base, exponent = expr.args
         if isinstance(exponent, sp.Integer) and abs(int(exponent)) <= 4:
             product = " * ".join([f"({self._print(base)})"] * abs(int(exponent)))

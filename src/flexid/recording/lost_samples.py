@@ -65,7 +65,7 @@ def lost_by_the_clock(time: FloatArray) -> NDArray[np.int64]:
 
 def put_back(channel: Channel, lost: NDArray[np.int64], *, held: bool) -> Channel:
     """A channel with the lost samples interpolated; one that may step, without overshoot."""
-    kept = np.concatenate(([0], np.cumsum(1 + lost)))
+    kept = _kept(lost)
     every = np.arange(kept[-1] + 1.0)
     values = interpolated(kept.astype(np.float64), channel.values, every, held=held)
     values[kept] = channel.values
@@ -74,7 +74,7 @@ def put_back(channel: Channel, lost: NDArray[np.int64], *, held: bool) -> Channe
 
 def stamped_on(time: FloatArray, lost: NDArray[np.int64]) -> FloatArray:
     """The time of all samples, those that are missing by the clock among them."""
-    kept = np.concatenate(([0], np.cumsum(1 + lost)))
+    kept = _kept(lost)
     return np.interp(np.arange(kept[-1] + 1), kept, time)
 
 
@@ -82,6 +82,11 @@ def counted_on(time: FloatArray, lost: NDArray[np.int64]) -> FloatArray:
     """The time of all samples, those that the clock does not know of among them."""
     step = (time[-1] - time[0]) / (len(time) - 1)
     return time[0] + step * np.arange(len(time) + int(lost.sum()))
+
+
+def _kept(lost: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Places of the samples that are there among all."""
+    return np.concatenate(([0], np.cumsum(1 + lost)))
 
 
 def _is_counted(time: FloatArray) -> bool:

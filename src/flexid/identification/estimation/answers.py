@@ -87,14 +87,12 @@ def answer(
     # Innovations know neither smoothed friction, nor segments, nor terms with a shape.
     asked = settings.coulomb_velocity != "auto" or settings.segment_duration != "auto"
     asked = asked or not job.joint.shapes.isdisjoint(job.kept)
-    rest = (training, whole, recordings, progress, thresholds)
-    chosen, failure = None, None
     try:
-        chosen = predicting(job, *rest)
-    except ConvergenceError as error:
-        failure = error
-    if failure is not None and asked:
-        raise failure
+        chosen = predicting(job, training, whole, recordings, progress, thresholds)
+    except ConvergenceError:
+        if asked:
+            raise
+        chosen = None
     exact = None
     if chosen is not None and (asked or _may_stand(chosen[0].fitted, thresholds)):
         exact = _exact(job, chosen, whole, recordings, progress, thresholds)

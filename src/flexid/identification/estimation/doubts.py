@@ -26,8 +26,8 @@ _DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of it
 _LAG = 2e-3  # s: time constants of coils and current loops are hardly longer, whatever the delay
 # Of what a balance leaves unexplained, the part that may look like any one of its terms, for each
 # unit of the share that it is: the more there is, the less of it is chance.
-UNEXPLAINED = 0.8
-UNEXPLAINED_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
+LIKE_A_TERM = 0.8
+LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
 _SPRINGS = frozenset({"theta2", "alpha1"})
@@ -145,7 +145,7 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
         if not size:  # a delay, of no balance
             return 0.0
         share = doubted.shares[balance_of(name)]
-        part = UNEXPLAINED_FRICTION if friction else UNEXPLAINED * share
+        part = LIKE_A_FRICTION if friction else LIKE_A_TERM * share
         return part * share / size
 
     return doubted.diagonal(deviation)
