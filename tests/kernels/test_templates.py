@@ -86,7 +86,7 @@ def watch_a_stream() -> None:
     rows[75, 0] = rows[60, 0]
     rows[80:, 0] += 0.5
     rows[90:, 1] = rows[90, 1]
-    guard = Guard(H, 2, 1, from_deflection=False)
+    guard = Guard(H, 2, 1, from_deflection=False, motor_turn=0.01)
     state = guard.first_state()
     while len(rows):
         guarded = guard.guard(state, rows)
@@ -146,7 +146,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
         lambda: estimate(recursive_least_squares(JOINT, H, velocities=True)),
         ROWS | {"velocity_rows"},
     ),
-    "guard of a stream": (watch_a_stream, {"stream_guard"}),
+    "guard of a stream": (watch_a_stream, {"encoder_turns", "limits", "stream_guard"}),
 }
 
 

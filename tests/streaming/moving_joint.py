@@ -83,7 +83,7 @@ def same(one: Session, other: Session) -> bool:
     """Whether two sessions know the same, bit for bit."""
     arrays = [
         [
-            *(s.guard_state, s.gear.state, s.recent.errors, s.recent.powers, s.recent.usual),
+            *(s.guard_state, s.recent.errors, s.recent.powers, s.recent.usual),
             s.recent.counts_before,
         ]
         for s in (one, other)

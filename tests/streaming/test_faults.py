@@ -21,7 +21,6 @@ from moving_joint import (
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.streaming.gear_wraps import GearWraps
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
@@ -88,12 +87,15 @@ def test_bad_values_are_left_out(damage, counts: dict[str, int]):
         assert all_hold(session)
 
 
-def test_late_and_repeated_samples_are_left_out():
+@pytest.mark.parametrize("motor_turn", [0.0, 2.0 * np.pi / 40.0])
+def test_late_and_repeated_samples_are_left_out(motor_turn: float):
     """Assert that they are counted, and that the estimate is that without them, bit for bit."""
-    clean = stream()
-    again = np.insert(clean, 1001, clean[1000], axis=0)  # repeated
+    clean, options = stream(), replace(OPTIONS, motor_turn=motor_turn)
+    if motor_turn:
+        clean[:, MOTOR] %= motor_turn
+    again = np.insert(clean, 1001, clean[1000] + [1e-5, 0.0, 0.3, 0.0], axis=0)  # repeated
     late = np.insert(again, 2500, clean[2000], axis=0)
-    session, right = watched(late), watched(clean)
+    session, right = watched(late, options), watched(clean, options)
     assert session.counts.repeated == session.counts.late == 1
     assert session.counts.gaps == 0
     np.testing.assert_array_equal(session.now.states[0], right.now.states[0])
@@ -200,16 +202,6 @@ def test_a_motor_in_front_of_a_gear_that_does_not_wrap_is_left_alone():
     session, right = watched(samples, GEARED), watched(samples)
     assert session.counts == right.counts
     np.testing.assert_array_equal(session.now.states[0], right.now.states[0])
-
-
-def test_an_encoder_that_leaves_its_turn_does_not_wrap():
-    """Assert that what looked like a wrap is taken back where the range shows that it was none."""
-    wraps = GearWraps(0.1, H, MOTOR)
-    samples = np.zeros((6, 4))
-    samples[:, TIME] = H * np.arange(6)
-    samples[:, MOTOR] = [0.0, 0.1, 0.105, 0.12, 0.13, 0.14]
-    right = [0.0, 0.0, 0.105, 0.12, 0.13, 0.14]
-    np.testing.assert_array_equal(wraps.undone(samples)[:, MOTOR], right)
 
 
 @pytest.mark.parametrize("column", [LINK, MOTOR])

@@ -21,75 +21,59 @@ TURN = 2.0 * np.pi  # rad
 _FEW_VALUES = 20  # a position of so few counts does not jump, it steps
 
 
-def unwrapped(
-    file: str, name: str, channel: Channel, time: FloatArray
-) -> tuple[FloatArray, NDArray[np.intp]]:
-    """A position without jumps by a turn, and the samples before the jumps.
+def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Channel, str]:
+    """A position without jumps by a turn, and a warning, empty where there was none.
 
     Raises
     ------
     RecordingError
         If it jumps, but not clearly by whole turns.
     """
-    values = channel.values
-    steps, clock = np.diff(values), np.diff(time)
+    values, steps, clock = channel.values, np.diff(channel.values), np.diff(time)
+    turn = TURN / abs(channel.origin.gear_ratio) if channel.origin.gear_ratio else 0.0
+    if np.abs(steps).max() <= 0.5 * (turn or TURN):
+        return channel, ""
+    positions, period = without_wraps(time, values, turn)
+    period = period or TURN
     # A position may be another after a gap: there only a turn of the link's side is a wrap.
-    within = clock <= GAP * np.median(clock) if len(clock) else np.zeros(0, dtype=bool)
-    turn = _turn(channel, steps[within])
-    seen = within | (turn == TURN)
-    is_jump = (np.abs(steps) > turn / 2) & seen
-    jumps = np.flatnonzero(is_jump)
-    if turn == TURN and len(jumps) > len(steps) // 4:  # a wrong unit, which `check_speed` finds
-        return values, jumps[:0]
-    if not len(jumps):
-        return values, jumps
-    turns = np.rint(steps[jumps] / turn)
-    left_over = np.abs(steps[jumps] - turn * turns).max()
-    others = np.abs(steps[~is_jump & seen]).max(initial=0.0)
-    if max(left_over, others) > turn / 4:
+    seen = (clock <= GAP * np.median(clock)) | (period == TURN)
+    jumps = np.flatnonzero(seen & (np.abs(steps) > 0.5 * period))
+    if not len(jumps) or (period == TURN and len(jumps) > len(steps) // 4):
+        return channel, ""  # a wrong unit makes so many, which `check_speed` finds
+    if np.abs(np.diff(positions)[seen]).max() > 0.25 * period:
         raise RecordingError(
             file,
             channel.place,
             f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {_times(time, jumps)}, which is "
             f"not a whole turn of an encoder: check the unit and the gear ratio, or remove the "
             f"outlier"
-            + ("" if turn == TURN else "; if the encoder wraps, unwrap it, or log faster"),
+            + ("" if period == TURN else "; if the encoder wraps, unwrap it, or log faster"),
         )
-    corrections = np.zeros_like(steps)
-    corrections[jumps] = turn * turns
-    return values - np.concatenate(([0.0], np.cumsum(corrections))), jumps
+    at = _times(time, jumps)
+    warning = (
+        f"{file}: {channel.place}: {name} jumps by a turn at {at}, and was unwrapped: check it"
+    )
+    return replace(channel, values=positions), warning
 
 
-def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Channel, str]:
-    """A position without jumps by a turn, and a warning, empty where there was none."""
-    values, jumps = unwrapped(file, name, channel, time)
-    if not len(jumps):
-        return channel, ""
-    return replace(channel, values=values), _warning(file, name, channel.place, _times(time, jumps))
+def without_wraps(time: FloatArray, readings: FloatArray, turn: float) -> tuple[FloatArray, float]:
+    """Positions of a whole log's encoder, and what it wraps by in front of a gear, or 0.
 
+    A turn of the motor is `turn` in rad at the link's side; 0 where the encoder stands there.
+    """
+    from flexid.kernels.store import load_kernel  # few logs wrap
 
-def _warning(file: str, name: str, place: str, times: str) -> str:
-    return f"{file}: {place}: {name} jumps by a turn at {times}, and was unwrapped: check it"
+    kernel = load_kernel("encoder_turns", (), None, ("encoder_turns",))
+    positions = np.empty(len(readings))
+    sample_time = float(np.median(np.diff(time)))
+    gear = kernel.unwrapped_log(time, readings, turn, sample_time, positions)
+    if gear[kernel.PERIOD] < 0.0:  # what looked like a wrap was none
+        return without_wraps(time, readings, 0.0)
+    return positions, float(gear[kernel.PERIOD])
 
 
 def _times(time: FloatArray, jumps: NDArray[np.intp]) -> str:
     return first_times([f"{time[index + 1]:.6g} s" for index in jumps[:MOST_TIMES]], len(jumps))
-
-
-def _turn(channel: Channel, steps: FloatArray) -> float:
-    """What an encoder wraps by, in rad at the link's side of the gear.
-
-    Behind a gear that is a turn of the motor, or the whole turns that a counter holds, where the
-    position jumps by them and stays within them. A log that is sampled so slowly that the motor
-    makes half a turn between two samples does not.
-    """
-    gear = channel.origin.gear_ratio
-    if not gear or not len(steps):
-        return TURN
-    turn = TURN / abs(gear)
-    turns = round(float(np.abs(steps).max()) / turn)
-    wraps = turns >= 1 and float(np.ptp(channel.values)) < (turns + 0.01) * turn
-    return turns * turn if wraps else TURN
 
 
 def turns_apart(position: FloatArray, other: FloatArray) -> float:

@@ -23,7 +23,7 @@ from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Change, Session
 
 FORMAT = "flexid watch"
-VERSION = 2  # of the files that this version writes, and the only one that it reads
+VERSION = 3  # of the files that this version writes, and the only one that it reads
 PARTS = (
     "fed",
     "n_read",
@@ -94,7 +94,6 @@ def _content(session: Session) -> dict[str, Any]:
     return {
         "options": session.options.document,
         "first_read": _packed(session.first_read),
-        "gear": _packed(np.array(session.gear.state)),
         "changes": _packed(session.changes),
         **parts,
     }
@@ -105,8 +104,6 @@ def _session(content: Mapping[str, Any]) -> Session:
     for name in PARTS:
         setattr(session, name, _unpacked(content[name], getattr(session, name)))
     session.first_read = _numbers(content["first_read"]).reshape(-1, session.options.width)
-    gear = _unpacked(content["gear"], np.array(session.gear.state))
-    session.gear.state = gear.tolist()
     like = Change(0.0, "", 0.0)
     session.changes = tuple(_unpacked(change, like) for change in content["changes"])
     return session

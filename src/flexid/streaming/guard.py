@@ -1,6 +1,6 @@
 """What of a stream may be learnt from: the compiled guard, its thresholds and what it counts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 
 import numpy as np
@@ -101,13 +101,22 @@ class Guard:
     """The guard of a stream with a clock."""
 
     def __init__(
-        self, sample_time: float, n_positions: int, n_inputs: int, *, from_deflection: bool
+        self,
+        sample_time: float,
+        n_positions: int,
+        n_inputs: int,
+        *,
+        from_deflection: bool,
+        motor_turn: float = 0.0,  # as in `WatchOptions`
     ) -> None:
         self._kernel = _kernel(n_positions, n_inputs)
         self._width = n_positions + n_inputs
         fewest = (max(FEWEST_STILL, time / sample_time) for time in (STILL_TIME, DEAD_TIME))
         self._settings = np.array(
-            [sample_time, GAP, GATE, PEAKS, float(from_deflection), *fewest, MOVED, TWISTED]
+            [
+                *(sample_time, GAP, GATE, PEAKS, float(from_deflection)),
+                *(*fewest, MOVED, TWISTED, motor_turn),
+            ]
         )
 
     def first_state(self) -> FloatArray:
@@ -123,7 +132,9 @@ class Guard:
 
     def counts(self, state: FloatArray) -> Counts:
         """What happened so far."""
-        return Counts(*map(int, state[: self._kernel.N_COUNTS]))
+        found = Counts(*map(int, state[: self._kernel.N_COUNTS]))
+        wraps, unclear = self._kernel.gear_counts(state)
+        return replace(found, wraps=found.wraps + int(wraps), unclear=int(unclear))
 
     def is_stuck(self, state: FloatArray) -> bool:
         """Whether an encoder stands still at this moment that should not."""
@@ -139,4 +150,4 @@ def _kernel(n_positions: int, n_inputs: int) -> ModuleType:
         return f'"""Guard of a stream."""\n\nN_ROWS = {n_positions}\nN_INPUTS = {n_inputs}\n'
 
     sizes = [str(n_positions), str(n_inputs)]
-    return load_kernel("stream_guard", sizes, build, ("stream_guard",))
+    return load_kernel("stream_guard", sizes, build, ("encoder_turns", "limits", "stream_guard"))

@@ -15,7 +15,6 @@ from flexid.estimators.online import Status
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 from flexid.streaming.commissioned import Departure
 from flexid.streaming.findings import Findings, findings
-from flexid.streaming.gear_wraps import GearWraps
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contradicts, judge
 from flexid.streaming.learner import Learner, States
@@ -73,8 +72,8 @@ class Session:
             options.n_encoders,
             options.n_inputs,
             from_deflection=options.from_deflection,
+            motor_turn=options.motor_turn,
         )
-        self.gear = GearWraps(options.motor_turn, options.sample_time, options.n_encoders)
         self.window = max(1, round(LIMITS.window / (options.filter_rate * options.sample_time)))
         states = self.learner.first_states()
         self.guard_state = self.guard.first_state()
@@ -99,7 +98,6 @@ class Session:
             raise SettingError(
                 "samples", f"have the shape {samples.shape}: give {width} numbers for each"
             )
-        samples = self.gear.undone(samples)
         done = 0
         while done < len(samples):
             until_closed = self.window - self.fed % self.window
@@ -166,8 +164,7 @@ class Session:
     @property
     def counts(self) -> Counts:
         """What happened so far."""
-        found = self.guard.counts(self.guard_state)
-        return replace(found, wraps=found.wraps + self.gear.wraps, unclear=self.gear.unclear)
+        return self.guard.counts(self.guard_state)
 
     @property
     def time(self) -> float:

@@ -12,7 +12,19 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
+    from flexid.kernels.templates.encoder_turns import (
+        N_GEAR,
+        PERIOD,
+        PERSISTENT,
+        TURN,
+        UNCLEAR,
+        WRAPPED,
+        behind_gear,
+        first_gear,
+        whole_turns,
+    )
     from flexid.kernels.templates.generated import N_INPUTS, N_ROWS
+    from flexid.kernels.templates.limits import BESIDE, LEVEL, N_END, at_limit
 
 
 # What became of a sample.
@@ -23,7 +35,7 @@ N_COUNTS = 12
 
 # Places in the settings.
 SAMPLE_TIME, GAP, GATE, PEAKS, DEFLECTION = 0, 1, 2, 3, 4
-STILL_TIME, DEAD_TIME, MOVED, TWISTED = 5, 6, 7, 8
+STILL_TIME, DEAD_TIME, MOVED, TWISTED, MOTOR_TURN = 5, 6, 7, 8, 9
 
 # Places in the state: counts, the clock, then what is known of each encoder and of each input.
 COUNTS_AT = 0
@@ -36,14 +48,10 @@ TURNS, READING, NEWER, OLDER, MEAN, PEAK, LOWEST, HIGHEST, STILL, FLOOR, CEILING
 QUANTUM = 11  # smallest change of a reading so far
 N_ENCODER = 12
 INPUTS_AT = ENCODERS_AT + N_ROWS * N_ENCODER
-# Of an input, at either end: extreme, samples there, occasions, samples in a row; the level beside.
-LEVEL, HITS, OCCASIONS, RUN, BESIDE, BESIDE_HITS = range(6)
-N_END = 6
-STATE_SIZE = INPUTS_AT + 2 * N_INPUTS * N_END
+GEAR_AT = INPUTS_AT + 2 * N_INPUTS * N_END  # of the motor's encoder, in front of a gear
+STATE_SIZE = GEAR_AT + N_GEAR
 
-TURN = 2.0 * np.pi
 LARGEST = 1e10  # in SI: what is larger is no measurement; as in `flexid.recording.checks`
-PERSISTENT = 3  # samples that are refused in a row: no outliers, the motion has jumped
 LATE_ENOUGH = 20  # samples that are late in a row: the clock was set back
 STEPS = 4.0  # of an encoder that are no outlier, however long it has stood still
 LEARNING = 20  # second differences before any is called an outlier
@@ -66,6 +74,7 @@ def first_state():
     for i in range(2 * N_INPUTS):
         state[INPUTS_AT + i * N_END + LEVEL] = -np.inf
         state[INPUTS_AT + i * N_END + BESIDE] = -np.inf
+    first_gear(state[GEAR_AT:])
     return state
 
 
@@ -104,14 +113,26 @@ def unwrapped(state, sample, settings, x):
         if settings[DEFLECTION] != 0.0 and j == 0:
             x[j] = x[1] + sample[1]
             continue
-        step = sample[1 + j] - encoder[READING]
-        if abs(step) > np.pi and state[SKIPPED] < PERSISTENT:
-            turns = np.rint(step / TURN)
-            if abs(step - TURN * turns) <= 0.5 * np.pi:
-                encoder[TURNS] += turns
-                state[COUNTS_AT + WRAPS] += 1.0
-                encoder[READING] = sample[1 + j]
+        turns = 0.0
+        if state[SKIPPED] < PERSISTENT:
+            turns = whole_turns(sample[1 + j] - encoder[READING])
+        if turns != 0.0:
+            encoder[TURNS] += turns
+            state[COUNTS_AT + WRAPS] += 1.0
+            encoder[READING] = sample[1 + j]
         x[j] = sample[1 + j] - TURN * encoder[TURNS]
+
+
+@njit(cache=True, error_model="numpy")
+def undo_gear(state, sample, settings):
+    """Undo the wraps of the motor's encoder in front of a gear, in the sample."""
+    reading = sample[N_ROWS]
+    if settings[MOTOR_TURN] <= 0.0 or not abs(reading) < LARGEST:
+        return
+    gear = state[GEAR_AT:]
+    sample[N_ROWS] = behind_gear(
+        gear, sample[0], reading, settings[MOTOR_TURN], settings[SAMPLE_TIME]
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -207,40 +228,15 @@ def is_stuck(state, sample, x, settings):
 
 
 @njit(cache=True, error_model="numpy")
-def at_limit(end, level):
-    """Whether an input rests at its extreme again and again, which no free signal does.
-
-    Far more samples are there than at the level beside it, in some long rests: as in
-    `flexid.recording.checks.check_saturation`.
-    """
-    if level > end[LEVEL]:
-        end[BESIDE], end[BESIDE_HITS] = end[LEVEL], end[HITS]
-        end[LEVEL], end[HITS], end[OCCASIONS], end[RUN] = level, 1.0, 1.0, 1.0
-        return False
-    if level < end[LEVEL]:
-        end[RUN] = 0.0
-        if level > end[BESIDE]:
-            end[BESIDE], end[BESIDE_HITS] = level, 1.0
-        elif level == end[BESIDE]:
-            end[BESIDE_HITS] += 1.0
-        return False
-    end[HITS] += 1.0
-    end[RUN] += 1.0
-    if end[RUN] == 1.0:
-        end[OCCASIONS] += 1.0
-    several = end[OCCASIONS] >= 2.0 and end[HITS] >= 3.0 * end[OCCASIONS]
-    return several and end[HITS] > 10.0 * end[BESIDE_HITS] and level != 0.0
-
-
-@njit(cache=True, error_model="numpy")
 def is_saturated(state, sample):
-    """Whether an input stands at a limit."""
+    """Whether an input stands at a limit; one that is switched off does not."""
     found = False
     for i in range(N_INPUTS):
         value = sample[1 + N_ROWS + i]
         first = INPUTS_AT + 2 * i * N_END
-        found = at_limit(state[first : first + N_END], value) or found
-        found = at_limit(state[first + N_END : first + 2 * N_END], -value) or found
+        at_upper = at_limit(state[first : first + N_END], value)
+        at_lower = at_limit(state[first + N_END : first + 2 * N_END], -value)
+        found = found or ((at_upper or at_lower) and value != 0.0)
     return found
 
 
@@ -285,12 +281,13 @@ def judged(state, sample, settings, x):
 
 @njit(cache=True, error_model="numpy")
 def look(state, sample, settings, x):
-    """Fate of a sample; its positions go into x."""
+    """Fate of a sample, from which wraps are taken off; its positions go into x."""
     state[FED] += 1.0
     fate = in_order(state, sample[0], settings)
     if fate in (REPEATED, LATE):  # nothing is missing for that
         return fate
     if fate == TAKEN:
+        undo_gear(state, sample, settings)
         fate = judged(state, sample, settings, x)
     if fate != TAKEN:
         state[SKIPPED] += 1.0
@@ -316,10 +313,11 @@ def guard(state, samples, settings, rows, fates):
     samples. A row without numbers stands for what is missing.
     """
     new = state.copy()
-    x = np.empty(N_ROWS)
+    x, sample = np.empty(N_ROWS), np.empty(samples.shape[1])
     filled = 0
     for n in range(samples.shape[0]):
-        fate = look(new, samples[n], settings, x)
+        sample[:] = samples[n]
+        fate = look(new, sample, settings, x)
         fates[n] = fate
         new[COUNTS_AT + fate] += 1.0
         if fate == STUCK and new[STUCK_FOR] == 0.0:
@@ -334,6 +332,13 @@ def guard(state, samples, settings, rows, fates):
             new[BROKEN] = 0.0
             filled += 1
         rows[filled, :N_ROWS] = x
-        rows[filled, N_ROWS:] = samples[n, 1 + N_ROWS :]
+        rows[filled, N_ROWS:] = sample[1 + N_ROWS :]
         filled += 1
     return new, samples.shape[0], filled, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def gear_counts(state):
+    """How often the motor's encoder wrapped in front of a gear, and places that are not clear."""
+    gear = state[GEAR_AT:]
+    return gear[WRAPPED], gear[UNCLEAR] if gear[PERIOD] > 0.0 else 0.0
