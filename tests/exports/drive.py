@@ -38,7 +38,10 @@ DRIVES = {
 MAIN = "least squares, encoders"
 """The one that belongs to the example log."""
 
-CASES = [(MAIN, "double"), *((name, "float") for name in DRIVES)]
+CASES = [
+    (MAIN, "double"),
+    *(pytest.param(name, "float", marks=pytest.mark.thorough) for name in DRIVES),
+]
 """What is analysed: a double build differs in its type and six numbers."""
 
 

@@ -59,6 +59,7 @@ def test_misra(drives, name, precision):
     assert rules <= set(DEVIATIONS), found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [MAIN, "least squares, velocities", "constant gain"])
 def test_eva_raises_no_alarm(drives, name):
     """Assert that Eva proves memory and integers safe, whatever bytes state and sample hold."""

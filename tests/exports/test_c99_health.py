@@ -140,6 +140,7 @@ def test_what_determines_nothing_is_not_excited(drive, kind):
     assert set(health[2100:]) == {NOT_EXCITED}
 
 
+@pytest.mark.thorough
 def test_an_overflow_is_flagged(float_drive):
     """Assert that sums beyond what float holds begin the estimation anew, with a flag."""
     wild = 1e9 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]] * 10)

@@ -18,12 +18,15 @@ def arm(regressors, name="arm", **options):
     return flexid.ParametricSystem("model", (row,), **options)
 
 
-@pytest.mark.parametrize("name", ["FLEXID_ROWS", "POLE", "uint32_t"])
-def test_names_that_are_taken_are_renamed(tmp_path, name):
-    """Assert that a coefficient and a constant of such a name compile, and the estimates agree."""
-    model = arm({name: f"-{name}_2*sin(q)", "viscous": "-v"}, constants={f"{name}_2": 2.0})
+def test_names_that_are_taken_are_renamed(tmp_path):
+    """Assert that coefficients and constants of such names compile, and the estimates agree."""
+    taken = {"FLEXID_ROWS": "sin(q)", "POLE": "q", "uint32_t": "cos(q)"}
+    regressors = {name: f"-{name}_2*{shape}" for name, shape in taken.items()}
+    constants = {f"{name}_2": 2.0 for name in taken}
+    model = arm({**regressors, "viscous": "-v"}, constants=constants)
     flexid.export(model, to="c99", sample_time=1e-3, out=tmp_path / "drive")
-    assert f"{name.lower()}_ = " in run(compiled("gcc", tmp_path / "drive", out=tmp_path / "run"))
+    printed = run(compiled("gcc", tmp_path / "drive", out=tmp_path / "run"))
+    assert all(f"{name.lower()}_ = " in printed for name in taken)
 
 
 def test_a_row_that_is_too_long():

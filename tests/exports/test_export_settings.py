@@ -56,12 +56,15 @@ def test_a_log_of_another_input_is_refused(tmp_path):
     flexid.export(estimate, to="c99", out=tmp_path / "drive", log=log)
 
 
-def test_the_command_prints_what_it_wrote(flexid, tmp_path):
+@pytest.mark.parametrize(
+    "model",
+    ["flexible-joint", pytest.param("examples/models/pendulum.toml", marks=pytest.mark.thorough)],
+)
+def test_the_command_prints_what_it_wrote(flexid, tmp_path, model):
     """Assert that the command writes the five files and names them."""
     out = tmp_path / "drive"
     done = flexid(
-        *("export", "examples/models/pendulum.toml", "--to", "c99", "--sample-time", "0.001"),
-        *("--out", str(out)),
+        *("export", model, "--to", "c99", "--sample-time", "0.001", "--out", str(out)),
     )
     assert done.status == 0
     assert {Path(line).name for line in done.stdout.splitlines()} == {

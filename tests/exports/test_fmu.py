@@ -119,7 +119,7 @@ def test_the_plant_moves_as_in_python(units, joint, version):
 
 
 @pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("built", ["here", "by FMPy"])
+@pytest.mark.parametrize("built", ["here", pytest.param("by FMPy", marks=pytest.mark.thorough)])
 def test_the_estimator_estimates_as_in_python(units, joint, version, built, tmp_path, monkeypatch):
     """Assert that its estimates are those of the replay, also where FMPy has compiled it."""
     unit = units[0] / f"estimator_fmi{version}.fmu"
@@ -154,6 +154,7 @@ def compiled_by_fmpy(unit, directory, monkeypatch):
     return directory / "bare"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("name", EVERY)
 def test_its_sources_leave_compilers_silent(units, name, compiler, tmp_path):
@@ -212,6 +213,7 @@ int main(void)
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["plant", "estimator"])
 def test_nothing_it_is_given_breaks_it(units, kind, tmp_path):
     """Assert that absurd inputs and steps leave sanitizers silent, and that no memory is lost."""

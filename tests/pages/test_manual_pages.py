@@ -33,8 +33,11 @@ NOT_RUN = {
 NEEDED = {"docs/export.md": "gcc"}
 """What a page calls that a machine may not have."""
 
+README, *OTHERS = PAGES
+EACH = [README, *(pytest.param(page, marks=pytest.mark.thorough) for page in OTHERS)]
 
-@pytest.mark.parametrize("page", PAGES, ids=page_name)
+
+@pytest.mark.parametrize("page", EACH, ids=page_name)
 def test_page_runs(page: Path, tmp_path: Path) -> None:
     """Assert that the blocks of a page run in their order and print what it shows."""
     program = NEEDED.get(page_name(page))

@@ -38,6 +38,7 @@ def path(tmp_path_factory):
     return path
 
 
+@pytest.mark.thorough
 def test_it_asks_for_nothing_and_runs_nothing(page):
     """Assert that markup from outside is text, and that no request is made but for the page."""
     page.wait_for_timeout(200)
@@ -50,6 +51,7 @@ def test_it_asks_for_nothing_and_runs_nothing(page):
     assert HOSTILE in page.locator("#values").inner_text()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
 def test_the_first_screen_answers(page, width, height):
     """Assert that what has changed, and what to do, are seen without scrolling."""
@@ -62,6 +64,7 @@ def test_the_first_screen_answers(page, width, height):
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.thorough
 def test_no_serious_fault(page):
     """Assert that axe-core finds no serious fault, light and dark, wide and narrow."""
     for scheme, width in (("light", 1280), ("dark", 390)):

@@ -61,6 +61,7 @@ def test_one_file_that_can_be_sent(path):
     assert path.stat().st_size < 1_000_000
 
 
+@pytest.mark.thorough
 def test_it_asks_for_nothing(page):
     """Assert that it makes no request but for itself, and the browser has no complaint."""
     page.wait_for_timeout(200)
@@ -68,6 +69,7 @@ def test_it_asks_for_nothing(page):
     assert page.watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_hostile_names_are_text(page):
     """Assert that a file and columns with markup for names are shown so, and do nothing."""
     assert FILE in page.locator(".subject").inner_text()
@@ -79,6 +81,7 @@ def test_hostile_names_are_text(page):
     assert page.locator("script").count() == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
 def test_the_first_screen_answers(page, width, height):
     """Assert that all parameters, the trust and the next step are seen without scrolling."""
@@ -96,6 +99,7 @@ def test_the_first_screen_answers(page, width, height):
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.thorough
 def test_parameters_are_as_printed(page, estimate):
     """Assert that the table has what the terminal has: names, values, intervals, verdicts."""
     printed = estimate.summary()
@@ -107,11 +111,13 @@ def test_parameters_are_as_printed(page, estimate):
         assert all(text in line for text in (value, interval, shown, verdict))
 
 
+@pytest.mark.thorough
 def test_no_serious_fault(page):
     """Assert that axe-core finds nothing that keeps people out."""
     assert serious_faults(page) == []
 
 
+@pytest.mark.thorough
 def test_every_figure_has_its_sentence(page, estimate):
     """Assert that all charts are there, each with what to see in it."""
     charts = identification_charts(estimate.result)

@@ -49,6 +49,7 @@ def test_a_page_asks_for_nothing_and_may_ask_for_nothing(opened):
     assert watched.requests == [page.url]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_serious_fault(opened, scheme):
     """Assert that axe-core finds nothing that keeps people out, by day and by night."""
@@ -56,6 +57,7 @@ def test_no_serious_fault(opened, scheme):
     assert serious_faults(page) == []
 
 
+@pytest.mark.thorough
 def test_hostile_words_are_text(opened):
     """Assert that markup from a log is shown as it is, in figures too, and does nothing."""
     page, watched = opened(made_page(HOSTILE))
@@ -67,6 +69,7 @@ def test_hostile_words_are_text(opened):
     assert watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_words_and_signs_beside_colours(opened):
     """Assert that a verdict is a word with a sign of its own."""
     page, _ = opened(made_page())
@@ -78,6 +81,7 @@ def test_words_and_signs_beside_colours(opened):
     assert "none" not in signs
 
 
+@pytest.mark.thorough
 def test_figures_take_the_colours_of_the_page(opened):
     """Assert that strokes are light in the dark, and dark on paper."""
     page, watched = opened(made_page())
@@ -91,6 +95,7 @@ def test_figures_take_the_colours_of_the_page(opened):
     assert watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_a_telephone_has_figures_of_its_own(opened):
     """Assert that a narrow window shows narrow drawings, whose text has the size of the page's."""
     page, _ = opened(made_page(), width=390)

@@ -81,6 +81,7 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
     assert {url.split("/")[2] for url in watched.requests} == {address.split("/")[2]}
 
 
+@pytest.mark.thorough
 def test_another_model_changes_table_and_figures(page: Page, address: str):
     """Assert that a choice is answered by another table and other figures, at the same place."""
     page.goto(f"{address}?model=link&ran=yes")
@@ -95,6 +96,7 @@ def test_another_model_changes_table_and_figures(page: Page, address: str):
     assert "model" not in page.url
 
 
+@pytest.mark.thorough
 def test_what_does_not_go_together_is_said(page: Page, address: str):
     """Assert that a term that the model does not have is answered where it was asked for."""
     page.goto(f"{address}?model=link&terms=motor_viscous&ran=yes")
@@ -103,6 +105,7 @@ def test_what_does_not_go_together_is_said(page: Page, address: str):
     assert page.locator(".busy").count() == 0
 
 
+@pytest.mark.thorough
 def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tmp_path: Path):
     """Assert that columns without telling names are mapped by hand, with units, and checked."""
     log = tmp_path / "raw.csv"
@@ -132,6 +135,7 @@ def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tm
     assert serious_faults(page) == []
 
 
+@pytest.mark.thorough
 def test_where_a_log_cannot_be_read_its_columns_are_open(
     page: Page, empty_address: str, tmp_path: Path
 ):
@@ -149,6 +153,7 @@ def test_where_a_log_cannot_be_read_its_columns_are_open(
     page.wait_for_selector("#check-title")
 
 
+@pytest.mark.thorough
 def test_a_hostile_log_does_nothing(page: Page, empty_address: str, tmp_path: Path):
     """Assert that names of columns and of the file are text, whatever stands in them."""
     watched = Watched(page)
@@ -169,6 +174,7 @@ def test_a_hostile_log_does_nothing(page: Page, empty_address: str, tmp_path: Pa
     assert watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_a_hostile_address_does_nothing(page: Page, empty_address: str):
     """Assert that an address opens no file, and that values that cannot be meant are refused."""
     watched = Watched(page)
@@ -194,6 +200,7 @@ def test_nothing_else_is_readable(empty_address: str, path: str):
         urlopen(Request(f"{empty_address}{path}"), timeout=10)
 
 
+@pytest.mark.thorough
 def test_two_windows_are_apart(browser: Browser, address: str, empty_address: str):
     """Assert that what one window runs, another neither shows nor can fetch."""
     first, second = browser.new_page(), browser.new_page()
@@ -215,6 +222,7 @@ def test_two_windows_are_apart(browser: Browser, address: str, empty_address: st
     second.close()
 
 
+@pytest.mark.thorough
 def test_an_identification_is_cancelled(page: Page, address: str):
     """Assert that Cancel ends it, and that the next one runs."""
     page.goto(address)
@@ -229,6 +237,7 @@ def test_an_identification_is_cancelled(page: Page, address: str):
     page.wait_for_selector("#found")
 
 
+@pytest.mark.thorough
 def test_a_log_is_named_from_where_the_studio_was_started(
     page: Page, start: Start, short_log: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -240,6 +249,7 @@ def test_a_log_is_named_from_where_the_studio_was_started(
             page.wait_for_selector("#run-form")
 
 
+@pytest.mark.thorough
 def test_figures_of_another_log_take_the_place(page: Page, address: str, short_log: Path):
     """Assert that another log ends what was drawn of the one before."""
     page.goto(address)

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.studio import load
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
 def test_twenty_windows_stay_within_two_gigabytes():
     """Assert that twenty logs of thirty seconds are checked, some identified, and others answered.
