@@ -58,7 +58,7 @@ def run(quick: bool) -> Outcome:
             "observer over a log, per sample",
             Side("replay", replays),
             Side(f"C, gcc {' '.join(fastest)}", builds[fastest]),
-            AtMost(1.5),
+            AtMost(1.1),
         )
     ]
     tables = [_builds_table(builds)]

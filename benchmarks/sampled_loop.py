@@ -62,7 +62,7 @@ def run(quick: bool) -> Outcome:
                     f"sampled run, 30 s at 1 kHz, {kind}, processor's time per tick",
                     Side("simulate_sampled", own),
                     Side(f"C, gcc {' '.join(best)}", same[best]),
-                    AtMost(100 / 75),
+                    AtMost(1.2),
                 )
             )
             lines += [(kind, "flexid", duration(own))]

@@ -119,7 +119,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
     ),
     "sampled loop": (
         lambda: simulate_sampled(loop(), 0.1, Sampling(H, 5.0, 1e-4, 1e-4, 1e-2)),
-        {"bound", "run_status", "loop_measures", "sampled_loop"},
+        {"sin_cos", "bound", "run_status", "loop_measures", "sampled_loop"},
     ),
     "stiff loop": (lambda: simulate(loop(robust=True), 0.01), LOOP | {"rodas5p"}),
     "loops side by side": (
@@ -136,7 +136,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
     ),
     "observer": (
         lambda: estimate(parametric_observer(JOINT, {"link": 1.0, "motor": 1.0}, H)),
-        {"status", "parametric_observer"},
+        {"sin_cos", "status", "parametric_observer"},
     ),
     "recursive least squares": (
         lambda: estimate(recursive_least_squares(JOINT, H)),

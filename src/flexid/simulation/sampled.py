@@ -142,7 +142,7 @@ def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
         "sampled_loop",
         declaration.digests,
         build,
-        ["bound", "run_status", "loop_measures", "sampled_loop"],
+        ["sin_cos", "bound", "run_status", "loop_measures", "sampled_loop"],
     )
 
 

@@ -1,7 +1,7 @@
 """Sine and cosine without a branch or a call, for loops that these would end or interrupt.
 
-Over lanes they become vector instructions. Of one number the C library's are faster, but not where
-both are taken, which share most of the work, and other numbers stay in registers. Errors stay
+Over lanes they become vector instructions. In a loop over samples no call interrupts them, so that
+all other numbers stay in registers. Errors stay
 within 2 units in the last place for |x| < 1e6; beyond that they grow like the spacing of the
 numbers x themselves, which is all there is to know. From 4e15 on, where that spacing is a sixth of
 a turn, the values mean nothing and may be large. Reduction to [-pi/4, pi/4] after W. J. Cody and
