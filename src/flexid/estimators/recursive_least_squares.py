@@ -77,7 +77,7 @@ class RecursiveLeastSquares(OnlineEstimator):
             kernel.LEAST_EXPLAINED,
             int(settings[kernel.MEMORY]) if filtered else 0,
             settings[kernel.N_LAW_SETTINGS + kernel.POLE] if filtered else 0.0,
-            kernel.HALF_WINDOW if filtered else 0,
+            int(settings[kernel.N_LAW_SETTINGS + kernel.HALF_WINDOW]) if filtered else 0,
         )
 
     def standard_deviations(self, state: FloatArray) -> FloatArray:
@@ -184,6 +184,7 @@ def recursive_least_squares(
         If a setting is out of its range.
     """
     h = checked_sample_time(sample_time)
+    half = 0
     if velocities:
         kernel, rows = _velocity_kernel(system), [h, float(hold == "zero")]
         shortest_block, memory, fewest = _SHORTEST_BLOCK / h, 0.0, np.ceil(_SHORTEST_BLOCK / h)
@@ -191,17 +192,17 @@ def recursive_least_squares(
         if not (np.isfinite(filter_rate) and filter_rate > 0.0):
             raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
         per_constant = 1.0 / (filter_rate * h)
-        half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
-        plain = _filtered_kernel(system, 0)
-        kernel = _filtered_kernel(system, half) if plain.VELOCITY_NEEDED else plain
-        rows = [h, float(hold == "zero"), np.exp(-1.0 / per_constant)]
+        kernel = _filtered_kernel(system)
+        if kernel.VELOCITY_NEEDED:
+            half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
+        rows = [h, float(hold == "zero"), np.exp(-1.0 / per_constant), float(half)]
         shortest_block = _INDEPENDENCE * per_constant
         memory, fewest = np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)
     fading = fading_factor(memory_time, h)
     longest_block = max(shortest_block, memory_time / h / _BLOCKS_PER_MEMORY)
     law = [fading, LEAST_INFORMATION, longest_block, memory, fewest]
     settings = np.array([*law, *rows, *system.constants.values()], dtype=np.float64)
-    state = np.zeros(kernel.STATE_SIZE)
+    state = np.zeros(kernel.STATE_SIZE + 2 * half * kernel.SAMPLE_SIZE)
     state[kernel.COUNTS_AT + kernel.BLOCK_LENGTH] = shortest_block
     return RecursiveLeastSquares(system, h, hold, velocities, kernel, settings, state)
 
@@ -217,16 +218,15 @@ def _velocity_kernel(system: ParametricSystem) -> ModuleType:
     return load_kernel("least_squares_observer", [system.digest], build, templates)
 
 
-def _filtered_kernel(system: ParametricSystem, half_window: int) -> ModuleType:
+def _filtered_kernel(system: ParametricSystem) -> ModuleType:
     def build() -> str:
         from flexid.derivation.regressor_classes import filter_functions
 
         source = filter_functions(system, "Recursive least squares on positions")
-        return source + f"HALF_WINDOW = {half_window}\n" + _sizes(system)
+        return source + _sizes(system)
 
-    digests = [system.digest, str(half_window)]
     templates = _templates("filtered_rows")
-    return load_kernel("recursive_least_squares", digests, build, templates)
+    return load_kernel("recursive_least_squares", [system.digest], build, templates)
 
 
 def _sizes(system: ParametricSystem) -> str:

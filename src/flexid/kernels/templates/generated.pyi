@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 _Array = NDArray[np.float64]
 _Numbers = tuple[float, ...]
 
-HALF_WINDOW: int
 HELD: tuple[bool, ...]
 LANES: int
 N_BLOCKS: int

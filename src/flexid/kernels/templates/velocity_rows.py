@@ -28,7 +28,7 @@ SAMPLE_TIME, ZERO_ORDER, CONSTANTS = 0, 1, 2
 @njit(cache=True, error_model="numpy")
 def forget_rows(memory):
     """Start anew, as before the first sample."""
-    for i in range(ROWS_SIZE):
+    for i in range(memory.shape[0]):
         memory[i] = 0.0
 
 
