@@ -24,8 +24,7 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.structure.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.charts.figure import draw
-from flexid.report.explanation_table import explanation
-from flexid.report.identification import format_fits, identification_parts
+from flexid.report.identification import explanation, format_fits, identification_parts
 from flexid.report.identification_charts import fit_chart
 from flexid.report.style import BLUE, GREY, ORANGE, STYLE, new_figure, save
 from flexid.report.terminal import print_parts

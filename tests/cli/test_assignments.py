@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from flexid.cli.assignments import (
+from flexid.cli.options import (
     parse_bounds,
     parse_known,
     parse_number,

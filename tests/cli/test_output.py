@@ -10,8 +10,12 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from flexid.cli.encoding import spell_what_cannot_be_encoded
-from flexid.cli.output import hand_over, print_document, print_warnings
+from flexid.cli.output import (
+    hand_over,
+    print_document,
+    print_warnings,
+    spell_what_cannot_be_encoded,
+)
 from flexid.library.answer import Answer
 from flexid.report.terminal import Column, Table, print_parts
 

@@ -102,7 +102,7 @@ def test_a_checkpoint_that_cannot_be_written_costs_no_report(
     assert outcome.status == 2
     assert "Samples: 3000 of 3000 learnt from" in outcome.stdout
     assert "warning: checkpoint" in outcome.stderr
-    assert "flexid: checkpoint" in outcome.stderr
+    assert "flexid: --checkpoint" in outcome.stderr
 
 
 def test_a_log_that_is_damaged_in_the_middle(

@@ -8,9 +8,17 @@ import pytest
 from matplotlib.colors import to_hex
 
 from flexid.report.charts.decimate import kept_samples
-from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Panel, Points
+from flexid.report.charts.description import (
+    Axis,
+    Band,
+    Chart,
+    Level,
+    Line,
+    Panel,
+    Points,
+    whole_decades,
+)
 from flexid.report.charts.figure import NARROW, draw, laid_out, save_charts
-from flexid.report.charts.limits import whole_decades
 from flexid.report.charts.svg import chart_html, chart_svg
 from flexid.report.style import COLOURS
 

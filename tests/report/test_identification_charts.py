@@ -19,10 +19,9 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.report.charts.description import Band, Level, Line, Panel, Points
 from flexid.report.estimates_chart import estimates_chart, observer_histories
-from flexid.report.free_run_chart import free_run_chart
+from flexid.report.free_run_chart import free_run_chart, residual_chart
 from flexid.report.identification_charts import excitation_chart, fit_chart, identification_charts
 from flexid.report.regions_chart import correlated_pairs, parameter_estimate, regions_chart
-from flexid.report.residual_chart import residual_chart
 
 M = TypeVar("M")
 COVARIANCE = np.array([[9.0, 0.05], [0.05, 0.0009]])

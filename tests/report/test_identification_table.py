@@ -36,7 +36,7 @@ def test_a_motor_at_rest_is_no_rival_that_fails():
     assert line in prediction_lines(result)
 
 
-def test_what_is_next_to_none_is_named():
+def test_what_is_negligible_is_named():
     """Assert that a determined value whose interval holds zero is said to be negligible."""
     result = made_result()
     small = replace(result.parameters["gravity_torque"], interval=(-1e-4, 1e-4))

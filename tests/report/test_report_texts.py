@@ -13,8 +13,7 @@ from made_result import made_result
 from flexid.comparisons.comparison import compare_estimates
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.report.comparison import parts
-from flexid.report.explanation_table import explanation
-from flexid.report.identification import identification_parts
+from flexid.report.identification import explanation, identification_parts
 from flexid.report.terminal import USUAL, laid_out
 from made_estimates import TRUE, exact
 

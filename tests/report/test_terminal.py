@@ -10,8 +10,7 @@ from made_result import made_result
 from rich.text import Text
 
 from flexid.report.digits import format_with_interval
-from flexid.report.explanation_table import explanation
-from flexid.report.identification import identification_parts
+from flexid.report.identification import explanation, identification_parts
 from flexid.report.terminal import Cell, Column, Table, laid_out, number, spelled, wrapped
 
 WIDTHS = st.integers(40, 200)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flexid.identification.vocabulary.evidence import FreeRun
+from flexid.report.free_run_chart import residual_chart
 from flexid.report.page.layout import Command
 from flexid.report.page.render import page_html
-from flexid.report.residual_chart import residual_chart
 from flexid.report.validation import fit_chart, page
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 

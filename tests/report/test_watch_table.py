@@ -10,7 +10,7 @@ from flexid.report.terminal import laid_out
 from flexid.report.watch import (
     Sparks,
     live_view,
-    next_to_none,
+    negligible,
     parts,
     sparkline,
 )
@@ -54,16 +54,19 @@ def test_what_may_be_none_is_named():
         parameter("gravity_angle", -0.01, 0.01, "determined"),
         parameter("joint_stiffness", 0.0, 0.0, "determined"),
     )
-    assert next_to_none(found) == ["motor_coulomb_friction"]
+    assert negligible(found) == ["motor_coulomb_friction"]
 
 
-def test_a_friction_that_is_not_there_is_next_to_none(monkeypatch: pytest.MonkeyPatch):
+def test_a_friction_that_is_not_there_is_negligible(monkeypatch: pytest.MonkeyPatch):
     """Assert that the report says so in a line below the table."""
     session = Session(WatchOptions(2e-3, ("motor_coulomb",), hold="linear"))
     small = {"motor_coulomb_friction": parameter("motor_coulomb_friction", -1.0, 2.0, "determined")}
     monkeypatch.setattr(Session, "parameters", property(lambda _: small))
     lines = [line.plain for line in laid_out(parts(session), 120)]
-    assert any(line.startswith("Next to none, or none at all: motor_coulomb") for line in lines)
+    assert any(
+        line.startswith("Negligible even at the ends of the interval: motor_coulomb")
+        for line in lines
+    )
 
 
 def test_the_view_has_a_line_of_bars(session: Session):

@@ -1,10 +1,8 @@
 """What each command is beside the function of the library that it calls: examples, words, ends."""
 
-from flexid.cli.campaign import campaign
 from flexid.cli.generated import Command
-from flexid.cli.identify import identify
-from flexid.cli.texts import derive, export, simulate
-from flexid.cli.watch import watch
+
+_PARTICULAR = "flexid.cli.particular"
 
 COMMANDS = (
     Command(
@@ -25,7 +23,7 @@ COMMANDS = (
         "and its channels are numbered.",
         more="--explain",
         done=lambda answer, flags: answer.supports(strict=flags["strict"]),
-        run=identify,
+        run=_PARTICULAR,
     ),
     Command(
         "validate",
@@ -84,7 +82,7 @@ COMMANDS = (
             "derive examples/models/pendulum.toml --to c",
         ),
         "0 when it is done, 2 for bad input, which includes a model that has no observer.",
-        run=derive,
+        run=_PARTICULAR,
     ),
     Command(
         "export",
@@ -96,7 +94,7 @@ COMMANDS = (
         ),
         "0 when it is done, 2 for bad input.",
         doing="exporting",
-        run=export,
+        run=_PARTICULAR,
     ),
     Command(
         "watch",
@@ -111,7 +109,7 @@ COMMANDS = (
         "3 for Ctrl-C; the last report and the checkpoint are written in any case.",
         writes="watch.json, the last report,",
         notes="In a terminal the view is renewed; with --json each report is one line.",
-        run=watch,
+        run="flexid.cli.watch",
     ),
     Command(
         "studio",
@@ -134,7 +132,7 @@ COMMANDS = (
         doing="simulating",
         writes="report.html, run.json, run.parquet, log.parquet, figures",
         flags=("csv",),
-        run=simulate,
+        run=_PARTICULAR,
     ),
     Command(
         "campaign",
@@ -145,7 +143,7 @@ COMMANDS = (
         "0 where every run has its row, however it ended; 1 for a summary in which no run "
         "finished; 2 for bad input; 3 where it was interrupted, with all complete parts kept.",
         done=lambda answer, _flags: bool(answer.result.finished),
-        run=campaign,
+        run=_PARTICULAR,
     ),
     Command(
         "reproduce",

@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from flexid.cli.command_table import COMMANDS
-from flexid.cli.encoding import open_what_is_closed, spell_what_cannot_be_encoded
-from flexid.cli.exit_status import ExitStatus
 from flexid.cli.generated import register
+from flexid.cli.output import ExitStatus, open_what_is_closed, spell_what_cannot_be_encoded
 from flexid.errors import ConvergenceError, FlexidError, SimulationError
 
 _TYPERS_INTERRUPTION = 130

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand
 
-from flexid.cli.exit_status import ExitStatus
 from flexid.cli.options import ARGUMENTS, FLAGS, OPTIONS, AsJson, directory, sentences
-from flexid.cli.output import hand_over, output
+from flexid.cli.output import ExitStatus, hand_over, output
+from flexid.errors import SettingError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -41,7 +41,7 @@ class Command:
     notes: str = ""  # a paragraph of the help
     more: str = ""  # what shows the warnings after the first three
     done: Callable[["Any", Options], bool] = lambda _answer, _flags: True  # or exit status 1
-    run: "Callable[[Command, Options, Options], None] | None" = None  # in place of `present`
+    run: str = ""  # the module that has a function of this name in place of `present`
 
     @property
     def function(self) -> Callable[..., Any]:
@@ -74,12 +74,23 @@ def _calling(command: Command, documented: str) -> Callable[..., None]:
         }
         if "out" in _parameters(command):
             given["out"] = flags.pop("out", None)
-        (command.run or present)(command, _converted(command, given), flags)
+        runner = getattr(import_module(command.run), command.name) if command.run else present
+        try:
+            runner(command, _converted(command, given), flags)
+        except SettingError as error:
+            raise _as_typed(error, given) from None
 
     parameters = [*_from_library(command, documented), *_of_printing(command)]
     call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] - read by Typer
     call.__annotations__ = {p.name: p.annotation for p in parameters}
     return call
+
+
+def _as_typed(error: SettingError, options: Options) -> SettingError:
+    """The same error, with the name of an option as it is typed."""
+    if error.setting.replace("-", "_") not in options:
+        return error
+    return SettingError(f"--{error.setting.replace('_', '-')}", error.reason)
 
 
 class PlainCommand(TyperCommand):

@@ -9,7 +9,7 @@ import signal
 import sys
 from types import FrameType
 
-_INTERRUPTED = 3  # as in flexid.cli.exit_status
+_INTERRUPTED = 3  # as in flexid.cli.output.ExitStatus
 
 
 class _Interrupted(KeyboardInterrupt):

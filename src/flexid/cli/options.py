@@ -4,21 +4,20 @@ Names, defaults and words of the help are those of the library's functions; see 
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import typer
 
-from flexid.cli.assignments import (
-    parse_bounds,
-    parse_known,
-    parse_number,
-    parse_values,
-)
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
+from flexid.models.rigid_joint import RIGID_TERMS
 from flexid.readers.formats import kinds
+
+_Value = TypeVar("_Value")
+
+_UNCERTAIN = re.compile(r"(.+?)(?:±|\+-)(.+)")
 
 
 class Option(NamedTuple):
@@ -37,6 +36,86 @@ def directory(text: str) -> Path:
     return Path(text)
 
 
+def parse_known(option: str, assignments: Iterable[str]) -> dict[str, float | tuple[float, float]]:
+    """Values by name, with the standard deviation of those that have one.
+
+    Examples
+    --------
+    >>> parse_known("--known", ["motor_inertia=0.3", "theta2=100+-5"])
+    {'motor_inertia': 0.3, 'theta2': (100.0, 5.0)}
+    """
+    return _by_name(option, assignments, _uncertain, "name=number, e.g. beta1=3 or beta1=3+-0.1")
+
+
+def parse_bounds(option: str, assignments: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """Lower and upper ends by name; an end left out is infinite.
+
+    Examples
+    --------
+    >>> parse_bounds("--bounds", ["alpha2=0:", "theta2=50:200"])
+    {'alpha2': (0.0, inf), 'theta2': (50.0, 200.0)}
+    """
+    wanted = "name=lower:upper, e.g. theta2=50:200 or alpha2=0:"
+    return _by_name(option, assignments, _ends, wanted)
+
+
+def parse_values(option: str, assignments: Iterable[str]) -> dict[str, float]:
+    """Numbers by dotted path.
+
+    Examples
+    --------
+    >>> parse_values("--set", ["controller.k=30.5", "sampling.seed = 7"])
+    {'controller.k': 30.5, 'sampling.seed': 7}
+    """
+    return _by_name(option, assignments, _number, "path=number, e.g. controller.k=30")
+
+
+def parse_number(option: str, text: str) -> float | Literal["auto"]:
+    """A number, or ``auto``."""
+    if text == "auto":
+        return "auto"
+    try:
+        return float(text)
+    except ValueError:
+        raise SettingError(option, f"{text!r} is neither a number nor auto") from None
+
+
+def _by_name(
+    option: str, assignments: Iterable[str], value: Callable[[str], _Value], wanted: str
+) -> dict[str, _Value]:
+    """What stands behind each name; a `SettingError` for what is no assignment, or stands twice."""
+    found: dict[str, _Value] = {}
+    for assignment in assignments:
+        name, _, text = (part.strip() for part in assignment.partition("="))
+        if name in found:
+            raise SettingError(option, f"{name} is given twice: leave one of them out")
+        try:
+            found[name] = value(text)
+        except ValueError:
+            raise SettingError(option, f"{assignment!r} is no {wanted}") from None
+    return found
+
+
+def _uncertain(text: str) -> float | tuple[float, float]:
+    parts = _UNCERTAIN.fullmatch(text)
+    return (float(parts[1]), float(parts[2])) if parts else float(text)
+
+
+def _ends(text: str) -> tuple[float, float]:
+    lower, colon, upper = text.partition(":")
+    if not colon:
+        raise ValueError
+    return float(lower or "-inf"), float(upper or "inf")
+
+
+def _number(text: str) -> float:
+    """A number; a whole one keeps all its digits, since a seed has more than a float holds."""
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
+
+
 _FILE = Option(Path | None, "FILE")
 _SECONDS = Option(float | None, "SECONDS")
 _DELAY = Option(str, "SECONDS", parse_number)
@@ -44,6 +123,7 @@ _NUMBER = Option(int | None, "NUMBER")
 _LOGS = Option(list[Path], "LOG", note=f"Files: {kinds()}; - for CSV from standard input.")
 _ESTIMATE = Option(str, "ESTIMATE")
 _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
+_RIGID_NAMES = ", ".join(name for name in RIGID_TERMS if name not in TERMS)
 
 ARGUMENTS = {
     "logs": _LOGS,
@@ -91,7 +171,7 @@ OPTIONS = {
     "link_delay": _DELAY,
     "log": _FILE,
     "memory": _SECONDS,
-    "model": Option(str, "MODEL"),
+    "model": Option(str),
     "out": Option(Path | None, "DIR", lambda _name, path: directory(str(path))),
     "sample_time": _SECONDS,
     "scheduler": Option(str | None, "ADDRESS"),
@@ -109,7 +189,7 @@ OPTIONS = {
     "terms": Option(
         str | None,
         "NAMES",
-        note=f"Names between commas: {_NAMES}.",
+        note=f"Names between commas: {_NAMES}; of a rigid joint {_RIGID_NAMES}.",
     ),
     "to": Option(str),
     "unknown_input_gain": Option(bool),

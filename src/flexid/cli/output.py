@@ -1,11 +1,14 @@
-"""How an answer leaves a command: printed and written, each although the other may fail."""
+"""How an answer leaves a command: on standard output, as files, and as an exit status."""
 
+import codecs
+import io
 import json
 import os
 import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +20,25 @@ if TYPE_CHECKING:
     from flexid.library.answer import Answer
 
 _MOST_WARNINGS = 3  # that anybody acts on at once
+
+
+class ExitStatus(IntEnum):
+    """How a command ended."""
+
+    DONE = 0
+    """All that was asked for is there, and determined where it can be."""
+
+    LACKING = 1
+    """Done, but the data cannot support all of it; the answer says what, and why."""
+
+    BAD_INPUT = 2
+    """An input, an option or a place to write to cannot be used; one sentence says what to do."""
+
+    INTERRUPTED = 3
+    """By Ctrl-C or SIGTERM; nothing half written is left."""
+
+    DEFECT = 70
+    """An error of flexid itself, as in sysexits.h; what is printed says how to report it."""
 
 
 @contextmanager
@@ -91,3 +113,33 @@ def print_warnings(warnings: Sequence[str], errors: "Console", rest: str = "") -
     if len(shown) < len(warnings):
         more = f"{len(warnings) - len(shown)} more: {rest}"
         errors.print(more, style="yellow", markup=False, soft_wrap=True)
+
+
+def open_what_is_closed() -> None:
+    """Open standard streams that were closed (``>&-``) on the null device.
+
+    Without it the first file that is opened takes their number, and what is printed lands in it.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # the lowest that is free
+        pass
+    os.close(number)
+    if sys.stdout is None:
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115 - it stays open
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115 - it stays open
+
+
+def spell_what_cannot_be_encoded() -> None:
+    """Let standard output and error spell what their encoding lacks: alpha2 for α₂, +- for ±."""
+    codecs.register_error("flexid.spelled", _spelled)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="flexid.spelled")
+
+
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    from flexid.report.terminal import spelled
+
+    return spelled(error.object[error.start : error.end]), error.end

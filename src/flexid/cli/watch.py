@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from flexid.cli.exit_status import ExitStatus
 from flexid.cli.generated import Command, Options
-from flexid.cli.output import as_typed, output, print_warnings
+from flexid.cli.output import ExitStatus, as_typed, output, print_warnings
 from flexid.errors import SettingError
-from flexid.library.threads import in_one_thread
+from flexid.library.entrance import in_one_thread
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import ReportedAnswer
-from flexid.library.threads import in_one_thread
+from flexid.library.entrance import in_one_thread
 
 if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import PlottedAnswer, TabularAnswer
-from flexid.library.entrance import as_path, entrance, kind_of
+from flexid.library.entrance import as_path, entrance, in_one_thread, kind_of
 from flexid.library.estimates import estimate_content
 from flexid.library.options import as_number
-from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
     from flexid.experiment_design.result import Design

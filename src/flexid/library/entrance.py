@@ -1,14 +1,20 @@
-"""What all functions of the front door have in common: how they refuse arguments."""
+"""What all functions of the front door have in common: refusals, one thread, shared options."""
 
 import inspect
 import os
-from collections.abc import Callable, Iterable
+import re
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from flexid.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from threadpoolctl import threadpool_limits
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -83,3 +89,86 @@ def kind_of(value: object) -> str:
         return "None"
     name = type(value).__name__
     return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"
+
+
+_LOCK = threading.Lock()
+_active = 0
+_limits: "threadpool_limits | None" = None
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep linear algebra to one thread.
+
+    Our matrices are small: threads that share them wait for each other longer than they compute.
+    The limit holds for the process, so of several calls at once the first sets it and the last one
+    takes it back; no call finds what another has set and takes it for the user's.
+    """
+    _enter()
+    try:
+        yield
+    finally:
+        _leave()
+
+
+def in_one_thread(function: Callable[P, R]) -> Callable[P, R]:
+    """A function that works with one thread for linear algebra."""
+
+    @wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        with one_thread():
+            return function(*args, **kwargs)
+
+    return limited
+
+
+def _enter() -> None:
+    global _active, _limits
+    with _LOCK:
+        if not _active:
+            import scipy.linalg  # noqa: F401 - a library that comes later would not be limited
+            from threadpoolctl import threadpool_limits
+
+            _limits = threadpool_limits(limits=1, user_api="blas")
+        _active += 1
+
+
+def _leave() -> None:
+    global _active, _limits
+    with _LOCK:
+        _active -= 1
+        if not _active and _limits is not None:
+            _limits.restore_original_limits()
+            _limits = None
+
+
+_SECTION = re.compile(
+    r"(?<=    Parameters\n    ----------\n).*?(?=\n\n    \w+\n    ---)", re.DOTALL
+)
+_ENTRY = re.compile(r"^    (\w+) : .*\n(?:        .*\n?)*", re.MULTILINE)
+
+
+def options_of(
+    other: Callable[..., object], *left_out: str
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A decorator that spells out ``**options`` with the parameters of another function."""
+    shared = inspect.signature(other).parameters
+    entries = _entries(other)
+
+    def spelt_out(function: Callable[P, R]) -> Callable[P, R]:
+        signature, own = inspect.signature(function), _entries(function)
+        names = [name for name in shared if name not in left_out]
+        text = "\n".join(own.get(name, entries[name]).rstrip() for name in names)
+        parameters = [signature.parameters.get(name, shared[name]) for name in names]
+        function.__doc__ = _SECTION.sub(lambda _: text, function.__doc__ or "", count=1)
+        signature = signature.replace(parameters=parameters)
+        setattr(function, "__signature__", signature)  # noqa: B010, functions do not declare it
+        return function
+
+    return spelt_out
+
+
+def _entries(function: Callable[..., object]) -> dict[str, str]:
+    """What a docstring says of each parameter."""
+    section = _SECTION.search(function.__doc__ or "")
+    return {} if section is None else {m[1]: m[0] for m in _ENTRY.finditer(section[0])}

@@ -38,7 +38,7 @@ class EstimatePlots:
 
     def residuals(self, ax: "Axes | None" = None) -> "Figure":
         """What is between measured and predicted held-out data, and how it correlates in time."""
-        from flexid.report.residual_chart import residual_chart
+        from flexid.report.free_run_chart import residual_chart
 
         self._need_series(bool(self._result.validation.runs))
         return drawn(residual_chart(self._result.validation), ax)
@@ -118,6 +118,6 @@ class ValidationPlots:
 
     def residuals(self, ax: "Axes | None" = None) -> "Figure":
         """What is between measured and predicted motion, and how it correlates in time."""
-        from flexid.report.residual_chart import residual_chart
+        from flexid.report.free_run_chart import residual_chart
 
         return drawn(residual_chart(self._result), ax)

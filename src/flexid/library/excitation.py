@@ -5,11 +5,9 @@ from typing import TYPE_CHECKING, Unpack
 
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import PlottedAnswer
-from flexid.library.entrance import entrance
+from flexid.library.entrance import entrance, in_one_thread, options_of
 from flexid.library.identify import identify
 from flexid.library.options import joint_settings
-from flexid.library.shared_options import options_of
-from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
     from flexid.experiment_design.advice import Advice

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.library.derive import SHIPPED, declared
-from flexid.library.entrance import as_path, did_you_mean, entrance, kind_of
+from flexid.library.entrance import as_path, did_you_mean, entrance, in_one_thread, kind_of
 from flexid.library.estimates import identified
-from flexid.library.threads import in_one_thread
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
@@ -63,8 +62,8 @@ def export(
     Parameters
     ----------
     what : JointEstimate, ParametricSystem or path
-        An estimate.json, a TOML model file, or flexible-joint. Or what `flexid.identify` returned,
-        or a `ParametricSystem`.
+        An estimate.json or the folder that holds it, a TOML model file, or flexible-joint. Or what
+        `flexid.identify` returned, or a `ParametricSystem`.
     to : {"c99", "mjcf", "fmu"}
         The online estimator in C99, a scene of MuJoCo, or FMUs of FMI 2.0 and 3.0.
     out : path
@@ -138,7 +137,7 @@ def export_source(
     if isinstance(what, JointEstimate):
         return source_of_identification(what.result, with_memory=with_memory)
     is_path = isinstance(what, str | PathLike) and what != SHIPPED
-    if is_path and Path(as_path("export", "what", what)).suffix.lower() == ".json":
+    if is_path and _names_an_estimate(as_path("export", "what", what)):
         stored, _ = identified("export", "what", what)
         return source_of_identification(stored, with_memory=with_memory)
     if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):
@@ -148,6 +147,11 @@ def export_source(
             f"is {kind_of(what)}: give an estimate, a model, or the path of one",
         )
     return ExportSource(declared(what, terms, unknown_input_gain=what == SHIPPED))
+
+
+def _names_an_estimate(path: Path) -> bool:
+    """Whether a path is that of an estimate, or of a folder, which may hold one."""
+    return path.suffix.lower() == ".json" or path.is_dir()
 
 
 def estimator_settings(

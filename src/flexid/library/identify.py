@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.entrance import as_path, entrance
+from flexid.library.entrance import as_path, entrance, in_one_thread
 from flexid.library.options import joint_settings
-from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
     from flexid.identification.preparation.settings import Settings

@@ -24,7 +24,6 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
 from flexid.library.answer import ReportedAnswer, as_text, data_frame
 from flexid.library.entrance import did_you_mean
-from flexid.library.estimate_plots import EstimatePlots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
 
     from flexid.frequency.frequency_response import FrequencyResponse
     from flexid.identification.preparation.settings import Settings
+    from flexid.library.estimate_plots import EstimatePlots
     from flexid.library.logs import Columns, Logs, OneLog
     from flexid.library.validation import EstimateValidation, Prediction
     from flexid.recording.recording import Log
@@ -294,8 +294,10 @@ class JointEstimate(ReportedAnswer):
         return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
     @property
-    def plot(self) -> EstimatePlots:
+    def plot(self) -> "EstimatePlots":
         """Figures: ``plot.fit()``, ``plot.residuals()``, ``plot.regions()`` and others."""
+        from flexid.library.estimate_plots import EstimatePlots
+
         return EstimatePlots(self.result)
 
     @property

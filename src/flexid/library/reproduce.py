@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING
 
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import ReportedAnswer
-from flexid.library.entrance import entrance
-from flexid.library.threads import in_one_thread
+from flexid.library.entrance import entrance, in_one_thread
 
 if TYPE_CHECKING:
     from flexid.studies.huang2003.evidence import Claim

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.library.answer import ReportedAnswer, TabularAnswer, data_frame
-from flexid.library.entrance import entrance
+from flexid.library.entrance import entrance, in_one_thread
 from flexid.library.estimates import estimate_content
-from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
     from flexid.identification.vocabulary.evidence import Validation

@@ -13,8 +13,16 @@ import flexid
 from flexid.arrays import FloatArray
 from flexid.campaigns.summary import QUANTILES, Result, Summary
 from flexid.experiments.units import Units
-from flexid.report.charts.description import Axis, Chart, Dash, Level, Line, Panel, Points
-from flexid.report.charts.limits import whole_decades
+from flexid.report.charts.description import (
+    Axis,
+    Chart,
+    Dash,
+    Level,
+    Line,
+    Panel,
+    Points,
+    whole_decades,
+)
 from flexid.report.page.layout import Answer, Bullets, Command, Facts, Page, Section
 from flexid.report.presenter import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers

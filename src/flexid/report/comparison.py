@@ -106,7 +106,7 @@ def remarks(differences: Mapping[str, Difference]) -> Iterator[str]:
 
 def settings_table(comparison: Comparison) -> Table:
     """What was asked for, chosen or used otherwise."""
-    table = Table("Made otherwise", (Column(""), Column("A"), Column("B", wraps=True)))
+    table = Table("Different logs or settings", (Column(""), Column("A"), Column("B", wraps=True)))
     for name, pair in comparison.settings.items():
         table.add(name, *map(shortened, pair))
     return table

@@ -77,13 +77,13 @@ def _intervals(count: int) -> str:
 
 def _of_one_log(comparison: Comparison, compared: Sequence[Difference]) -> str:
     contradictory = comparison.having("contradictory")
-    begin = "Both are of the same logs, where no drive can have changed"
+    begin = "Both estimates are of the same logs, so the drive cannot have changed."
     if contradictory:
         return (
-            f"{begin}, and yet {_names(contradictory)} {_differ(contradictory)} by more than both "
+            f"{begin} Yet {_names(contradictory)} {_differ(contradictory)} by more than both "
             f"intervals allow: at least one of the two models is wrong."
         )
-    return f"{begin}: {_count(compared)} {_differ(compared)} by no more than both intervals allow."
+    return f"{begin} {_count(compared)} {_differ(compared)} by no more than both intervals allow."
 
 
 def _differ(differences: Sequence[Difference]) -> str:

@@ -9,9 +9,18 @@ import polars as pl
 from rich.text import Text
 
 from flexid.experiment_design.drive import DOUBT
-from flexid.experiment_design.result import Design, Prediction
-from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
-from flexid.report.charts.limits import whole_decades
+from flexid.experiment_design.result import Design, Extreme, Prediction
+from flexid.report.charts.description import (
+    Axis,
+    Chart,
+    Colour,
+    Level,
+    Line,
+    Mark,
+    Panel,
+    Points,
+    whole_decades,
+)
 from flexid.report.presenter import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 
@@ -30,14 +39,14 @@ def parts(result: Design) -> Iterator[Part]:
     what = "torque" if wanted.kind == "multisine" else "motor position"
     yield Text(f"Tones of the {what}: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}.")
     yield Text(
-        f"What the search found was played {result.scale:.3g} times as large, so that every drive "
-        f"wrong by {100 * DOUBT:.0f} % keeps to the limits."
+        f"The input was scaled by {result.scale:.3g}, so that every drive whose parameters are off "
+        f"by {100 * DOUBT:.0f} % keeps to the limits."
     )
 
 
 def _predictions(result: Design) -> Table:
     inputs = (result.prediction, *result.references)
-    worst = Column(f"design, worst of ±{100 * DOUBT:.0f} %")
+    worst = Column(f"±{100 * DOUBT:.0f} %, worst drive")
     columns = (Column("coefficient"), *numbers(*(one.name for one in inputs)), worst)
     wanted = result.drive.experiment
     how = f"{wanted.criterion}-optimal {wanted.kind}"
@@ -48,15 +57,20 @@ def _predictions(result: Design) -> Table:
         table.add(
             name,
             *(_percent(one.deviations[name]) for one in inputs),
-            _percent(extreme.value).with_unit(f"({extreme.case})"),
+            _case(f"{100 * extreme.value:.3g} %", extreme),
         )
     table.rule()
     for label, value in _summaries().items():
         table.add(label, *(value(one) for one in inputs))
     table.rule()
     within = (result.prediction, *result.kept_references)
-    table.add("worst, within limits", *(_percent(one.worst) for one in within))
+    table.add("within limits", *(_percent(one.worst) for one in within))
     return table
+
+
+def _case(value: str, extreme: Extreme) -> Cell:
+    """A value and the drive that it is of, which is left out where there is no room."""
+    return Cell((f"{value} ({extreme.case})", value))
 
 
 def _summaries() -> dict[str, Callable[[Prediction], Cell]]:
@@ -70,15 +84,15 @@ def _summaries() -> dict[str, Callable[[Prediction], Cell]]:
 
 
 def _limits(result: Design) -> Table:
-    share = Column(f"largest share, ±{100 * DOUBT:.0f} %")
-    table = Table("Limits", (Column("channel"), *numbers("limit", "as believed"), share))
+    share = Column(f"±{100 * DOUBT:.0f} %, worst drive")
+    table = Table("Limits", (Column("channel"), *numbers("limit", "peak"), share))
     for channel, unit in _UNITS.items():
         extreme = result.largest_use[channel]
         table.add(
             channel,
             number(getattr(result.drive.limits, channel), 3, unit),
             number(result.prediction.peaks[channel], 3, unit),
-            f"{100 * extreme.value:.0f} % ({extreme.case})",
+            _case(f"{100 * extreme.value:.0f} %", extreme),
         )
     return table
 

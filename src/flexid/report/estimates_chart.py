@@ -18,8 +18,8 @@ from flexid.report.charts.description import (
     Line,
     Mark,
     Panel,
+    with_margin,
 )
-from flexid.report.charts.limits import with_margin
 from flexid.report.digits import format_with_interval
 from flexid.stored_estimates.rebuilt import input_unit_of
 

@@ -20,8 +20,8 @@ from flexid.report.charts.description import (
     Mark,
     Panel,
     Points,
+    whole_decades,
 )
-from flexid.report.charts.limits import whole_decades
 from flexid.report.digits import value_cells, verdict_cell
 from flexid.report.documents import excitation_summary
 from flexid.report.identification import excitation_lines, verdict_reasons
@@ -50,13 +50,16 @@ def _table(assessment: Assessment) -> Table:
         Column("coefficient"),
         Column("value", right=True),
         Column("unit"),
-        Column("within", right=True),
-        Column("alone", right=True, spare=2),
-        Column("times", right=True, spare=1),
+        Column("±", right=True),
+        Column("± alone", right=True, spare=2),
+        Column("factor", right=True, spare=1),
         Column("partner", spare=1),
         Column("verdict"),
     )
-    table = Table("What this log says: 95 % intervals, and what the partner costs", columns)
+    table = Table(
+        "Half-widths (±) of 95 % intervals, and the factor by which the partner widens them",
+        columns,
+    )
     for name, c in assessment.coefficients.items():
         table.add(
             name,

@@ -1,16 +1,17 @@
-"""An identification as tables, sentences and JSON."""
+"""An identification as tables, sentences and JSON, with the evidence that ``--explain`` adds."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from math import isfinite, isnan
+from math import isclose, isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
 from flexid.analysis.excitation import Excitation
 from flexid.comparisons.angles import ANGLES
-from flexid.identification.result.identification import Identification
+from flexid.identification.result.identification import Choices, Identification
 from flexid.identification.vocabulary.evidence import (
+    Disturbances,
     ModelError,
     ParameterEstimate,
     Validation,
@@ -18,9 +19,8 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.report.digits import VERDICT_STYLES, value_cells, verdict_cell
 from flexid.report.documents import excitation_summary, plain
-from flexid.report.explanation_table import explanation
 from flexid.report.presenter import Presenter
-from flexid.report.terminal import Cell, Column, Part, Table, numbers
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.stored_estimates.estimate_file import FORMAT_VERSION
 
 if TYPE_CHECKING:  # few answers are of an arm
@@ -32,7 +32,7 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield parameters_table(result)
     yield coefficients_table(result)
     yield from verdict_reasons(result.coefficients)
-    if small := next_to_none(result.parameters.values()):
+    if small := negligible(result.parameters.values()):
         yield Text(f"  Negligible, and zero within the interval: {', '.join(small)}")
     yield Text()
     yield from map(Text, excitation_lines(result.excitation))
@@ -55,7 +55,7 @@ def coefficients_table(result: Identification) -> Table:
     return estimates_table("Coefficients", result.coefficients)
 
 
-def next_to_none(parameters: Iterable[ValueEstimate]) -> list[str]:
+def negligible(parameters: Iterable[ValueEstimate]) -> list[str]:
     """Names of parameters that are determined to be so small that they may be zero."""
     return [
         found.name
@@ -107,7 +107,7 @@ def _rival(result: Identification) -> str:
     fits, own = result.compliance.rigid_fit_percent, result.validation.fit_percent
     failed = [c for c, fit in fits.items() if isnan(fit) and not isnan(own.get(c, fit))]
     if failed:
-        return f"{', '.join(failed)} not followed by any fit"
+        return f"no fit follows {', '.join(failed)}"
     return format_fits(fits)
 
 
@@ -120,10 +120,10 @@ def compliance_line(result: Identification) -> str:
 def _model_error(error: ModelError) -> str:
     """What residuals beyond the sensors' noise say of the model."""
     if error.share == 0.0:
-        return "Model error: none that shows in the residuals"
+        return "Model error: none visible in the residuals"
     return (
-        f"Model error: the residuals hold {error.excess**0.5:.2g} times the sensors' noise beyond "
-        f"it, {100 * error.share:.0f} % of that as an error that repeats itself"
+        f"Model error: {error.excess**0.5:.2g} times the sensors' noise, "
+        f"{100 * error.share:.0f} % of it systematic"
     )
 
 
@@ -182,7 +182,7 @@ def format_fit(fit: float) -> str:
     """A free-run fit as text."""
     if isnan(fit):
         return "not tested (at rest)"
-    return f"{fit:.1f} %" if fit > -1000.0 else "the model runs away"
+    return f"{fit:.1f} %" if fit > -1000.0 else "diverges"
 
 
 def identification_document(result: Identification) -> dict[str, Any]:
@@ -204,6 +204,91 @@ def identification_document(result: Identification) -> dict[str, Any]:
         "observer": plain({"final": final, "gains": observer.gains}),
         "choices": made["choices"] | made["choices"].pop("alignment"),
     }
+
+
+_LEAST_PROBABILITY = 1e-6  # below which a probability is no more than this
+
+
+def explanation(result: Identification) -> Iterator[Part]:
+    """Tables of what was tried, and sentences on what they rest on."""
+    choices = result.choices
+    yield Text()
+    if choices.term_evidence:
+        yield _terms(choices)
+    if len(choices.segment_evidence) > 1:
+        yield _segments(choices)
+    yield _delays(result)
+    if result.model != "link":
+        yield Text(f"Input hold {choices.hold}: {choices.alignment.hold_reason}")
+    if choices.coulomb_velocity is not None:
+        yield Text(f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s")
+    yield Text()
+    if result.disturbances is not None:
+        yield from _disturbances(result.disturbances)
+    yield _least_squares(result)
+
+
+def _terms(choices: Choices) -> Table:
+    columns = (Column("name"), *numbers("value", "std", "p-value"), Column("in the model"))
+    table = Table("Terms and delays of the full model, in SI units", columns)
+    for e in choices.term_evidence:
+        kept = "yes" if e.kept else "no"
+        std = number(e.std, 2) if isfinite(e.std) else "unknown"
+        value, _ = value_cells(e.value, e.value - e.std, e.value + e.std)
+        table.add(e.name, value, std, _probability(e.probability), kept)
+    return table
+
+
+def _probability(probability: float) -> str:
+    if probability < _LEAST_PROBABILITY:
+        return f"< {_LEAST_PROBABILITY:g}"
+    return f"{probability:.2g}" if isfinite(probability) else "unknown"
+
+
+def _segments(choices: Choices) -> Table:
+    columns = (Column("length"), *numbers("residual over noise", "mean relative std"), Column(""))
+    table = Table("Segments of the prediction error", columns)
+    for e in choices.segment_evidence:
+        chosen = choices.segment_duration is not None and isclose(
+            e.duration, choices.segment_duration
+        )
+        std = number(100 * e.std, 2, "%") if isfinite(e.std) else "unknown"
+        length = number(e.duration, 3, "s")
+        table.add(length, number(e.excess**0.5, 3), std, "chosen" if chosen else "")
+    return table
+
+
+def _delays(result: Identification) -> Table:
+    columns = (Column("channel"), *numbers("late by", "95 % interval"), Column(""))
+    table = Table("Time against the motor's encoder", columns)
+    alignment = result.choices.alignment
+    channels = {"input": alignment.input_delay, "link": alignment.link_delay}
+    if result.model == "link":
+        del channels["input"]
+    for name, delay in channels.items():
+        value, interval = value_cells(*(1e3 * x for x in (delay.value, *delay.interval)))
+        table.add(name, value.with_unit("ms"), interval.with_unit("ms"), delay.status)
+    return table
+
+
+def _disturbances(found: Disturbances) -> Iterator[Part]:
+    """What the drive does that no term describes."""
+    table = Table("Unexplained acceleration, RMS", (Column("balance"), *numbers("share")))
+    for name, share in found.shares.items():
+        table.add(name, number(100.0 * share, 2, "%"))
+    yield table
+    yield Text(f"Fitted in the joint's band, one sample every {1e3 * found.sample_time:.3g} ms")
+    yield Text()
+
+
+def _least_squares(result: Identification) -> Table:
+    rate = result.choices.filter_rate
+    columns = (Column("name"), *numbers("estimate", "least squares"))
+    table = Table(f"Least squares for comparison, filter rate {rate:.6g} 1/s", columns)
+    for name, value in result.least_squares.items():
+        estimate = result.coefficients[name]
+        table.add(name, value_cells(estimate.value, *estimate.interval)[0], number(value, 6))
+    return table
 
 
 PRESENTER = Presenter(identification_parts, identification_document, evidence=explanation)

@@ -8,9 +8,8 @@ from flexid.identification.result.identification import Identification
 from flexid.report.bode_chart import bode_chart
 from flexid.report.charts.description import Axis, Chart, Level, Panel, Points
 from flexid.report.estimates_chart import estimates_chart
-from flexid.report.free_run_chart import free_run_chart
+from flexid.report.free_run_chart import free_run_chart, residual_chart
 from flexid.report.regions_chart import regions_chart
-from flexid.report.residual_chart import residual_chart
 
 _FLOOR = 1e-7  # below which a relative singular value is drawn as this
 _HEIGHT = 1.4

@@ -5,8 +5,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from flexid.report.charts.decimate import peaks
-from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
-from flexid.report.charts.limits import whole_decades, with_margin
+from flexid.report.charts.description import (
+    Axis,
+    Chart,
+    Colour,
+    Level,
+    Line,
+    Mark,
+    Panel,
+    Points,
+    whole_decades,
+    with_margin,
+)
 from flexid.report.play_chart import SYMBOLS
 from flexid.studies.huang2003.readings import TOLERANCE, SteadyRun
 from flexid.studies.huang2003.reproduction import Reproduction

@@ -12,7 +12,7 @@ from rich.text import Text
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.report.charts.description import Chart
 from flexid.report.documents import plain
-from flexid.report.free_run_chart import free_run_chart
+from flexid.report.free_run_chart import free_run_chart, residual_chart
 from flexid.report.page.layout import (
     Answer,
     Command,
@@ -25,7 +25,6 @@ from flexid.report.page.layout import (
 )
 from flexid.report.page.origin import input_facts
 from flexid.report.presenter import Presenter
-from flexid.report.residual_chart import residual_chart
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 
@@ -40,7 +39,7 @@ def fits_table(result: EstimateValidation) -> Table:
     """How much of each channel is predicted, by horizon."""
     fits = {**result.horizons, inf: result.fit_percent}
     columns = (Column("channel"), *numbers(*map(_horizon, fits)))
-    table = Table("Fit of predictions over so long a time (%)", columns)
+    table = Table("Prediction fit by horizon (%)", columns)
     for channel in result.fit_percent:
         table.add(channel, *(_fit(found[channel]) for found in fits.values()))
     return table
@@ -48,8 +47,8 @@ def fits_table(result: EstimateValidation) -> Table:
 
 def errors_parts(result: EstimateValidation) -> Iterator[Part]:
     """What the predictions are off, and what they begin with."""
-    columns = (Column("channel"), *numbers("sensor's noise", *map(_horizon, result.residuals)))
-    table = Table("What they are off (rad, root mean square)", columns)
+    columns = (Column("channel"), *numbers("sensor noise", *map(_horizon, result.residuals)))
+    table = Table("Prediction error by horizon (rad, RMS)", columns)
     for channel, noise in result.noise.items():
         off = (found[channel] for found in result.residuals.values())
         table.add(channel, number(noise, 3), *map(_residual, off))
@@ -62,8 +61,8 @@ def errors_parts(result: EstimateValidation) -> Iterator[Part]:
         )
     count = len(result.runs)
     yield Text(
-        f"{count} recording{'s' if count > 1 else ''} of {result.model} joint; the first state of "
-        f"each prediction is taken from the half second before it."
+        f"{count} recording{'s' if count > 1 else ''} of a {result.model} joint. Each prediction "
+        f"starts from the state that the half second before it shows."
     )
 
 

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from flexid.comparisons.angles import ANGLES, difference
 from flexid.report.digits import value_cells, verdict_cell
-from flexid.report.identification import next_to_none
+from flexid.report.identification import negligible
 from flexid.report.presenter import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
 from flexid.streaming.health import Health
@@ -38,7 +38,7 @@ def parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
     yield Text()
     reference, gone = session.options.reference, {d.name: d for d in session.departures}
     columns = [
-        Column("parameter"),
+        Column("name"),
         Column("value", right=True),
         Column("95 % interval", right=True),
         Column("unit"),
@@ -68,9 +68,8 @@ def parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
             cells.append(sparks.line(name, found.value))
         table.add(*cells)
     yield table
-    if small := next_to_none(session.parameters.values()):
-        ends = "even the ends of such an interval hardly move the joint"
-        yield Text(f"Next to none, or none at all: {', '.join(small)}; {ends}")
+    if small := negligible(session.parameters.values()):
+        yield Text(f"Negligible even at the ends of the interval: {', '.join(small)}")
     conditions = ", ".join(
         f"{name} {found.condition_number:.3g}" for name, found in session.excitation.items()
     )

@@ -21,16 +21,16 @@ def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
     named = ", ".join(_term(name, choices) for name in choices.terms) or "no further term"
     why = "as the settings say" if asked else "since the log has no input"
     alone = f"the link alone, {why}, with " if model == "link" else ""
-    sentence = f"Model: {alone}{named}"
+    sentence = f"Model: {alone}{named}."
     kept = [e for e in choices.term_evidence if e.kept and not e.name.endswith("delay")]
     gone = [e for e in choices.term_evidence if not e.kept and not e.name.endswith("delay")]
-    if kept and choices.term_evidence:
+    if kept:
         least = min(kept, key=lambda e: abs(e.value) / e.std)
-        sentence += f"; of these {least.name} is {_deviations(least.value, least.std)} from zero"
+        sentence += f" Least certain: {least.name}, {_errors(least.value, least.std)} from zero."
     if gone:
         most = max(gone, key=lambda e: abs(e.value) / e.std)
-        sentence += f", of those left out {most.name} was {_deviations(most.value, most.std)}"
-    return sentence + "."
+        sentence += f" Largest excluded: {most.name}, {_errors(most.value, most.std)} from zero."
+    return sentence
 
 
 def _term(name: str, choices: Choices) -> str:
@@ -41,9 +41,9 @@ def _term(name: str, choices: Choices) -> str:
     return f"{name} (its angle counted from {origin:.5g} rad)"
 
 
-def _deviations(value: float, std: float) -> str:
+def _errors(value: float, std: float) -> str:
     ratio = abs(value) / std if std else float("inf")
-    return f"{ratio:.2g} standard deviations" if ratio < 100.0 else "over 100 standard deviations"
+    return f"{ratio:.2g} standard errors" if ratio < 100.0 else "over 100 standard errors"
 
 
 def _alignment_sentence(alignment: Alignment, model: Kind) -> str:

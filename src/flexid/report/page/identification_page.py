@@ -13,11 +13,11 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.charts.description import Chart
-from flexid.report.explanation_table import explanation
 from flexid.report.identification import (
     coefficients_table,
     compliance_line,
     excitation_lines,
+    explanation,
     parameters_table,
     prediction_lines,
     removed_lines,
