@@ -14,11 +14,14 @@ from flexid.recording.names import usual_channel
 from flexid.recording.units import EXAMPLES, UnitError, scale_to_si
 
 USUAL = {
-    "time": ("t", "t_s", "Time_ms", "timestamp"),
-    "link_position": ("q_l", "theta_link", "LoadAngle", "link angle", "q_link_deg"),
+    "time": ("t", "t_s", "Time_ms", "timestamp", "tout", "Zeit [s]", "Temps"),
+    "link_position": (
+        *("q_l", "theta_link", "LoadAngle", "link angle", "q_link_deg", "q_link {deg}"),
+        *("Winkel Abtrieb [°]", "Position charge (deg)", "posizione_carico"),
+    ),
     "motor_position": ("q_m", "theta_m", "motor_pos", "qMotor", "pos_motor_deg", "rotor angle"),
     "motor_velocity": ("qd_m", "motor_speed_rpm", "omega_m"),
-    "motor_torque": ("tau", "tau_m", "torque", "tau_Nm"),
+    "motor_torque": ("tau", "tau_m", "torque", "tau_Nm", "Drehmoment", "Couple moteur (N·m)"),
     "motor_current": ("i_m_A", "motor_current", "current_mA"),
     "motor_voltage": ("u_V", "voltage"),
     "position": ("position", "angle", "q"),
@@ -128,6 +131,14 @@ def test_a_map_leaves_nothing_to_guess() -> None:
         ("mA", 1e-3, "A"),
         ("ms", 1e-3, "s"),
         ("us", 1e-6, "s"),
+        ("Sec", 1.0, "s"),
+        ("DEGREES", pi / 180, "rad"),
+        ("rev", 2 * pi, "rad"),
+        ("U/min", pi / 30, "rad/s"),
+        ("1/min", pi / 30, "rad/s"),
+        ("N.m", 1.0, "N m"),
+        ("Nmm", 1e-3, "N m"),
+        ("Newton metre", 1.0, "N m"),
         ("µs", 1e-6, "s"),
     ],
 )
@@ -136,10 +147,25 @@ def test_units(text: str, factor: float, si_unit: str) -> None:
     assert scale_to_si(text, tuple(EXAMPLES)) == (pytest.approx(factor, rel=1e-12), si_unit)
 
 
-@pytest.mark.parametrize("text", ["Hz", "percent", "1/s", "N m/rad", "m", "rad^2", ""])
+@pytest.mark.parametrize("text", ["Hz", "1/s", "MS", "N m/rad", "m", "rad^2", ""])
 def test_units_of_other_quantities(text: str) -> None:
     """Assert that what has the dimension of an angle or a rate by accident is refused."""
     with pytest.raises(UnitError, match="does not measure"):
+        scale_to_si(text, tuple(EXAMPLES))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("percent", "share of something: .*rated value as the scale, in a column map"),
+        ("‰", "share of something"),
+        ("Grad", r"may mean degrees, or gon .*: write \[deg\], or .*'1/400'"),
+        ("counts", "depends on the encoder"),
+    ],
+)
+def test_units_that_need_a_scale(text: str, words: str) -> None:
+    """Assert that the message says what to write in a column map."""
+    with pytest.raises(UnitError, match=words):
         scale_to_si(text, tuple(EXAMPLES))
 
 

@@ -22,6 +22,8 @@ DEGREES = 180.0 / np.pi
 _SMALLEST_MOTION = 1e-12  # of the largest value
 _COPIED = 0.01  # of the signal, up to which a copy differs: the derivative of a noisy position does
 _SAME = 0.02  # off 1, up to which a copy's factor is, in SI units or in the file's
+_FEWEST_READINGS = 50  # changes of a sensor, from which it is said how often it is read
+_EVENLY = 0.95  # of the times between its changes are multiples of one
 _DEAD = {
     "deflection": "the link moves as if rigidly tied to the motor, or the sensor is dead",
     "link_position": "the encoder is stuck or not connected",
@@ -105,6 +107,25 @@ def check_speed(file: str, name: str, channel: Channel, time: FloatArray) -> tup
         return (f"{file}: {channel.place}: {found}: check the unit and the gear ratio",)
     reason = f"{found}: name its unit in the header, as in {name} [deg]"
     raise RecordingError(file, channel.place, reason)
+
+
+def check_repeats(file: str, name: str, channel: Channel) -> tuple[str, ...]:
+    """Warn of a sensor that is read in every so many samples only, and repeated in between.
+
+    Where a coarse encoder changes at even times, in a slow motion, all steps are alike.
+    """
+    steps = np.diff(channel.values)
+    places = np.flatnonzero(steps)
+    if name in INPUTS or len(places) < _FEWEST_READINGS:
+        return ()
+    apart, sizes = np.diff(places), np.abs(steps[places])
+    period = int(np.median(apart))
+    if period < 2 or np.mean(apart % period == 0) < _EVENLY or np.median(sizes) < 3.0 * sizes.min():
+        return ()
+    return (
+        f"{file}: {channel.place}: {name} changes only every {period} samples, as if it was read "
+        f"so rarely and repeated: log it as fast as the others, or all at its rate",
+    )
 
 
 def check_saturation(file: str, name: str, channel: Channel) -> tuple[str, ...]:

@@ -248,11 +248,11 @@ def _require(table: Table, plan: _Plan) -> None:
             )
         return
     if missing != [_LINK]:
+        remedy = f"rename the columns or say in {what} which is which"
+        if missing == ["time"]:
+            remedy += "; numbers of the samples are a time by scale = 0.001 for 1 ms there"
         raise RecordingError(
-            table.file,
-            table.header,
-            f"there is no {labels}; found {table.listing}: rename the columns or say in "
-            f"{what} which is which",
+            table.file, table.header, f"there is no {labels}; found {table.listing}: {remedy}"
         )
     plan.warnings.append(
         f"{table.file}: there is no {labels}, so only the rigid joint can be identified: to "

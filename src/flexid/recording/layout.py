@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import csv
 import re
-from collections import Counter
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
 from flexid.recording.clock import is_stamp
 from flexid.recording.names import split_header
 from flexid.recording.table import EXAMPLE, is_number
 from flexid.recording.units import is_usual
+
+if TYPE_CHECKING:
+    import polars
 
 SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma may be a decimal's
 BLANK = " "  # the separator where columns are separated by any number of blanks
@@ -31,6 +34,7 @@ class Layout:
     first_line: int  # of the values
     start: int  # where that line begins, in bytes
     skipped: tuple[int, int] | tuple[()] = ()  # lines of a preamble that is no comment
+    twins: tuple[tuple[str, str], ...] = ()  # columns of one name: the first, and what another got
 
 
 @dataclass(frozen=True)
@@ -130,11 +134,18 @@ def _above(
     if len(named) > 1 and _is_units(_names(named[-1], separator)):
         units = named.pop()
     without_numbers = [line for line in named if not any(map(is_number, _names(line, separator)))]
-    header = (without_numbers or named)[-1]
+    named = without_numbers or named
+    # A row of types or of groups has cells that are alike.
+    distinct = [line for line in named if not _repeats(_names(line, separator))]
+    header = (distinct or named)[-1]
     if units is None:
         below = [line for line in fitting if line.number > header.number]
         units = next((line for line in below if _is_units(_names(line, separator))), None)
     return header, units
+
+
+def _repeats(cells: list[str]) -> bool:
+    return len({*cells}) < len(cells)
 
 
 def _no_header(file: str, line: int) -> RecordingError:
@@ -246,14 +257,28 @@ def _layout(
     if units is not None:
         below = zip(names, _names(units, separator), strict=True)
         names = [_with_unit(file, units.number, name, unit) for name, unit in below]
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise RecordingError(
-            file, place, f"the column {twice[0]!r} stands there twice: rename or remove one"
-        )
+    twins = tuple(
+        (name, f"{name} #{place}")
+        for place, name in enumerate(names, start=1)
+        if names.index(name) < place - 1
+    )
+    again = {*(other for _, other in twins)}
+    names = [own if (own := f"{name} #{n}") in again else name for n, name in enumerate(names, 1)]
     before = [line.number for line in lines if line.number < header.number and not line.is_comment]
     skipped = (before[0], before[-1]) if before else ()
-    return Layout(tuple(names), separator, header.number, *first_row, skipped)
+    return Layout(tuple(names), separator, header.number, *first_row, skipped, twins)
+
+
+def without_twins(file: str, layout: Layout, frame: polars.DataFrame) -> polars.DataFrame:
+    """Columns without those that stand there once more; raise where these hold something else."""
+    for name, other in layout.twins:
+        if not frame[name].equals(frame[other]):
+            raise RecordingError(
+                file,
+                f"line {layout.header_line}",
+                f"the column {name!r} stands there twice, with other values: rename or remove one",
+            )
+    return frame.drop([other for _, other in layout.twins])
 
 
 def _with_unit(file: str, line: int, name: str, unit: str) -> str:

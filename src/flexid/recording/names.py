@@ -4,26 +4,38 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections import Counter
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-_QUANTITIES = {
-    "position": {"position", "pos", "angle", "ang", "q", "theta", "phi"},
-    "velocity": {"velocity", "vel", "speed", "omega", "qd", "dq", "qdot", "dtheta", "thetadot"},
-    "torque": {"torque", "tau", "trq", "effort"},
-    "current": {"current", "cur", "curr", "i", "iq"},
-    "voltage": {"voltage", "volt", "u"},
-    "time": {"time", "t", "timestamp", "datetime", "clock"},
+_QUANTITIES = {  # in English, German, French and Italian
+    "position": {
+        *("position", "pos", "angle", "ang", "q", "theta", "phi"),
+        *("winkel", "lage", "posizione", "angolo"),
+    },
+    "velocity": {
+        *("velocity", "vel", "speed", "omega", "qd", "dq", "qdot", "dtheta", "thetadot"),
+        *("drehzahl", "geschwindigkeit", "vitesse", "velocita"),
+    },
+    "torque": {"torque", "tau", "trq", "effort", "drehmoment", "moment", "couple", "coppia"},
+    "current": {"current", "cur", "curr", "i", "iq", "strom", "courant", "corrente"},
+    "voltage": {"voltage", "volt", "u", "spannung", "tension", "tensione"},
+    "time": {"time", "t", "timestamp", "datetime", "clock", "tout", "zeit", "temps", "tempo"},
 }
 _SIDES = {
-    "motor": {"motor", "mot", "m", "rotor", "drive"},
-    "link": {"link", "load", "l", "arm", "output"},
+    "motor": {"motor", "mot", "m", "rotor", "drive", "moteur", "motore", "antrieb"},
+    "link": {
+        *("link", "load", "l", "arm", "output"),
+        *("last", "abtrieb", "charge", "sortie", "carico", "uscita"),
+    },
 }
+_CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # also as a part of a path
 _FILLERS = {
-    "meas", "measured", "act", "actual", "enc", "encoder", "side", "sensor", "value", "data",
-}  # fmt: skip
+    *("meas", "measured", "act", "actual", "enc", "encoder", "side", "sensor", "value", "data"),
+    *("ist", "istwert", "mesure", "de"),
+}
 _OF_TIME = {"date", "stamp"}  # fillers beside the time
 _UNITS = {
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "rad": "rad", "deg": "deg", "rpm": "rpm",
@@ -33,6 +45,8 @@ _UNITS = {
 }  # fmt: skip
 LONGEST = 200  # characters of a name that is looked into
 MOST_TIMES = 3  # in a message
+_PARTING = re.compile(r"[/.](?=[^\s\d])")  # of the parts of a path
+_MOST_PARTS = 8  # of a path that are looked at for its shortest end
 _INPUTS = ("torque", "current", "voltage")
 
 
@@ -53,10 +67,10 @@ def split_header(header: str) -> tuple[str, str | None]:
     header = header.strip()
     match = None
     if len(header) <= LONGEST:
-        match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", header)
+        match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|\{([^{}]*)\})", header)
     if match is None:
         return header, None
-    unit = (match[2] if match[2] is not None else match[3]).strip()
+    unit = next(group for group in match.groups()[1:] if group is not None).strip()
     if re.fullmatch(r"[\d:, ]+", unit):
         return header, None
     return match[1].strip(), unit
@@ -117,6 +131,43 @@ def usual_channel(header: str) -> tuple[str, str | None] | None:
 
 def _kind(word: str, kinds: dict[str, set[str]]) -> str | None:
     return next((kind for kind, words in kinds.items() if word in words), None)
+
+
+def shortest_ends(paths: Iterable[str]) -> dict[str, str]:
+    """By path, its shortest end that no other path has and that leaves no side of the joint out.
+
+    >>> ends = shortest_ends(["log/time", "log/motor/effort", "log/q_link", "speed_rad/s"])
+    >>> [*ends.values()]
+    ['time', 'motor/effort', 'q_link', 'speed_rad/s']
+    """
+    bare = {path: split_header(path)[0] for path in paths}
+    starts = {path: [0, *(m.end() for m in _PARTING.finditer(name))] for path, name in bare.items()}
+    ends: dict[str, str] = {}
+    for count in range(1, _MOST_PARTS + 1):
+        begins = {path: at[max(0, len(at) - count)] for path, at in starts.items()}
+        times = Counter(bare[path][begin:] for path, begin in begins.items())
+        for path, begin in begins.items():
+            parent = path[starts[path][-count - 1] : begin] if begin else ""
+            is_clear = not (_names_side(parent) and _has_no_side(path[begin:]))
+            if times[bare[path][begin:]] == 1 and is_clear:
+                ends.setdefault(path, path[begin:])
+    return {path: _recognised(ends.get(path, path), path) for path in starts}
+
+
+def _names_side(part: str) -> bool:
+    """Whether a part of a path is of one side of the joint."""
+    return not _CLEAR_SIDES.isdisjoint(re.findall("[a-z]+", part.casefold()))
+
+
+def _has_no_side(end: str) -> bool:
+    """Whether an end names a quantity that either side may have."""
+    found = usual_channel(end)
+    return found is not None and found[0] in ("position", "velocity", "motor_torque")
+
+
+def _recognised(end: str, path: str) -> str:
+    """The end of a path, or all of it where that alone is a usual name."""
+    return path if usual_channel(end) is None and usual_channel(path) is not None else end
 
 
 def did_you_mean(word: str, candidates: Iterable[str]) -> str:

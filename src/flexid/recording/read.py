@@ -73,6 +73,7 @@ def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:
         checks.check_magnitude(file, name, channel)
         checks.check_varies(file, name, channel)
         warnings += cautions(Rank.DATA, checks.check_saturation(file, name, channel))
+        warnings += cautions(Rank.DATA, checks.check_repeats(file, name, channel))
     return warnings
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections import Counter
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +12,15 @@ from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS
 from flexid.recording.columns import sources
 from flexid.recording.limits import MOST_ROWS, check_cells
-from flexid.recording.names import cut, first_of, folded, quoted, split_header, usual_channel
+from flexid.recording.names import (
+    cut,
+    first_of,
+    folded,
+    quoted,
+    shortest_ends,
+    split_header,
+    usual_channel,
+)
 from flexid.recording.one_clock import Signal, on_one_clock
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
@@ -28,7 +34,6 @@ if TYPE_CHECKING:
     from flexid.recording.column_map import MapSource
 
 TIME = "time [s]"
-_MOST_PARTS = 8  # of a path that are looked at for its shortest end
 
 
 def table_of_file(path: Path, columns: MapSource | None) -> Table:
@@ -64,7 +69,7 @@ def names_of(reading: Reading) -> Table:
     if reading.is_table:
         frame = pl.DataFrame(schema=dict.fromkeys((one.path for one in series), pl.Float64))
         return Table(file, "", 1, "row", frame, reading.sha256)
-    short = _shortest_ends(series)
+    short = shortest_ends(map(_header, series))
     headers = list(short)
     if _is_clocked(reading):  # these are the time; a signal that is called so is not
         for header, end in short.items():
@@ -134,25 +139,6 @@ def _is_clocked(reading: Reading) -> bool:
 def _header(series: Series) -> str:
     """Its path, with the unit in brackets."""
     return f"{series.path} [{series.unit}]" if series.unit else series.path
-
-
-def _shortest_ends(series: list[Series]) -> dict[str, str]:
-    """By header, the shortest end of its path that no other path has, with the unit."""
-    ends: dict[str, str] = {}
-    for count in range(1, _MOST_PARTS + 1):
-        tails = {_header(one): _end(one.path, count) for one in series}
-        times = Counter(tails.values())
-        for one in series:
-            tail = tails[_header(one)]
-            if times[tail] == 1 and _header(one) not in ends:
-                ends[_header(one)] = tail + _header(one)[len(one.path) :]
-    return {_header(one): ends.get(_header(one), _header(one)) for one in series}
-
-
-def _end(path: str, count: int) -> str:
-    """The last so many parts of a path."""
-    starts = [0, *(match.end() for match in re.finditer(r"[/.]", path))]
-    return path[starts[-count] :] if count <= len(starts) else path
 
 
 Part = tuple["polars.DataFrame", tuple[str, ...]]  # with warnings

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.recording.names import cut, first_of, quoted
+from flexid.recording.names import cut, first_of, quoted, shortest_ends
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -99,7 +99,11 @@ class Table:
 
     def short_name(self, name: str) -> str:
         """The part of a column's name by which a channel is recognised."""
-        return self.short.get(name, name)
+        return self._short_names.get(name, name)
+
+    @cached_property
+    def _short_names(self) -> Mapping[str, str]:
+        return self.short or shortest_ends(self.names)
 
     def place(self, index: int, name: str) -> str:
         """Where the value of column `name` in row `index` (from 0) stands in the file."""

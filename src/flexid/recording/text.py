@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from flexid.errors import RecordingError
 from flexid.files import read_bytes, shown
 from flexid.readers.formats import looks_like
-from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of
+from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of, without_twins
 from flexid.recording.limits import LARGEST_FILE, check_cells
 from flexid.recording.table import Table
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 MINUS = "\N{MINUS SIGN}".encode()  # as some languages' formats write it before a number
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+_COMMENTS = tuple(mark.encode() for mark in COMMENTS)
 
 _STANDARD_INPUT = Path("-")
 
@@ -81,7 +82,7 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
 
     text = as_utf_8(file, raw)
     layout = layout_of(file, text)
-    body = _without_blank_end(text[layout.start :])
+    body = _rows(text[layout.start :])
     if not body:
         reason = "no samples follow the header: export the log again"
         raise RecordingError(file, f"line {layout.header_line}", reason)
@@ -103,14 +104,19 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
         fault = _ragged_row(file, layout, body)
         if fault is not None:
             raise fault
-    return layout, frame
+    return layout, without_twins(file, layout, frame)
 
 
-def _without_blank_end(body: bytes) -> bytes:
-    """Rows without the blank lines below them, and with the last one's empty cells."""
-    filled = len(body.rstrip())
-    end = body.find(b"\n", filled) if filled else 0
-    return (body if end < 0 else body[:end]).rstrip(b"\r")
+def _rows(text: bytes) -> bytes:
+    """Rows without what follows the last: blank lines, comments, and rows of empty cells."""
+    end = len(text)
+    while end > 0:
+        start = text.rfind(b"\n", 0, end) + 1
+        line = text[start:end].strip(b" \t\r,;|")
+        if line and not line.startswith(_COMMENTS):
+            break
+        end = start - 1
+    return text[: max(end, 0)].rstrip(b"\r")
 
 
 def check_text(file: str, raw: bytes) -> None:
@@ -129,9 +135,10 @@ def check_text(file: str, raw: bytes) -> None:
 
 def as_utf_8(file: str, raw: bytes) -> bytes:
     """The text as UTF-8 without byte-order mark, with line feeds, and a hyphen for a minus."""
-    if raw.startswith(UTF_16):
+    encoding = _utf_16(raw)
+    if encoding:
         try:
-            raw = raw.decode("utf-16").encode("utf-8")
+            raw = raw.decode(encoding).encode("utf-8")
         except UnicodeError:
             raise RecordingError(
                 file, "", "the text is damaged UTF-16: save the file as UTF-8"
@@ -145,6 +152,17 @@ def as_utf_8(file: str, raw: bytes) -> bytes:
             text = text.decode("latin-1").encode("utf-8")
         text = text.replace(MINUS, b"-")
     return text if b"\n" in text else text.replace(b"\r", b"\n")
+
+
+def _utf_16(raw: bytes) -> str:
+    """The kind of UTF-16 in which a text is, also without a byte-order mark; empty for others."""
+    if raw.startswith(UTF_16):
+        return "utf-16"
+    sample = raw[:4096]
+    first, second = (sample[place::2].count(0) / max(1, len(sample) // 2) for place in (0, 1))
+    if first + second < 0.9 or min(first, second) > 0.0:
+        return ""
+    return "utf-16-be" if first else "utf-16-le"
 
 
 def _ragged_row(file: str, layout: Layout, body: bytes) -> RecordingError | None:

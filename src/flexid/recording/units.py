@@ -19,14 +19,47 @@ EXAMPLES = {
     "A": ("A", "mA"),
 }
 LONGEST_UNIT = 24
-_WORDS = ("deg", "rad", "deg/s", "rad/s", "rpm")  # whatever their letters' case
-_USUAL = {
-    *("s", "sec", "ms", "us", "µs", "μs", "rad", "deg", "°", "º", "turn", "turns", "rev", "count"),
-    *("counts", "inc", "rad/s", "deg/s", "°/s", "º/s", "rpm", "1/min", "rad/s^2", "rad/s2"),
-    *("N m", "Nm", "N*m", "N·m", "mN m", "mNm", "kNm", "V", "mV", "A", "mA", "Arms", "W"),
+_SMALLEST, _LARGEST = 1e-12, 1e4  # in SI, of a unit in a log: Pint knows the attosecond
+_SPELLED = {  # by a unit of Pint's, how else people write it, in small letters
+    "s": ("s", "sec", "secs", "second", "seconds", "sek"),
+    "ms": ("msec", "msecs", "millisecond", "milliseconds"),
+    "us": ("usec", "usecs", "microsecond", "microseconds"),
+    "rad": ("rad", "radian", "radians"),
+    "deg": ("deg", "degs", "degree", "degrees"),
+    "turn": ("turn", "turns", "rev", "revs", "revolution", "revolutions", "umdr"),
+    "rad/s": ("rad/s", "rad/sec", "radians/s", "rad s-1", "rad.s-1"),
+    "deg/s": ("deg/s", "deg/sec", "degrees/s", "degree/s"),
+    "rpm": ("rpm", "1/min", "min-1", "min^-1", "u/min", "rev/min", "r/min", "tr/min", "giri/min"),
+    "N*m": ("nm", "n.m", "n-m", "newton meter", "newton meters", "newton metre", "newton metres"),
+    "N*mm": ("nmm", "n*mm", "n mm"),
+    "V": ("v", "volt", "volts"),
+    "A": ("a", "amp", "amps", "ampere", "amperes"),
+}
+_BY_SPELLING = {word: unit for unit, words in _SPELLED.items() for word in words}
+_USUAL = {  # exactly so, what else stands in a row of units
+    *(
+        "s",
+        "V",
+        "A",
+        "ms",
+        "us",
+        "µs",
+        "μs",
+        "°",
+        "º",
+        "count",
+        "counts",
+        "inc",
+        "°/s",
+        "º/s",
+        "rad/s^2",
+    ),
+    *("rad/s2", "N m", "N*m", "N·m", "mN m", "mNm", "kNm", "mV", "mA", "Arms", "W"),
     *("Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
 }
 _COUNTS = {"count", "counts", "inc", "incs", "increments", "tick", "ticks", "lsb"}
+_SHARES = {"%", "‰", "percent", "permille"}
+_GRAD = {"grad", "gon"}
 DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
 
 
@@ -41,7 +74,7 @@ def examples(si_unit: str) -> str:
 
 def is_usual(text: str) -> bool:
     """Whether a text is a unit as loggers write them, of whatever quantity."""
-    return text in _USUAL or text.lower() in _WORDS
+    return text in _USUAL or (len(text) > 1 and text.lower() in _BY_SPELLING)
 
 
 @cache
@@ -52,12 +85,22 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
             f"the unit [{text}] depends on the encoder: write unit = 'turn' and scale = '1/4096', "
             f"for 4096 counts in a turn, in a column map"
         )
+    if text.lower() in _SHARES:
+        raise UnitError(
+            f"the unit [{text}] is a share of something: write {_accepted(si_units)} as the unit, "
+            f"and a hundredth or a thousandth of the rated value as the scale, in a column map"
+        )
+    if text.lower() in _GRAD and "rad" in si_units:
+        raise UnitError(
+            f"the unit [{text}] may mean degrees, or gon of which 400 are a turn: write [deg], or "
+            f"unit = 'turn' and scale = '1/400' in a column map"
+        )
     if text in si_units:  # as nearly always; Pint takes a third of a second to be ready
         return 1.0, text
     factor, root = _root_unit(text, si_units)
     for si_unit in si_units:
         si_factor, si_root = _root_unit(si_unit, si_units)
-        if root == si_root:
+        if root == si_root and _SMALLEST <= factor / si_factor <= _LARGEST:
             return factor / si_factor, si_unit
     raise UnitError(
         f"the unit [{text}] does not measure what the column holds: write {_accepted(si_units)}"
@@ -74,11 +117,9 @@ def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     Root units are compared rather than dimensions, because a radian has none: a count, a percentage
     or a hertz would pass for an angle or an angular velocity.
     """
-    registry = _registry()
     unknown = UnitError(f"the unit [{text}] is not known: write {_accepted(si_units)}")
     text = re.sub(f"[{DOTS}]", "·", text).replace("º", "°")
-    if text.lower() in _WORDS:
-        text = text.lower()
+    text = _BY_SPELLING.get(text.lower(), text)
     # Exponents and numbers are limited, so that no unit text can ask for a power tower.
     bare = re.sub(r"\^-?[12](?![\d^])|^\s*1\s*(?=/)", "", text)
     legible = all(character.isalpha() or character in " */·°" for character in bare)
@@ -86,6 +127,7 @@ def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
         raise unknown
     # Pint reads Nm as a measure of yarn.
     spaced = re.sub(r"\b([mk]?N)(c?m)\b", r"\1*\2", text)
+    registry = _registry()
     try:
         quantity = registry.Quantity(1.0, registry.parse_units(spaced)).to_root_units()
     except Exception as error:  # Pint has no common root for what malformed text raises

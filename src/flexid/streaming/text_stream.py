@@ -24,6 +24,7 @@ from flexid.recording.layout import (
     header_separator,
     layout_of,
     split,
+    without_twins,
 )
 from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.table import Table, decimal_mark, first_mark, is_number
@@ -210,7 +211,7 @@ class TextStream:
         head = b"\n".join(text.split(b"\n")[: self._fewest]) + b"\n"
         clock = Clock(since_1970=True) if self._before is None else self._before.clock
         self.rows = rows = _Rows(self._source, layout, clock)
-        frame = rows.frame(head[layout.start :].split(b"\n"))
+        frame = without_twins(self._source, layout, rows.frame(head[layout.start :].split(b"\n")))
         rows.mark = decimal_mark(frame)
         table = rows.table(frame)
         rows.recipes, warnings = recipes_of(table, self._map)

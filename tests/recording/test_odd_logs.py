@@ -1,0 +1,175 @@
+"""Logs as drive engineers export them: right numbers, or a sentence that says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from joint_log import Columns, assert_words, csv_text, joint_columns, read_columns, refused, without
+
+from flexid.recording import Log
+from flexid.recording.read import read_log
+
+COLUMNS = without(joint_columns(), "velocity")
+TEXT = csv_text(COLUMNS)
+HEADER, _, ROWS = TEXT.partition("\n")
+LINES = ROWS.splitlines()
+DEGREES = {n: np.degrees(v) if "position" in n else v for n, v in COLUMNS.items()}
+
+
+def headed(header: str, columns: Columns = COLUMNS) -> str:
+    """The log with another header."""
+    return f"{header}\n{csv_text(columns).partition(chr(10))[2]}"
+
+
+def with_decimal_commas(header: str, columns: Columns) -> str:
+    """The log between semicolons."""
+    return headed(header, columns).replace(",", ";").replace(".", ",")
+
+
+def times_per_channel() -> str:
+    """The log as programs write it that store a time with each channel."""
+    rows = [line.split(",") for line in LINES]
+    lines = [f"{t},{q},{t},{m},{t},{u}" for t, q, m, u in rows]
+    return "\n".join(["time,link_position,time,motor_position,time,motor_torque", *lines]) + "\n"
+
+
+READ: dict[str, str | bytes] = {
+    "German": with_decimal_commas(
+        "Zeit [s],Winkel Abtrieb [°],Winkel Motor [°],Drehmoment [Nm]", DEGREES
+    ),
+    "French": headed("Temps (s),Position charge (deg),Position moteur (deg),Couple (N·m)", DEGREES),
+    "units in braces": headed(
+        "time{s},link_position{deg},motor_position{deg},motor_torque{Nm}", DEGREES
+    ),
+    "units in words": headed(f"{HEADER}\nseconds,degrees,degrees,newton metres", DEGREES),
+    "a row of groups": headed(f"Axis 1,Axis 1,Axis 1,Axis 1\n{HEADER}"),
+    "paths of a simulation": headed(
+        "time,logsout.link_position.Data,logsout.motor_position.Data,logsout.motor_torque.Data"
+    ),
+    "paths of topics": headed("__time,/joint/link/position,/joint/motor/position,/joint/effort"),
+    "a time for each channel": times_per_channel(),
+    "comments at the end": f"{TEXT}# end\n\n% of the log\n",
+    "rows of empty cells at the end": f"{TEXT},,,\n;;;\n",
+    "UTF-16 without a mark": TEXT.encode("utf-16-le"),
+    "UTF-16 of the other order": TEXT.encode("utf-16-be"),
+}
+
+
+def same_numbers(log: Log) -> None:
+    """Assert that a log holds the numbers of the columns."""
+    (recording,) = log.recordings
+    np.testing.assert_allclose(recording.time, COLUMNS["time"], atol=1e-12)
+    np.testing.assert_allclose(recording.link_position, COLUMNS["link_position"], rtol=1e-12)
+    np.testing.assert_allclose(recording.motor_position, COLUMNS["motor_position"], rtol=1e-12)
+    np.testing.assert_allclose(recording.input, COLUMNS["motor_torque"], rtol=1e-12)
+    assert recording.input_unit == "N m"
+
+
+@pytest.mark.parametrize("name", READ)
+def test_read(name: str, tmp_path: Path) -> None:
+    """Assert that the numbers are right without a column map."""
+    path, content = tmp_path / "log.csv", READ[name]
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    same_numbers(read_log(path))
+
+
+REFUSED = {
+    "a row of types": (
+        headed(f"{HEADER}\nLREAL,LREAL,LREAL,LREAL\ns,rad,rad,Nm"),
+        "line 2: .*neither a row of 4 values nor of units: mend or remove it",
+    ),
+    "two times that differ": (
+        times_per_channel().replace("\n0.005,", "\n0.006,", 1),
+        "line 1: the column 'time' stands there twice, with other values: rename or remove one",
+    ),
+    "degrees in German": (
+        headed("time,link_position [Grad],motor_position [Grad],motor_torque", DEGREES),
+        r"column 'link_position \[Grad\]': .*may mean degrees.*write \[deg\]",
+    ),
+    "a share of the rated torque": (
+        headed(HEADER.replace("motor_torque", "motor_torque [%]")),
+        r"column 'motor_torque \[%\]': .*rated value as the scale, in a column map",
+    ),
+    "numbers of samples": (
+        headed(HEADER.replace("time", "sample")),
+        "there is no time.*numbers of the samples are a time by scale = 0.001 for 1 ms",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(name: str, tmp_path: Path) -> None:
+    """Assert that one sentence says what to do."""
+    text, words = REFUSED[name]
+    path = tmp_path / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    assert_words(words, refused(read_log, path))
+
+
+def test_a_torque_of_the_link_is_not_the_motors(tmp_path: Path) -> None:
+    """Assert that the end of a path takes the side along that stands before it."""
+    path = tmp_path / "log.csv"
+    text = headed("time,joint/link/position,joint/motor/position,joint/link/torque")
+    path.write_text(text, encoding="utf-8")
+    assert read_log(path).recordings[0].input is None
+
+
+def records(folder: Path) -> Path:
+    """Positions in a struct, as Parquet has it."""
+    path, frame = folder / "log.parquet", pl.DataFrame(COLUMNS)
+    frame.select("time", pl.struct(pl.exclude("time")).alias("joint")).write_parquet(path)
+    return path
+
+
+def lists(folder: Path) -> Path:
+    """Positions in a list for each sample."""
+    path, frame = folder / "log.parquet", pl.DataFrame(COLUMNS)
+    positions = pl.concat_list("link_position", "motor_position").alias("q")
+    frame.select("time", positions, "motor_torque").write_parquet(path)
+    return path
+
+
+def vectors(folder: Path) -> Path:
+    """Arrays of NumPy by name, one of them of objects."""
+    np.savez(folder / "log.npz", **COLUMNS, note=np.array([{}], dtype=object))
+    return folder / "log.npz"
+
+
+def matrix(folder: Path) -> Path:
+    """Columns of one array."""
+    np.save(folder / "log.npy", np.column_stack([*COLUMNS.values()]))
+    return folder / "log.npy"
+
+
+def table(folder: Path) -> Path:
+    """Records of NumPy."""
+    np.savez(folder / "log.npz", run=np.rec.fromarrays([*COLUMNS.values()], names=[*COLUMNS]))
+    return folder / "log.npz"
+
+
+BINARY: dict[Callable[[Path], Path], dict[str, object] | None] = {
+    records: None,
+    lists: {"link_position": "q[0]", "motor_position": "q[1]"},
+    vectors: None,
+    matrix: {name: f"log[:,{place}]" for place, name in enumerate(COLUMNS)},
+    table: None,
+}
+
+
+@pytest.mark.parametrize("made", BINARY)
+def test_binary(made: Callable[[Path], Path], tmp_path: Path) -> None:
+    """Assert that nested columns and arrays are signals by their paths."""
+    same_numbers(read_log(made(tmp_path), BINARY[made]))
+
+
+def test_a_sensor_that_is_read_rarely_is_named() -> None:
+    """Assert that a warning says how often, and that a coarse encoder's steps raise none."""
+    held = COLUMNS["link_position"][np.arange(400) // 4 * 4]
+    (warning,) = read_columns({**COLUMNS, "link_position": held}).warnings
+    assert_words("column 'link_position': .*changes only every 4 samples.*at its rate", warning)
+    coarse = {n: 0.02 * np.round(v / 0.02) if "pos" in n else v for n, v in COLUMNS.items()}
+    assert not any("changes only" in warning for warning in read_columns(coarse).warnings)
