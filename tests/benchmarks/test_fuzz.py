@@ -60,6 +60,7 @@ def test_any_mutation(name: str, readers: Targets, tmp_path: Path, seed: int) ->
     assert tried(target, tmp_path / f"input{target.suffix}", content) in ("", None)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", APART)
 @settings(MANY, max_examples=6)
 @given(seed=st.integers(0, 2**32))

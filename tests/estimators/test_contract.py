@@ -35,7 +35,11 @@ MODEL = oscillator()
 
 
 @every
-@pytest.mark.parametrize("known", [None, TRUE["gain"]], ids=["unknown gain", "known gain"])
+@pytest.mark.parametrize(
+    "known",
+    [None, pytest.param(TRUE["gain"], marks=pytest.mark.thorough)],
+    ids=["unknown gain", "known gain"],
+)
 @pytest.mark.parametrize("hold", ["zero", "linear"])
 def test_clean_data_give_the_truth(estimate: Estimator, hold: Hold, known: float | None):
     """Assert that exciting data give the truth, whether or not the input's gain is known."""
@@ -57,6 +61,7 @@ def test_the_hold_matters(estimate: Estimator):
     assert errors[0] > 10.0 * errors[1]
 
 
+@pytest.mark.thorough
 @every
 def test_same_bits_in_any_order_of_coefficients(estimate: Estimator):
     """Assert that an estimator is deterministic, leaves the record alone, and knows no order."""

@@ -56,6 +56,12 @@ def test_arm_needs_its_offsets_and_friction(arm):
     assert {"link_coulomb", "motor_coulomb"} & set(arm.choices.terms)
 
 
+def test_a_voltage_gives_ratios_only(arm):
+    """Assert that no parameter needs the torque, which is not known."""
+    assert arm.parameters
+    assert all("_per_" in name for name in arm.parameters)
+
+
 def test_arm_is_flexible_but_not_as_modelled(arm):
     """Assert that the compliance is visible, and that something is left unexplained.
 

@@ -144,6 +144,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50))
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(os.name != "posix", reason="limits of processes")
 def test_a_full_cache_stops_nothing(tmp_path: Path) -> None:
     """Assert that a kernel that cannot be written computes the same, and leaves no half a file."""

@@ -155,6 +155,7 @@ def test_explicit_route_agrees() -> None:
     assert explicit.statistics != ours.statistics
 
 
+@pytest.mark.thorough
 def test_explicit_route_says_that_a_loop_is_stiff() -> None:
     """Assert that the explicit method gives up at high gain instead of going on for ever."""
     with pytest.raises(SimulationError, match="steps did not suffice"):

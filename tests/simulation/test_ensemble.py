@@ -71,7 +71,7 @@ def with_friction(loop: ClosedLoop) -> ClosedLoop:
     [
         (True, varied(LOOP, 3)),
         (False, varied(LOOP, MANY)),
-        (False, varied(with_friction(LOOP), MANY)),
+        pytest.param(False, varied(with_friction(LOOP), MANY), marks=pytest.mark.thorough),
     ],
     ids=["stiff", "lanes", "lanes with friction"],
 )

@@ -265,6 +265,7 @@ def test_what_cannot_be_known(options: dict, words: str):
         replace(OPTIONS, **options)
 
 
+@pytest.mark.thorough
 def test_widths_of_shapes_come_with_an_estimate():
     """Assert that a term whose shape an estimate found is learnt with that width."""
     made = Commissioned(
@@ -276,6 +277,7 @@ def test_widths_of_shapes_come_with_an_estimate():
     assert low < 0.0 < high
 
 
+@pytest.mark.thorough
 def test_everything_may_be_known():
     """Assert that a session with spring and inertias given still has a health."""
     known = {"motor_inertia": 0.3, "joint_stiffness": 100.0, "link_inertia": 1.0}
