@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from joint_log import joint_columns, read_columns, refused, without
 
 from flexid.recording.names import usual_channel
-from flexid.recording.units import EXAMPLES, UnitError, scale_to_si
+from flexid.recording.units import EXAMPLES, UnitError, is_usual, scale_to_si
 
 USUAL = {
     "time": ("t", "t_s", "Time_ms", "timestamp", "tout", "Zeit [s]", "Temps"),
@@ -140,6 +140,7 @@ def test_a_map_leaves_nothing_to_guess() -> None:
         ("Nmm", 1e-3, "N m"),
         ("Newton metre", 1.0, "N m"),
         ("µs", 1e-6, "s"),
+        ("kilonewton * centimeters", 10.0, "N m"),  # as long as may be
     ],
 )
 def test_units(text: str, factor: float, si_unit: str) -> None:
@@ -169,7 +170,22 @@ def test_units_that_need_a_scale(text: str, words: str) -> None:
         scale_to_si(text, tuple(EXAMPLES))
 
 
-@pytest.mark.parametrize("text", ["furlongs!", "9^9^9", "km^9999", "km²³²³²³", "rad/", "__x", "("])
+@pytest.mark.parametrize(
+    ("text", "usual"),
+    [("kHz", True), ("Volts", True), ("s", True), ("S", False), ("v", False), ("speed", False)],
+)
+def test_usual_units(text: str, usual: bool) -> None:
+    """Assert that a symbol is known as it is written, and a word in any letters."""
+    assert is_usual(text) == usual
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("furlongs!", "9^9^9", "km^9999", "km²³²³²³", "rad/", "__x", "("),
+        "kilonewtons * centimeters",
+    ],
+)
 def test_unknown_units(text: str) -> None:
     """Assert that no unit text does more than fail."""
     with pytest.raises(UnitError, match=r"is not known: write \[rad\], \[deg\]"):

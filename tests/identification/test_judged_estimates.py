@@ -1,0 +1,112 @@
+"""Intervals and verdicts of coefficients, parameters and constants, from an estimate."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from scipy.stats import t
+
+from flexid.identification.judgement.estimates import (
+    coefficient_estimates,
+    constant_estimates,
+    parameter_estimates,
+)
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+from flexid.models.flexible_joint import PAPER_TERMS
+
+JOINT = flexible()
+UNKNOWNS = JOINT.unknowns(JOINT.optional - {c for t in PAPER_TERMS for c in JOINT.terms[t]}, {})
+VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.7, "beta1": 0.3}
+LINK, MOTOR = {"theta1", "theta2"}, {"alpha1", "alpha2", "beta1"}
+HALF = 0.005 * float(t.ppf(0.975, 50.0))
+"""Half the interval of a value that is known to 0.5 %, over the value."""
+
+Judged = tuple[dict[str, CoefficientEstimate], dict[str, ParameterEstimate]]
+
+
+def judged(
+    values: Mapping[str, float],
+    deviations: Mapping[str, float] | None = None,
+    fixed: Mapping[str, tuple[float, str]] | None = None,
+    sizes: Mapping[str, float] | None = None,
+    exact: Mapping[str, tuple[float, str]] | None = None,
+) -> Judged:
+    """Coefficients and parameters of a drive that is known to 0.5 % where nothing else is said."""
+    found = np.array([*values.values()])
+    spread = [(deviations or {}).get(name, 0.005 * abs(v)) for name, v in values.items()]
+    estimate = Estimate(tuple(values), found, np.diag(np.square(spread)), (50.0,) * len(values))
+    coefficients = coefficient_estimates(estimate, JOINT, UNKNOWNS, sizes or {}, fixed or {}, "N m")
+    return coefficients, parameter_estimates(
+        JOINT, estimate, UNKNOWNS, coefficients, "N m", exact=exact
+    )
+
+
+@pytest.mark.parametrize(
+    ("negative", "own", "other"),
+    [("alpha1", MOTOR, LINK), ("beta1", MOTOR, LINK), ("theta2", LINK, MOTOR)],
+)
+def test_the_other_row_stands_for_itself(negative, own, other):
+    """Assert that a row with a negative spring or inertia is undetermined, and the other not."""
+    found, _ = judged({**VALUES, negative: -VALUES[negative]})
+    assert {found[name].verdict for name in own} == {"undetermined"}
+    assert {found[name].verdict for name in other} == {"determined"}
+
+
+def test_coefficients_and_parameters_by_hand():
+    """Assert values, intervals and slopes of what was estimated, and of what follows from it.
+
+    A delay among the unknowns is no coefficient.
+    """
+    coefficients, parameters = judged({"input_delay": 0.0, **VALUES})
+    assert {*coefficients} == {*VALUES}
+    for name, value in VALUES.items():
+        found = coefficients[name]
+        assert found.slopes == {name: 1.0}
+        assert found.verdict == "determined"
+        assert found.interval == pytest.approx((value * (1.0 - HALF), value * (1.0 + HALF)))
+    stiffness = parameters["joint_stiffness"]  # alpha1 over beta1, which err independently
+    assert stiffness.value == pytest.approx(1000.0)
+    assert stiffness.std == pytest.approx(1000.0 * 0.005 * 2.0**0.5)
+    assert stiffness.slopes == pytest.approx({"alpha1": 1.0 / 0.3, "beta1": -1000.0 / 0.3})
+
+
+def test_what_is_given_has_no_width_and_says_so():
+    """Assert that a fixed coefficient, and a parameter that rests on nothing else, are given."""
+    free = {name: value for name, value in VALUES.items() if name != "beta1"}
+    coefficients, parameters = judged(free, fixed={"beta1": (0.3, "given")})
+    for found in (coefficients["beta1"], parameters["motor_inertia"]):
+        assert (found.std, found.verdict, found.reason) == (0.0, "determined", "given")
+        assert found.interval == (found.value, found.value)
+    assert parameters["joint_stiffness"].reason == ""
+    _, parameters = judged(VALUES, exact={"motor_inertia": (3.0, "known")})
+    inertia = parameters["motor_inertia"]
+    assert (inertia.value, inertia.std, inertia.reason) == (3.0, 0.0, "known")
+    assert {"joint_stiffness", "link_inertia", "motor_viscous_friction"} <= {*parameters}
+
+
+@pytest.mark.parametrize(("effect", "expected"), [(0.039, "determined"), (0.041, "undetermined")])
+def test_what_hardly_moves_its_row_is_determined(effect, expected):
+    """Assert that half an interval about zero counts by its effect, in the parameter as well."""
+    half = float(t.ppf(0.975, 50.0)) * 0.1
+    coefficients, parameters = judged(
+        VALUES | {"alpha2": 0.01}, {"alpha2": 0.1}, sizes={"alpha2": effect / half}
+    )
+    assert coefficients["alpha2"].verdict == expected
+    assert parameters["motor_viscous_friction"].verdict == expected
+    assert bool(parameters["motor_viscous_friction"].reason) == (expected != "determined")
+
+
+def test_constants_of_shapes_are_judged_by_their_width():
+    """Assert value, interval, unit and verdict of a constant."""
+    found = constant_estimates(
+        {"stribeck_velocity": (0.15, 0.01, 50.0), "bend_deflection": (0.3, 0.1, 50.0)}
+    )
+    velocity, bend = found["stribeck_velocity"], found["bend_deflection"]
+    half = 0.01 * float(t.ppf(0.975, 50.0))
+    assert velocity.interval == pytest.approx((0.15 - half, 0.15 + half))
+    assert (velocity.unit, velocity.verdict, velocity.degrees_of_freedom) == (
+        "rad/s", "determined", 50.0,
+    )  # fmt: skip
+    assert (bend.unit, bend.verdict) == ("rad", "weak")
