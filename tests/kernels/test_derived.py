@@ -17,8 +17,8 @@ KERNELS = [
     ("segmented_motion", "motion_kernel", JOINT.system),
     ("segmented_motion", "motion_kernel", JOINT.extended),
     ("segmented_motion", "motion_kernel", STIFF.system),
-    ("state_variable_filter", "_kernel", JOINT.smooth),
-    ("state_variable_filter", "_kernel", STIFF.smooth),
+    ("state_variable_filter", "_signals", JOINT.smooth),
+    ("state_variable_filter", "_signals", STIFF.smooth),
     ("parametric_observer", "_kernel", JOINT.smooth),
 ]
 """Of what `flexid identify` has to compile for a usual drive: module, function, model."""
@@ -30,7 +30,7 @@ def generated(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     found: dict[str, str] = {}
 
     def build_only(
-        task: str, declarations: list[str], build: Callable[[], str], _templates: Any
+        task: str, declarations: list[str], build: Callable[[], str], _templates: Any = ()
     ) -> ModuleType:
         found[store.shipped_name(task, declarations)] = build()
         return ModuleType(task)

@@ -31,7 +31,6 @@ from flexid.estimators.recursive_least_squares import (
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import MOTION, By, Point, segmented_motion
 from flexid.estimators.segments import divide
-from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.kernels import store
 from flexid.kernels.store import load_kernel
 from flexid.models.flexible_joint import flexible_joint
@@ -129,10 +128,6 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
     "segments": (
         equations,
         {"bound", "compiled", "dry_motion", "prediction_error"} | {*MOTION},
-    ),
-    "least squares": (
-        lambda: filtered_least_squares([samples()], JOINT, 20.0),
-        {"state_variable_filter"},
     ),
     "observer": (
         lambda: estimate(parametric_observer(JOINT, {"link": 1.0, "motor": 1.0}, H)),

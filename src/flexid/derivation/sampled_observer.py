@@ -11,21 +11,20 @@ be stored and loaded again at every sample (28 against 84 ns, measured on the fl
 
 from collections.abc import Sequence
 
-from flexid.derivation.model_functions import module_header, regressor_function
+from flexid.derivation.model_functions import module_header
 from flexid.derivation.source import assignments, function, row_function, tuple_text
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
 
 def sampled_observer_functions(system: ParametricSystem, purpose: str) -> str:
-    """Header, regressors, and ``advance`` with what turns arrays into its tuples."""
+    """Header, and ``advance`` with what turns arrays into its tuples."""
     symbolic = symbolic_system(system)
     state, sample, settings = _layout(symbolic)
     sizes = f"STATE_SIZE = {len(state)}\nSAMPLE_SIZE = {len(sample)}\n"
     return "\n\n".join(
         (
             module_header(system, purpose) + sizes,
-            regressor_function(symbolic),
             _advance_function(symbolic),
             _tuple_function("as_state", "State", len(state)),
             row_function("as_sample", "Sample _n", len(sample), "inner"),

@@ -47,10 +47,24 @@ class ScalarPrinter(PythonCodePrinter):
         return f"({self._print(base)})**({self._print(exponent)})"
 
 
+class ArrayPrinter(ScalarPrinter):
+    """The same for arrays, whose numbers cannot be told apart by ``if``."""
+
+    def _print_sign(self, e: sp.Function) -> str:
+        return f"sign({self._print(e.args[0])})"
+
+
 _printer = ScalarPrinter({"fully_qualified_modules": False})
+_array_printer = ArrayPrinter({"fully_qualified_modules": False})
 
 IMPORTS = "from math import asinh, atan, copysign, cos, cosh, erf, exp, log, sin, sqrt, tan, tanh"
-"""The import line of every generated module."""
+"""The import line of every generated module of scalars."""
+
+ARRAY_IMPORTS = """from numpy import arcsinh as asinh
+from numpy import arctan as atan
+from numpy import cos, cosh, exp, log, sign, sin, sqrt, tan, tanh
+from scipy.special import erf"""
+"""The same for a module of arrays."""
 
 
 def print_scalar(expression: sp.Basic) -> str:
@@ -59,15 +73,19 @@ def print_scalar(expression: sp.Basic) -> str:
 
 
 def assignments(
-    targets: Sequence[str], expressions: Sequence[sp.Expr], indent: str = "    "
+    targets: Sequence[str],
+    expressions: Sequence[sp.Expr],
+    indent: str = "    ",
+    of_arrays: bool = False,
 ) -> str:
     """Lines that assign expressions to targets, with common subexpressions computed once."""
+    show = _array_printer.doprint if of_arrays else _printer.doprint
     # A leading underscore marks the generator's own names; declarations cannot have one.
     names = sp.numbered_symbols("_e", real=True)
     temporaries, reduced = sp.cse(list(expressions), symbols=names, optimizations="basic")
-    lines = [f"{name} = {print_scalar(value)}" for name, value in temporaries]
+    lines = [f"{name} = {show(value)}" for name, value in temporaries]
     lines += [
-        f"{target} = {print_scalar(sp.sympify(value))}"
+        f"{target} = {show(sp.sympify(value))}"
         for target, value in zip(targets, reduced, strict=True)
     ]
     return "\n".join(indent + line for line in lines or ["pass"])

@@ -15,8 +15,9 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.online import OnlineEstimator, checked_sample_time, packed
+from flexid.estimators.online import OnlineEstimator, checked_sample_time
 from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import regressors
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
@@ -84,13 +85,11 @@ def suggest_gains(
     weigh alike in r̄ᵀG r̄ whatever their units. Directions that the motion excites less decay more
     slowly, and may not decay within the record at all: see the condition number of the excitation.
     """
-    squares = np.empty(len(system.coefficients))
-    constants = np.array(list(system.constants.values()), dtype=np.float64)
-    _kernel(system).mean_squares(packed(samples), constants, squares)
+    squares = [np.mean(signal**2) for signal in regressors(samples, system)]
     counts = [len(row.coefficients) for row in system.rows for _ in row.coefficients]
     return {
-        name: convergence_rate / (count * square) if square > 0.0 else 0.0
-        for name, count, square in zip(system.coefficients, counts, squares.tolist(), strict=True)
+        name: float(convergence_rate / (count * square)) if square > 0.0 else 0.0
+        for name, count, square in zip(system.coefficients, counts, squares, strict=True)
     }
 
 

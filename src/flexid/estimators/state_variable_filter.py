@@ -6,11 +6,13 @@ remembers from before the record is a combination of two known sequences, z^i an
 pole z; both sides are projected on what these cannot explain, and p follows by least squares.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import get_blas_funcs
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
@@ -23,6 +25,8 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
 _MEMORY = 40.0  # time constants of the filter after which its past has vanished: exp(-40) = 4e-18
+_solve_banded = get_blas_funcs("tbsv", dtype=np.float64)
+_TILE = 8192  # samples that are filtered together: they stay in the caches
 
 
 def filtered_least_squares(
@@ -91,27 +95,105 @@ def filtered_signals(
     taken as zero where there are none.
     """
     equations = [len(recording) - 2 for recording in recordings]
-    kernel = _kernel(system)
-    if wanted is None:
-        wanted = np.arange(kernel.N_SIGNALS, dtype=np.int64)
-    constants = np.array(list(system.constants.values()), dtype=np.float64)
+    n_signals = len(system.coefficients) + len(system.rows)
+    places = range(n_signals) if wanted is None else wanted.tolist()
     # Memory that nothing is written to takes no room: signals that are not wanted cost nothing.
-    signals = np.zeros((len(system.coefficients) + len(system.rows), sum(equations)))
+    signals = np.zeros((n_signals, sum(equations)))
     first = 0
     for recording, count in zip(recordings, equations, strict=True):
-        h = float(recording.sample_time)
-        pole = float(np.exp(-filter_rate * h))
-        none = np.zeros_like(recording.positions)
-        velocities = none if recording.velocities is None else recording.velocities
-        record = tuple(
-            np.ascontiguousarray(column, dtype=np.float64)
-            for column in (recording.positions, velocities, recording.inputs)
-        )
-        kernel.filter_recording(record, constants, h, pole, hold == "zero", wanted, signals, first)
-        past = min(count, int(np.ceil(_MEMORY / (filter_rate * h))) + 2)
-        _project_out_past(signals[:, first : first + past], pole)
+        rate = filter_rate * float(recording.sample_time)
+        pole = float(np.exp(-rate))
+        model = _SampledModel(system, recording)
+        own = signals[:, first : first + count]
+        once = np.zeros(n_signals)
+        bands = np.empty((2, min(_TILE, count)), order="F")
+        bands[0], bands[1] = 1.0, -pole
+        for start in range(0, count, _TILE):
+            stop = min(start + _TILE, count)
+            for place, signal in model.second_integrals(start, stop, hold == "zero", places):
+                smooth = _smoothed(signal, bands, once[place])
+                last = own[place, start - 1] if start else 0.0
+                own[place, start:stop] = _smoothed(smooth, bands, last)
+                once[place] = smooth[-1]
+        past = min(count, int(np.ceil(_MEMORY / rate)) + 2)
+        _project_out_past(own[:, :past], pole)
         first += count
     return signals
+
+
+def regressors(samples: Samples, system: ParametricSystem) -> list[FloatArray]:
+    """Regressor of every coefficient at every sample, from positions and velocities."""
+    model = _SampledModel(system, samples)
+    linear = model.factors @ model.states[1::2]
+    parts = model.parts(0, len(samples))
+    return [part + v for part, v in zip(parts, linear, strict=True)][: len(system.coefficients)]
+
+
+class _SampledModel:
+    """The signals of a model at the samples of a recording."""
+
+    def __init__(self, system: ParametricSystem, samples: Samples) -> None:
+        self.states = np.zeros((2 * len(system.rows), len(samples)))
+        self.states[::2] = samples.positions.T
+        if samples.velocities is not None:
+            self.states[1::2] = samples.velocities.T
+        self._inputs = np.ascontiguousarray(samples.inputs.T, dtype=np.float64)
+        self._constants = np.array(list(system.constants.values()), dtype=np.float64)
+        self._rate = 1.0 / float(samples.sample_time)
+        self._n_coefficients = len(system.coefficients)
+        self._functions = _signals(system)
+        self.factors = np.empty((self._functions.N_SIGNALS, len(system.rows)))
+        self._functions.velocity_factors(self._constants, self.factors)
+
+    def parts(self, start: int, stop: int, lag: int = 0) -> list[FloatArray]:
+        """Signals without terms linear in velocities, with the inputs of so many samples before."""
+        found: list[Any] = [0.0] * self._functions.N_SIGNALS
+        states = self.states[:, start:stop]
+        inputs = self._inputs[:, start - lag : stop - lag]
+        with np.errstate(all="ignore"):  # a term that is off may be of no number
+            self._functions.sampled_parts(states, inputs, self._constants, found)
+        return [np.broadcast_to(part, stop - start) for part in found]
+
+    def second_integrals(
+        self, start: int, stop: int, zero_order: bool, wanted: Iterable[int]
+    ) -> Iterator[tuple[int, FloatArray]]:
+        """Double integrals of signals over two sampling intervals, and the place of each.
+
+        The second difference of a position is the integral of its acceleration over two intervals,
+        weighted by a triangle. That integral is taken by a three-sample rule: held inputs jump at
+        the samples and are taken as linear in between; whatever has no input is smooth, and
+        Numerov's rule is of fourth order for it. Of a left-hand side its known part is subtracted.
+        """
+        positions = self.states[::2, start : stop + 2]
+        slopes = 0.5 * self._rate * (positions[:, 2:] - positions[:, :-2])
+        after = self.parts(start, stop + 2)
+        until = [part[1:] for part in after]
+        if zero_order:
+            until = self.parts(start + 1, stop + 2, lag=1)
+        for place in wanted:
+            held = self._functions.HELD[place]
+            end = 1.0 / 6.0 if held else 1.0 / 12.0
+            middle = (2.0 if zero_order else 4.0) / 6.0 if held else 10.0 / 12.0
+            signal = middle * after[place][1:-1]
+            signal += end * after[place][:-2]
+            signal += end * until[place][1:]
+            if held and zero_order:  # the middle sample counts on both sides of its jump
+                signal += middle * until[place][:-1]
+            for row, factor in enumerate(self.factors[place].tolist()):
+                if factor != 0.0:
+                    signal += factor * slopes[row]
+            if place >= self._n_coefficients:
+                curvature = np.diff(positions[place - self._n_coefficients], 2)
+                signal = self._rate * self._rate * curvature - signal
+            yield place, signal
+
+
+def _smoothed(signal: FloatArray, bands: FloatArray, last: float) -> FloatArray:
+    """The filter (1 - pole) / (1 - pole/z) after it was last: a bidiagonal system of equations."""
+    pole = -float(bands[1, 0])
+    right = (1.0 - pole) * signal
+    right[0] += pole * last
+    return _solve_banded(1, bands[:, : len(signal)], right, lower=1, diag=1, overwrite_x=1)
 
 
 def _project_out_past(signals: FloatArray, pole: float) -> None:
@@ -125,7 +207,7 @@ def _check_velocities(
     recordings: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns
 ) -> None:
     """Refuse a recording without velocities where a term that is not switched off needs one."""
-    needed = _kernel(unknowns.system).VELOCITY_NEEDED
+    needed = _signals(unknowns.system).VELOCITY_NEEDED
     for place in usable:
         if recordings[place].velocities is not None:
             continue
@@ -174,10 +256,12 @@ def _sought_signals(
     return regressors, left_hand_sides
 
 
-def _kernel(system: ParametricSystem) -> ModuleType:
+def _signals(system: ParametricSystem) -> ModuleType:
+    """The signals of a model as functions of arrays."""
+
     def build() -> str:
-        from flexid.derivation.regressor_classes import filter_functions
+        from flexid.derivation.regressor_classes import signal_module
 
-        return filter_functions(system, "State-variable filter on positions")
+        return signal_module(system)
 
-    return load_kernel("state_variable_filter", [system.digest], build, ["state_variable_filter"])
+    return load_kernel("signals", [system.digest], build)

@@ -11,7 +11,6 @@ from flexid.estimators.online import packed
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import motion_kernel, segments_kernel
-from flexid.estimators.state_variable_filter import filtered_signals
 from flexid.estimators.threads import cores
 from flexid.identification.preparation.joint import flexible, rigid
 from flexid.kernels.store import is_compiled
@@ -41,14 +40,8 @@ def compile_what_comes_later() -> None:
     joint, stiff = flexible(), rigid()
     motion_kernel(joint.extended)
     motion_kernel(stiff.system)
-    filtered_signals([_record(1)], stiff.smooth, 20.0, "zero")
-    record = _record(2)
+    still = np.zeros((10, 2))
+    record = Samples(still, still, np.zeros((10, 1)), 1e-3)
     gains = suggest_gains(record, joint.smooth)
     observer = parametric_observer(joint.smooth, gains, record.sample_time, "zero")
     observer.replay(observer.init(), packed(record))
-
-
-def _record(rows: int) -> Samples:
-    """A few samples of a joint that is still."""
-    still = np.zeros((10, rows))
-    return Samples(still, still, np.zeros((10, 1)), 1e-3)

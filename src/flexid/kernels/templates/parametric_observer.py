@@ -16,7 +16,6 @@ if TYPE_CHECKING:
         as_settings,
         as_state,
         inner,
-        regressors,
     )
     from flexid.kernels.templates.status import REJECTED, STARTING, is_finite
 
@@ -68,16 +67,3 @@ def replay(state, samples, settings, coefficients, infos):
             infos[n, j] = innovation[j]
         infos[n, N_ROWS] = status
     return as_array(current)
-
-
-@njit(cache=True, error_model="numpy")
-def mean_squares(samples, constants, squares):
-    """Mean square of every regressor over the samples."""
-    r = np.empty(N_COEFFICIENTS)
-    k = np.empty(N_ROWS)
-    squares[:] = 0.0
-    for n in range(samples.shape[0]):
-        regressors(samples[n, : 2 * N_ROWS], samples[n, 2 * N_ROWS :], constants, r, k)
-        for i in range(N_COEFFICIENTS):
-            squares[i] += r[i] * r[i]
-    squares /= samples.shape[0]
