@@ -4,7 +4,16 @@ One root, `FlexidError`; each subclass carries its data as fields, and its text 
 that names the place and the remedy, fit to be shown to a user as it stands.
 """
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """What to write instead of a word, after what is said of it: the nearest, or all there are."""
+    names = [*known]
+    close = get_close_matches(word, names, n=1, cutoff=0.6)
+    return f": did you mean {close[0]}?" if close else f": there are {', '.join(names)}"
 
 
 class FlexidError(Exception):

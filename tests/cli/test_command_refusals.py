@@ -103,7 +103,7 @@ REFUSED = (
     ("reproduce --out good.csv", "--out"),
     ("reproduce --out=", "its name is empty"),
     ("simulate nowhere.toml", "nowhere.toml: there is no such file"),
-    ("simulate huang2003.toml --set controller.kk=3", "write controller.k"),
+    ("simulate huang2003.toml --set controller.kk=3", "did you mean controller.k"),
     ("simulate huang2003.toml --set controller.k", "path=number"),
     ("simulate huang2003.toml --set controller.k=__import__('os')", "path=number"),
     ("simulate huang2003.toml --set controller.k=nan", "finite number"),

@@ -138,7 +138,7 @@ def test_what_no_input_mends_is_said(faint):
     }
     advice = advise(replace(found, coefficients=contradicted), [], pytest.fail)
     lines = list(advice_lines(advice, "N m"))
-    assert lines == ["Another input does not remedy this:", "The log contradicts it."]
+    assert lines == ["Another input does not help:", "The log contradicts it."]
 
 
 def test_a_rigid_joint_is_examined_too(tmp_path):

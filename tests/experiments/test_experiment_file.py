@@ -216,7 +216,7 @@ FAULTS = {
         "initial_estimates.beta1",
         "theta1",
     ),
-    "row": (TEXT.replace("link = 1.0", "lonk = 1.0"), "observer", "link, motor"),
+    "row": (TEXT.replace("link = 1.0", "lonk = 1.0"), "observer", "did you mean link"),
     "state": (TEXT + "[initial_state]\nx7 = 1.0", "initial_state.x7", "x1, x2"),
     "nominal": (TEXT.replace("= 75.0", "= 0.0"), "controller.nominal.joint_stiffness", "than 0"),
     "tolerance of a sampled loop": (TEXT + "[sampling]", "run.sample_time", "remove it"),

@@ -42,13 +42,10 @@ def path(tmp_path_factory):
 def test_it_asks_for_nothing_and_runs_nothing(page):
     """Assert that markup from outside is text, and that no request is made but for the page."""
     page.wait_for_timeout(200)
-    assert page.watched.requests == [page.url]
-    assert page.watched.complaints == []
+    assert (page.watched.requests, page.watched.complaints) == ([page.url], [])
     assert page.locator("img").count() == 0
-    assert HOSTILE in page.locator("#warnings").inner_text()
-    assert HOSTILE in page.locator("#origin").inner_text()
-    assert HOSTILE in page.locator("#settings").inner_text()
-    assert HOSTILE in page.locator("#values").inner_text()
+    for section in ("warnings", "origin", "settings", "values"):
+        assert HOSTILE in page.locator(f"#{section}").inner_text()
 
 
 @pytest.mark.thorough

@@ -74,8 +74,8 @@ def test_estimates_carry_names_values_and_units():
     assert history.y[[0, -1]] == pytest.approx([3000.0, 100.0])
     assert [*interval.low, *interval.high] == [98.0, 98.0, 102.0, 102.0]
     assert [level.value for level in marks(stiffness, Level)] == [100.0]
-    assert "Of 2 parameters the log determines 1" in chart.says
-    assert "of 2 of them" in chart.says
+    assert "Determined by the log: 1 of 2" in chart.says
+    assert "converges to 2 of these estimates" in chart.says
 
 
 def test_an_observer_that_does_not_arrive_takes_no_room():
@@ -84,7 +84,7 @@ def test_an_observer_that_does_not_arrive_takes_no_room():
     panel = chart.panels[0]
     assert marks(panel, Line) == []
     assert panel.title.endswith("; observer ends elsewhere")
-    assert "of 0 of them" in chart.says
+    assert "converges to 0 of these estimates" in chart.says
     assert panel.y.limits is not None
     low, high = panel.y.limits
     assert 80.0 < low < 98.0

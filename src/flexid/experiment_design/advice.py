@@ -30,6 +30,7 @@ _LEAST, _MOST = 1 / 16, 32.0  # size of an addition, over the input's root mean 
 _STEP = 4.0  # between one amplitude and the next
 _REFINEMENTS = 4  # halvings of the last step, on a logarithmic scale
 _MARGIN = 1.25  # on amplitude or length: the next log has other noise
+_FARTHEST = 10.0  # times the log's own reach, or turns: beyond, the model is not trusted
 _SHORT = 5.0  # s, below which a log is too short in any case
 _MOST_TIMES = 100.0  # the length of the log
 # A second tone at 2.65 times the first with a fifth of its amplitude brings the condition number of
@@ -78,7 +79,10 @@ def _sufficient(
         return None
     if not found.enough:
         return None
-    positions = rehearsal.record.positions + change
+    own = rehearsal.record.positions
+    positions = own + change
+    if np.abs(positions).max() > _FARTHEST * max(2.0 * np.pi, float(np.abs(own).max())):
+        return None
     return Addition(
         amplitude,
         rate,
@@ -160,13 +164,13 @@ def _caution(result: Identification, rehearsal: Rehearsal) -> str:
     """What widens the intervals though the motion would do."""
     if result.model_error.share > 0.0:
         return (
-            "The residuals show that the drive has something which no term here describes, and "
-            "that widens the intervals, too: another motion narrows them less than predicted"
+            "The residuals show a part of the drive that no term here describes. It widens the "
+            "intervals too: another motion narrows them less than predicted"
         )
     if rehearsal.in_white_noise.enough:
         return (
-            "In white noise of the same size this motion would do: what widens the intervals are "
-            "residuals that depend on each other, of a sensor or of the recorded input"
+            "With white noise of the same size this motion would suffice: the residuals are "
+            "correlated, from a sensor or the recorded input, and that widens the intervals"
         )
     return ""
 

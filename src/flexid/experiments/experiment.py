@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from functools import cached_property, partial
 from numbers import Integral
 from pathlib import Path
@@ -21,6 +20,7 @@ from flexid.errors import (
     ExpressionError,
     ModelError,
     SettingError,
+    did_you_mean,
 )
 from flexid.experiments.coefficients import estimate_values, exact_coefficients, plant_values
 from flexid.experiments.tables import (
@@ -101,8 +101,8 @@ class Experiment:
         content = self.tables.model_dump()
         for path, value in values.items():
             if path not in self.values:
-                remedy = suggestion(path, self.values)
-                raise ExperimentError(self.path, path, f"cannot be set: {remedy}")
+                remedy = did_you_mean(path, self.values)
+                raise ExperimentError(self.path, path, f"cannot be set{remedy}")
             _put(content, path, int(value) if isinstance(value, Integral) else float(value))
         return declared_experiment(self.path, content, self)
 
@@ -228,12 +228,6 @@ def _reference(table: Reference, refuse: Refuse) -> Multisine:
         return _REFERENCES[table.kind](**table.model_dump(exclude={"kind"}))
     except ModelError as error:
         raise refuse("reference", error.reason) from None
-
-
-def suggestion(path: str, known: Mapping[str, float]) -> str:
-    """What to write instead of a path that there is not."""
-    close = get_close_matches(path, known, n=3, cutoff=0.75)
-    return f"write {' or '.join(close)}" if close else f"write one of {', '.join(known)}"
 
 
 def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:

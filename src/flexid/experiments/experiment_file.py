@@ -8,8 +8,8 @@ from typing import Annotated, Any, get_args
 
 from pydantic import Field
 
-from flexid.errors import ExperimentError
-from flexid.experiments.experiment import Experiment, declared_experiment, suggestion
+from flexid.errors import ExperimentError, did_you_mean
+from flexid.experiments.experiment import Experiment, declared_experiment
 from flexid.experiments.tables import Number, Positive, Table, Whole
 from flexid.experiments.variation import (
     MEASURES,
@@ -120,7 +120,7 @@ def _input(experiment: Experiment, path: str, value: Any) -> Input:
         return ExperimentError(experiment.path, place, reason)
 
     if path not in experiment.values:
-        raise refuse("", f"varies nothing: {suggestion(path, experiment.values)}")
+        raise refuse("", f"varies nothing{did_you_mean(path, experiment.values)}")
     if isinstance(value, list):
         for place, one in enumerate(value, start=1):
             if isinstance(one, int) and abs(one) > _LARGEST_WHOLE:

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
-from flexid.errors import SettingError
-from flexid.library.entrance import as_path, did_you_mean, entrance
+from flexid.errors import SettingError, did_you_mean
+from flexid.library.entrance import as_path, entrance
 from flexid.library.options import as_names
 from flexid.models.parametric_system import ParametricSystem
 

@@ -4,14 +4,13 @@ import inspect
 import os
 import re
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from flexid.errors import ArgumentError
+from flexid.errors import ArgumentError, did_you_mean
 
 if TYPE_CHECKING:
     from threadpoolctl import threadpool_limits
@@ -44,13 +43,6 @@ def entrance(function: Callable[P, R]) -> Callable[P, R]:
         return function(*args, **kwargs)
 
     return checked
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """What to write instead of a word: the nearest there is, or all there are."""
-    names = [*known]
-    close = get_close_matches(word, names, n=1, cutoff=0.6)
-    return f": did you mean {close[0]}?" if close else f": there are {', '.join(names)}"
 
 
 def _refused(name: str, signature: inspect.Signature, given: int, reason: str) -> ArgumentError:

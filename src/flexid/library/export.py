@@ -6,9 +6,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from flexid.errors import ArgumentError, SettingError
+from flexid.errors import ArgumentError, SettingError, did_you_mean
 from flexid.library.derive import SHIPPED, declared
-from flexid.library.entrance import as_path, did_you_mean, entrance, in_one_thread, kind_of
+from flexid.library.entrance import as_path, entrance, in_one_thread, kind_of
 from flexid.library.estimates import identified
 from flexid.models.parametric_system import ParametricSystem
 

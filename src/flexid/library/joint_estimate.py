@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.errors import SettingError
+from flexid.errors import SettingError, did_you_mean
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
@@ -23,7 +23,6 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
 from flexid.library.answer import ReportedAnswer, as_text, data_frame
-from flexid.library.entrance import did_you_mean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 
-from flexid.errors import SettingError
+from flexid.errors import SettingError, did_you_mean
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
 
 COULOMB_VELOCITY = 0.1
@@ -36,7 +36,7 @@ def check_terms(terms: Iterable[str], known_terms: Collection[str]) -> None:
     """Raise `SettingError` for a term that does not exist."""
     for term in terms:
         if term not in known_terms:
-            raise SettingError("terms", f"{term!r} is unknown; known are {', '.join(known_terms)}")
+            raise SettingError("terms", f"{term!r} is unknown{did_you_mean(term, known_terms)}")
 
 
 def declared_row(

@@ -84,7 +84,7 @@ def differences_table(title: str, differences: Mapping[str, Difference]) -> Tabl
 def lead_table(differences: Mapping[str, Difference]) -> Table:
     """What is between both values of each number, and the verdict on that in a word."""
     columns = (Column("name"), *numbers("B - A", "95 % interval"), Column("unit"))
-    table = Table("What is between both", (*columns, Column("verdict")))
+    table = Table("Differences", (*columns, Column("verdict")))
     for d in differences.values():
         relative = isfinite(d.percent)
         shown = (d.percent, *d.percent_interval) if relative else (d.value, *d.interval)
@@ -281,7 +281,7 @@ def _next_step(comparison: Comparison) -> Answer:
             word = "Look for what one model lacks"
             said = "Another log decides which of both predicts it: flexid validate."
         else:
-            said = "What was done otherwise makes no difference that this log can show."
+            said = "The different settings make no difference that this log can show."
     elif comparison.differ or comparison.having("perhaps changed"):
         word = "Record B once more"
         said = (

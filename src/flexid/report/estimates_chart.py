@@ -37,8 +37,8 @@ def estimates_chart(result: Identification) -> Chart:
     panels = [_panel(p, result.observer.time, arrived.get(p.name), histories) for p in parameters]
     determined = sum(p.verdict == "determined" for p in parameters)
     says = (
-        f"Of {len(panels)} parameters the log determines {determined}. The paper's observer reads "
-        f"the same log once as a stream and converges to the estimates of {len(arrived)} of them."
+        f"Determined by the log: {determined} of {len(panels)}. The paper's observer, which reads "
+        f"the same log once as a stream, converges to {len(arrived)} of these estimates."
     )
     title = "Physical parameters, and the paper's observer over time"
     return Chart("estimates", title, says, tuple(panels), columns=2)

@@ -126,11 +126,11 @@ def _additions(advice: Advice, unit: str) -> Iterator[str]:
         )
     elif advice.largest > 0.0:
         yield (
-            f"No single sine of up to {advice.largest:.3g} {unit} added to this input is enough: "
-            f"see flexid design."
+            f"No single sine of up to {advice.largest:.3g} {unit} added to this input is enough "
+            f"within ten times this motion: see flexid design."
         )
     elif advice.caution:
-        yield "Another input does not remedy this:"
+        yield "Another input does not help:"
     else:
         yield "The input never moves: play one that does (see flexid design)."
     if advice.multiple is not None:

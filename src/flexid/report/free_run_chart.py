@@ -76,6 +76,12 @@ def _says(validation: Validation, noise: Mapping[str, float]) -> str:
     fits = {labels[name]: fit for name, fit in validation.fit_percent.items() if not isnan(fit)}
     if not fits:
         return "Nothing moves in these data: they do not test the model."
+    missed = [label for label, fit in fits.items() if fit <= 0.0]
+    if missed:
+        return (
+            f"On data not used for the fit the model does not follow the {listed(missed)}: trust "
+            "it for short predictions at most."
+        )
     followed = listed([f"the {label} to {_percent(fit)}" for label, fit in fits.items()])
     over = {
         labels[name]: float(np.sqrt(np.mean(error**2))) / noise[name]

@@ -193,9 +193,15 @@ Part = Table | Text
 
 def number(value: float, digits: int, unit: str = "") -> Cell:
     """A number with so many significant digits, or fewer, but three, where there is no room."""
-    texts = (f"{value:.{d}g}" for d in range(digits, min(digits, 3) - 1, -1))
+    texts = (_significant(value, d) for d in range(digits, min(digits, 3) - 1, -1))
     cell = Cell(tuple(dict.fromkeys(texts)))
     return cell.with_unit(unit) if unit else cell
+
+
+def _significant(value: float, digits: int) -> str:
+    """So many significant digits, and no power of ten for what has at most six before the point."""
+    short = f"{value:.{digits}g}"
+    return f"{float(short):.0f}" if "e+0" in short and abs(value) < 1e6 else short
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexid.control.controller import Controller
 from flexid.control.loop import LoopDeclaration
 from flexid.control.references import Reference
-from flexid.errors import SettingError
+from flexid.errors import SettingError, did_you_mean
 from flexid.models.parametric_system import ParametricSystem
 
 
@@ -119,7 +119,7 @@ def check_values(
     """Raise `SettingError` for a value of an unknown name, or if one is missing."""
     for name in values:
         if name not in names:
-            raise SettingError(setting, f"{name!r} is unknown; known are {', '.join(names)}")
+            raise SettingError(setting, f"{name!r} is unknown{did_you_mean(name, names)}")
     missing = [name for name in names if name not in values]
     if complete and missing:
         raise SettingError(setting, f"{', '.join(missing)} missing: give a value for each")

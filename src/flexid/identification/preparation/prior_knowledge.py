@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.errors import ConvergenceError, SettingError
+from flexid.errors import ConvergenceError, SettingError, did_you_mean
 from flexid.identification.vocabulary.estimate import Estimate, Fit
 from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -101,7 +101,7 @@ def _parameter(name: str, fit: Fit, parameters: Sequence[PhysicalParameter]) -> 
     """What a name stands for; refused if the log leaves free what it depends on."""
     known = {p.name: p for p in parameters} | {c: Product(c, "", {c: 1}) for c in fit.names}
     if name not in known:
-        raise SettingError("known", f"{name!r} is unknown here; there are {', '.join(known)}")
+        raise SettingError("known", f"{name!r} is unknown here{did_you_mean(name, known)}")
     fitted = [c for c in known[name].coefficients if c in fit.names]
     if not fitted:
         raise SettingError("known", f"{name!r} follows from what was given: leave one of them out")

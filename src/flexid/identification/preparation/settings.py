@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from math import isfinite, isnan
 from typing import Literal
 
-from flexid.errors import SettingError
+from flexid.errors import SettingError, did_you_mean
 from flexid.estimators.filter_rate import check_filter_rate
 from flexid.estimators.segments import FEWEST_SAMPLES
 from flexid.identification.preparation.joint import Joint, Kind
@@ -71,9 +71,8 @@ class Settings:
         if self.terms != "auto":
             for term in self.terms:
                 if term not in _TERMS:
-                    raise SettingError(
-                        "terms", f"{term!r} is unknown; known are auto, {', '.join(_TERMS)}"
-                    )
+                    known = ("auto", *_TERMS)
+                    raise SettingError("terms", f"{term!r} is unknown{did_you_mean(term, known)}")
         for name, value in self.known.items():
             _check_known(name, value, self.known_deviations.get(name, 0.0))
         for name, (lower, upper) in self.bounds.items():

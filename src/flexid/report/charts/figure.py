@@ -294,7 +294,8 @@ def _power(value: float, _: int) -> str:
 
 
 def _label(axis: Axis) -> str:
-    return f"{axis.label} ({axis.unit})" if axis.unit else axis.label
+    unit = axis.unit.replace("^2", "²").replace("^3", "³")
+    return f"{axis.label} ({unit})" if unit else axis.label
 
 
 def _unlabel(ruler: Ruler) -> None:
