@@ -17,18 +17,30 @@ USUAL = {
     "time": ("t", "t_s", "Time_ms", "timestamp", "tout", "Zeit [s]", "Temps"),
     "link_position": (
         *("q_l", "theta_link", "LoadAngle", "link angle", "q_link_deg", "q_link {deg}"),
-        *("Winkel Abtrieb [°]", "Position charge (deg)", "posizione_carico"),
+        *("Winkel Abtrieb [°]", "Position charge (deg)", "posizione_carico", "Link [deg]"),
     ),
     "motor_position": ("q_m", "theta_m", "motor_pos", "qMotor", "pos_motor_deg", "rotor angle"),
     "motor_velocity": ("qd_m", "motor_speed_rpm", "omega_m"),
     "motor_torque": ("tau", "tau_m", "torque", "tau_Nm", "Drehmoment", "Couple moteur (N·m)"),
-    "motor_current": ("i_m_A", "motor_current", "current_mA"),
+    "motor_current": ("i_m_A", "motor_current", "Motor (mA)", "current_mA"),
     "motor_voltage": ("u_V", "voltage"),
     "position": ("position", "angle", "q"),
     "velocity": ("velocity", "speed_rpm"),
 }
 STRANGE = (
-    *("x1", "a1_q_link_deg", "tau_l", "link_torque", "i", "u", "temperature", "torque_cmd"),
+    *(
+        "x1",
+        "a1_q_link_deg",
+        "motor",
+        "load [N m]",
+        "motor [bar]",
+        "tau_l",
+        "link_torque",
+        "i",
+        "u",
+        "temperature",
+        "torque_cmd",
+    ),
     *("position_desired", "motor_link_angle", "q_dot_dot", "position[0]", "pot_V", ""),
 )
 

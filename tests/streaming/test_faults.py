@@ -148,11 +148,12 @@ def test_a_gap_that_is_hidden_would_corrupt_the_estimate():
     assert session.counts.outliers == 3
 
 
-def test_encoders_that_wrap_are_unwrapped():
-    """Assert that an absolute encoder may pass its zero at any time."""
+@pytest.mark.parametrize("begins", [0.3, -0.3])
+def test_encoders_that_wrap_are_unwrapped(begins: float):
+    """Assert that an absolute encoder may pass its zero at any time, and begin behind it."""
 
     def damage(samples):
-        samples[:, LINK] = (samples[:, LINK] + 0.3) % (2.0 * np.pi) - 0.3
+        samples[:, LINK] = (samples[:, LINK] + begins) % (2.0 * np.pi) - begins
         samples[:, MOTOR] %= 2.0 * np.pi
 
     session, right = watched(damaged(damage)), watched(stream())

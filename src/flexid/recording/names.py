@@ -31,7 +31,7 @@ _SIDES = {
         *("last", "abtrieb", "charge", "sortie", "carico", "uscita"),
     },
 }
-_CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # also as a part of a path
+_CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # also as a part of a path, or with a unit
 _FILLERS = {
     *("meas", "measured", "act", "actual", "enc", "encoder", "side", "sensor", "value", "data"),
     *("ist", "istwert", "mesure", "de"),
@@ -43,6 +43,13 @@ _UNITS = {
     "deg_s": "deg/s", "deg/s": "deg/s", "degps": "deg/s", "degs": "deg/s",
     "Nm": "N m", "N_m": "N m", "mNm": "mN m", "A": "A", "mA": "mA", "V": "V", "mV": "mV",
 }  # fmt: skip
+_BY_UNIT = {
+    **dict.fromkeys(("rad", "deg", "°", "turn"), "position"),
+    **dict.fromkeys(("rad/s", "deg/s", "°/s", "rpm", "1/min"), "velocity"),
+    **dict.fromkeys(("N m", "Nm", "mN m", "mNm"), "torque"),
+    **dict.fromkeys(("A", "mA"), "current"),
+    **dict.fromkeys(("V", "mV"), "voltage"),
+}
 LONGEST = 200  # characters of a name that is looked into
 MOST_TIMES = 3  # in a message
 _PARTING = re.compile(r"[/.](?=[^\s\d])")  # of the parts of a path
@@ -117,6 +124,8 @@ def usual_channel(header: str) -> tuple[str, str | None] | None:
         return None
     found = [quantity for quantity in quantities if quantity is not None]
     where = {side for side in sides if side is not None}
+    if not found and not _CLEAR_SIDES.isdisjoint(words):  # as Motor [deg]
+        found = [_BY_UNIT[unit]] if unit in _BY_UNIT else []
     if len(found) != 1 or len(where) > 1:
         return None
     quantity, side = found[0], next(iter(where), None)

@@ -69,13 +69,7 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
     _check_count(file, len(time))
     steps = np.diff(time)
     typical = float(np.median(steps))
-    if not SHORTEST_SAMPLE_TIME <= typical <= LONGEST_SAMPLE_TIME:
-        raise RecordingError(
-            file,
-            place,
-            f"the sample time would be {typical:.4g} s, which no drive log has: "
-            f"{_remedy_of_time(typical, steps)}",
-        )
+    check_typical(file, place, typical, steps)
     rounded = _of_rounded(file, place, time, steps)
     if rounded is not None:
         return rounded
@@ -104,6 +98,17 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
         f"fixed rate, or write the time with more digits",
     )
     return Grid(sample_time, tuple(recordings), True, warnings)
+
+
+def check_typical(file: str, place: str, typical: float, steps: FloatArray) -> None:
+    """Raise unless a drive may be sampled so, in s, as these time steps say."""
+    if not SHORTEST_SAMPLE_TIME <= typical <= LONGEST_SAMPLE_TIME:
+        raise RecordingError(
+            file,
+            place,
+            f"the sample time would be {typical:.4g} s, which no drive log has: "
+            f"{_remedy_of_time(typical, steps)}",
+        )
 
 
 def _remedy_of_time(typical: float, steps: FloatArray) -> str:

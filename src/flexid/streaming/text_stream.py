@@ -26,7 +26,7 @@ from flexid.recording.layout import (
     split,
     without_twins,
 )
-from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
+from flexid.recording.sampling import GAP, check_typical
 from flexid.recording.table import Table, decimal_mark, first_mark, is_number
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
@@ -286,15 +286,15 @@ def sample_time_of(source: str, time: FloatArray) -> float:
     """Sample time from the first time stamps: their slope, but for what is missing or late."""
     steps = np.diff(time[np.isfinite(time)])
     steps = steps[steps > 0.0]
-    if len(steps):
-        typical = float(np.median(steps))
-        even = steps[np.abs(steps / typical - 1.0) < GAP - 1.0]
-        found = float(even.mean()) if len(even) else typical
-        if SHORTEST_SAMPLE_TIME <= found <= LONGEST_SAMPLE_TIME:
-            return found
-    raise RecordingError(
-        source,
-        "time",
-        "its first time stamps do not increase as those of a drive do: name the unit of the time, "
-        "as in [ms], write it with more digits, or give the sample time",
-    )
+    if not len(steps):
+        raise RecordingError(
+            source,
+            "time",
+            "its first time stamps do not increase: write them with more digits, or give the "
+            "sample time",
+        )
+    typical = float(np.median(steps))
+    even = steps[np.abs(steps / typical - 1.0) < GAP - 1.0]
+    found = float(even.mean()) if len(even) else typical
+    check_typical(source, "time", found, steps)
+    return found

@@ -44,7 +44,6 @@ from flexid.recording.recording import Log
 from flexid.recording.sampling import EVEN, GAP
 from flexid.recording.series import names_of, tables_of
 from flexid.recording.velocities import with_velocities
-from flexid.recording.wraps import TURN
 from flexid.streaming.commissioned import stream_terms, taken_from
 from flexid.streaming.findings import Findings, findings, regressor_sizes
 from flexid.streaming.incoming import Replay
@@ -84,7 +83,8 @@ def identify_stream(
     try:
         session = Session(_options(replay, head.log, found, settings))
         clock = _Clock(replay.name, session.options.sample_time)
-        for samples in _samples(replay, clock, session.options, head.log):
+        while (samples := replay.read(last=False)) is not None:
+            clock.check(samples[:, 0])
             if session.options.n_inputs:
                 samples[:, -1] = found.choices.amplifier.passed(samples[:, -1])
             session.feed(samples)
@@ -142,28 +142,6 @@ def _options(replay: Replay, log: Log, head: Identification, settings: Settings)
 def _usual_terms(head: Identification) -> tuple[str, ...]:
     """Terms of the head that least squares of a stream has."""
     return tuple(term for term in head.choices.terms if term not in SHAPE_TERMS)
-
-
-def _samples(
-    replay: Replay, clock: "_Clock", options: WatchOptions, log: Log
-) -> Iterator[FloatArray]:
-    """Blocks of samples, in the turns of the encoders in which the head begins."""
-    turns: FloatArray | None = None
-    while (samples := replay.read(last=False)) is not None:
-        if turns is None:
-            turns = _turns(samples[0], options, log)
-        clock.check(samples[:, 0])
-        yield samples + turns
-
-
-def _turns(first: FloatArray, options: WatchOptions, log: Log) -> FloatArray:
-    """What is to be added to each value of a sample: whole turns of an encoder."""
-    found = np.zeros(options.width)
-    begin = log.recordings[0]
-    if options.kind != "rigid" and not options.from_deflection:
-        found[1] = begin.needed_link_position[0] - first[1]
-    found[options.n_encoders] = begin.motor_position[0] - first[options.n_encoders]
-    return TURN * np.rint(found / TURN)
 
 
 @dataclass

@@ -120,6 +120,8 @@ def unwrapped(state, sample, settings, x):
             encoder[TURNS] += turns
             state[COUNTS_AT + WRAPS] += 1.0
             encoder[READING] = sample[1 + j]
+        if j < N_ROWS - 1 and np.isnan(encoder[READING]):  # where encoders begin is not known
+            encoder[TURNS] = np.rint((sample[1 + j] - x[N_ROWS - 1]) / TURN)
         x[j] = sample[1 + j] - TURN * encoder[TURNS]
 
 
