@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flexid.campaigns.importance import rank_correlations, sobol_indices
 from flexid.campaigns.plan import make_plan
+from flexid.campaigns.summary import rank_correlations, sobol_indices
 from flexid.experiments.variation import Distribution, Variation
 
 ANGLE = Distribution("uniform", -np.pi, np.pi)

@@ -9,7 +9,7 @@ from flexid.campaigns import rows as rows_module
 from flexid.campaigns.plan import make_plan
 from flexid.campaigns.rows import Part, Stopped, part_rows, run_part
 from flexid.experiments import read_experiment
-from flexid.experiments.run_columns import run_columns
+from flexid.experiments.measures import run_columns
 
 ALL = ("final_errors", "final_states", "settling_time", "tracking", "excitation", "peak_input")
 

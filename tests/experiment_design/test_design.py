@@ -14,8 +14,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.experiment_design.design import REFERENCES, design, predict
 from flexid.experiment_design.drive_file import read_drive
-from flexid.experiment_design.rehearse import Rehearsed
-from flexid.experiment_design.result import Design
+from flexid.experiment_design.result import Design, Rehearsed
 from flexid.report.charts.description import Level, Line, Points
 from flexid.report.design import charts, save_command
 from flexid.simulation.free_run import free_run

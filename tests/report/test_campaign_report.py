@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexid.campaigns.importance import Correlation, SobolIndex
 from flexid.campaigns.store import Manifest
-from flexid.campaigns.summary import Result, Summary
+from flexid.campaigns.summary import Correlation, Result, SobolIndex, Summary
 from flexid.library.campaign import CampaignResult
 from flexid.report.campaign import charts as campaign_charts
 from flexid.report.campaign import correlation_text, index_text, status_lines

@@ -18,9 +18,14 @@ from flexid.identification.vocabulary.evidence import (
     Validation,
 )
 from flexid.report.charts.description import Band, Level, Line, Panel, Points
-from flexid.report.estimates_chart import estimates_chart, observer_histories
 from flexid.report.free_run_chart import free_run_chart, residual_chart
-from flexid.report.identification_charts import excitation_chart, fit_chart, identification_charts
+from flexid.report.identification_charts import (
+    estimates_chart,
+    excitation_chart,
+    fit_chart,
+    identification_charts,
+    observer_histories,
+)
 from flexid.report.regions_chart import correlated_pairs, parameter_estimate, regions_chart
 
 M = TypeVar("M")

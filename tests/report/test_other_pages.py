@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from test_campaign_report import made_result, made_summary
 
-from flexid.campaigns.importance import Correlation
+from flexid.campaigns.summary import Correlation
 from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
 from flexid.report import campaign, simulated_run

@@ -9,7 +9,7 @@ import polars as pl
 from flexid.arrays import FloatArray
 from flexid.errors import FlexidError
 from flexid.experiments import Experiment
-from flexid.experiments.run_columns import run_columns
+from flexid.experiments.measures import run_columns
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.ensemble import (
     SIDE_BY_SIDE,

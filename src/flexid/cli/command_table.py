@@ -56,7 +56,7 @@ COMMANDS = (
             "excitation examples/flexible_joint.csv",
             "excitation run1.csv --known motor_inertia=0.3 --out results",
         ),
-        "as of flexid identify.",
+        "as for flexid identify.",
         doing="examining",
         writes="excitation.json and excitation.png",
         flags=("strict",),
@@ -148,7 +148,7 @@ COMMANDS = (
     Command(
         "reproduce",
         ("reproduce --out results",),
-        "0 in any case but bad input, which is 2.",
+        "0 when it is done; 2 for bad input.",
         doing="reproducing",
         writes="report.html, result.json and the figures",
     ),

@@ -9,8 +9,15 @@ from flexid.errors import SettingError, SimulationError
 from flexid.experiment_design.drive import DOUBT, Case, Drive
 from flexid.experiment_design.drive_file import DriveFile
 from flexid.experiment_design.optimise import Search, deviation
-from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
-from flexid.experiment_design.result import Design, Extreme, Prediction
+from flexid.experiment_design.result import (
+    CHANNELS,
+    SEGMENT_DURATION,
+    Design,
+    Extreme,
+    Prediction,
+    Rehearsed,
+    rehearse,
+)
 from flexid.simulation.free_run import Command
 
 STARTS = 2

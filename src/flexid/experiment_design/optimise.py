@@ -22,7 +22,7 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.experiment_design.drive import Case, Criterion, Drive
-from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
+from flexid.experiment_design.result import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
 from flexid.simulation.free_run import Command
 
 _BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory

@@ -55,7 +55,7 @@ class EstimatePlots:
 
     def estimates(self, ax: "Axes | None" = None) -> "Figure":
         """The paper's observer over time, with the estimates and their intervals."""
-        from flexid.report.estimates_chart import estimates_chart
+        from flexid.report.identification_charts import estimates_chart
 
         self._need_series(len(self._result.observer.time) > 0)
         return drawn(estimates_chart(self._result), ax)

@@ -11,8 +11,7 @@ from flexid.library.options import joint_settings
 
 if TYPE_CHECKING:
     from flexid.experiment_design.advice import Advice
-    from flexid.experiment_design.assessment import CoefficientAssessment
-    from flexid.experiment_design.excitation_report import ExcitationReport
+    from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
     from flexid.library.options import JointOptions
@@ -43,7 +42,7 @@ class LogExcitation(PlottedAnswer):
     @property
     def coefficients(self) -> "Mapping[str, CoefficientAssessment]":
         """By name: value, interval, verdict, and the coefficient that each is confused with."""
-        return self.result.assessment.coefficients
+        return self.result.coefficients
 
     @property
     def advice(self) -> "Advice | None":

@@ -54,7 +54,7 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
         RecordingError
             If the model is not that of a joint.
         """
-        from flexid.experiments.run_columns import log_columns
+        from flexid.experiments.measures import log_columns
         from flexid.library.logs import all_logs
 
         return all_logs("log", log_columns(self.result), None)[0]
@@ -88,7 +88,7 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
         return self.experiment, self.result, self.measures
 
     def _columns(self) -> Mapping[str, Any]:
-        from flexid.experiments.run_columns import run_columns
+        from flexid.experiments.measures import run_columns
 
         return run_columns(self.result)
 

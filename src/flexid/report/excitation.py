@@ -1,6 +1,6 @@
 """What a log determines, as tables, advice, JSON and a figure."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, isnan, pi
 from typing import Any
 
@@ -8,8 +8,10 @@ import numpy as np
 from rich.text import Text
 
 from flexid.experiment_design.advice import Addition, Advice
-from flexid.experiment_design.assessment import Assessment, CoefficientAssessment
-from flexid.experiment_design.excitation_report import ExcitationReport
+from flexid.experiment_design.excitation_report import (
+    CoefficientAssessment,
+    ExcitationReport,
+)
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.charts.description import (
     VERDICT_COLOURS,
@@ -34,10 +36,10 @@ _LITTLE = 1e-4  # share below which one is no more than small
 
 def parts(report: ExcitationReport) -> Iterator[Part]:
     """Tables and sentences of the answer."""
-    yield _table(report.assessment)
-    yield from verdict_reasons(report.assessment.coefficients)
+    yield _table(report.coefficients)
+    yield from verdict_reasons(report.coefficients)
     yield Text()
-    yield from map(Text, excitation_lines(report.assessment.excitation))
+    yield from map(Text, excitation_lines(report.identification.excitation))
     noise = ", ".join(f"{name} {std:.3g} rad" for name, std in report.noise.items())
     yield Text(f"Residuals: {noise}")
     yield from map(Text, report.identification.summary)
@@ -45,7 +47,7 @@ def parts(report: ExcitationReport) -> Iterator[Part]:
     yield from map(Text, advice_lines(report.advice, report.input_unit))
 
 
-def _table(assessment: Assessment) -> Table:
+def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
     columns = (
         Column("coefficient"),
         Column("value", right=True),
@@ -60,7 +62,7 @@ def _table(assessment: Assessment) -> Table:
         "Half-widths (±) of 95 % intervals, and the factor by which the partner widens them",
         columns,
     )
-    for name, c in assessment.coefficients.items():
+    for name, c in coefficients.items():
         table.add(
             name,
             value_cells(c.value, *c.interval)[0],
@@ -167,7 +169,7 @@ _HEIGHT = 1.5
 
 def charts(report: ExcitationReport) -> tuple[Chart]:
     """Widths of intervals on the left, the input's tones on the right."""
-    coefficients = [c for c in report.assessment.coefficients.values() if c.std > 0.0]
+    coefficients = [c for c in report.coefficients.values() if c.std > 0.0]
     panels = _widths(coefficients), _spectrum(report)
     title = "What the log determines, and the tones of its input"
     chart = Chart("excitation", title, _says(coefficients), panels, columns=2, linked=False)
@@ -255,13 +257,13 @@ def _tone(report: ExcitationReport) -> tuple[float, float] | None:
 
 def document(report: ExcitationReport) -> dict[str, Any]:
     """What a log determines, and what to add, for JSON."""
-    assessment, found = report.assessment, report.identification
+    found = report.identification
     alignment = found.choices.alignment
     return {
         "model": found.model,
-        "coefficients": assessment.coefficients,
-        "excitation": {row: excitation_summary(e) for row, e in assessment.excitation.items()},
-        "correlations": assessment.correlations,
+        "coefficients": report.coefficients,
+        "excitation": {row: excitation_summary(e) for row, e in found.excitation.items()},
+        "correlations": report.correlations,
         "advice": report.advice,
         "noise": report.noise,
         "residual_excess": found.residual_excess,

@@ -13,8 +13,14 @@ from rich.text import Text
 import flexid
 from flexid.arrays import FloatArray
 from flexid.experiments.experiment import Experiment
-from flexid.experiments.measures import SETTLED, Measures
-from flexid.experiments.run_columns import coefficient_unit, is_joint, log_columns, run_columns
+from flexid.experiments.measures import (
+    SETTLED,
+    Measures,
+    coefficient_unit,
+    is_joint,
+    log_columns,
+    run_columns,
+)
 from flexid.recording.write import write_parquet
 from flexid.report.charts.description import Axis, Band, Chart, Colour, Level, Line, Panel
 from flexid.report.documents import excitation_summary

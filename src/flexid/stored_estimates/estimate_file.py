@@ -96,8 +96,7 @@ def stored_identification(file: EstimateFile) -> "Identification":
     """
     from pydantic import ValidationError
 
-    from flexid.stored_estimates.consistency import check_consistency
-    from flexid.stored_estimates.provenance_schema import StoredProvenance
+    from flexid.stored_estimates.consistency import StoredProvenance, check_consistency
 
     provenance = file.content.get("provenance", {})
     validated(provenance, StoredProvenance, lambda key, why: file.refuse(f"provenance.{key}", why))

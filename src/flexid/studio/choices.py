@@ -9,7 +9,7 @@ Form and address have the same keys, so that a link shows what the form showed::
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 from urllib.parse import urlencode
@@ -18,7 +18,31 @@ from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
 from flexid.models.rigid_joint import RIGID_TERMS
 from flexid.recording.channel import SI_UNITS
-from flexid.studio.address import one_of, texts_of
+
+LONGEST_VALUE = 300  # characters
+MOST_KEYS = 80
+
+
+def texts_of(values: object) -> dict[str, str]:
+    """Texts by key, as many and as long as a form has; what is no text is left out."""
+    if not isinstance(values, Mapping) or len(values) > MOST_KEYS:
+        raise SettingError("address", "it holds what the studio does not know: open it without")
+    texts = {}
+    for key, value in values.items():
+        if isinstance(key, str) and isinstance(value, str):
+            if len(value) > LONGEST_VALUE:
+                raise SettingError("address", f"a value has more than {LONGEST_VALUE} characters")
+            texts[key] = value
+    return texts
+
+
+def one_of(what: str, text: str, known: Iterable[str]) -> str:
+    """A text, if it is known; else a `SettingError`."""
+    known = list(known)
+    if text not in known:
+        raise SettingError(what, f"{text[:40]!r} is none of {', '.join(known)}")
+    return text
+
 
 MODELS = ("auto", "flexible", "link", "rigid")
 HOLDS = ("auto", "zero", "linear", "cubic")

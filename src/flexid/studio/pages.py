@@ -7,7 +7,7 @@ from importlib.resources import files
 from math import log10
 from typing import TYPE_CHECKING, Any
 
-from flexid.report.page.render import add_items
+from flexid.report.page.render import drawing_style, page_environment
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -17,17 +17,10 @@ _ASSETS = {"studio.css": "text/css", "studio.js": "text/javascript"}
 
 @cache
 def _environment() -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from jinja2 import PackageLoader
 
-    environment = Environment(
-        loader=PackageLoader("flexid.studio", "page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(log10=log10)
-    add_items(environment)
+    environment = page_environment(PackageLoader("flexid.studio", "page"))
+    environment.filters["log10"] = log10
     return environment
 
 
@@ -39,8 +32,6 @@ def fragment(template: str, **content: Any) -> str:
 @cache
 def assets() -> dict[str, tuple[bytes, str]]:
     """Scripts and style sheets by name, with their types."""
-    from flexid.report.page.render import drawing_style
-
     page = files("flexid.studio") / "page"
     own = {name: ((page / name).read_bytes(), kind) for name, kind in _ASSETS.items()}
     return {**own, "chart.css": (drawing_style().encode(), "text/css")}

@@ -24,7 +24,7 @@ from flexid.studies.huang2003.table1 import (
     PHYSICAL,
     UNKNOWN,
 )
-from flexid.studio.address import one_of, texts_of
+from flexid.studio.choices import one_of, texts_of
 
 if TYPE_CHECKING:
     from flexid.simulation.sampled import Sampling

@@ -88,7 +88,7 @@ def _remembered(pairs: tuple[tuple[str, str], ...]) -> Played:
 def _measured(run: Run) -> Played:
     """What is shown of a run."""
     from flexid.analysis.histories import row_histories
-    from flexid.experiments.run_columns import coefficient_unit
+    from flexid.experiments.measures import coefficient_unit
 
     steady = run.between(DURATION - _LAST, DURATION)
     fewer = _every(run, max(1, len(run.time) // _SAMPLES))

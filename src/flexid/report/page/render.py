@@ -7,7 +7,7 @@ import hashlib
 import re
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import flexid
 from flexid.report.charts.description import Chart
@@ -15,6 +15,9 @@ from flexid.report.charts.svg import chart_html
 from flexid.report.page.layout import Bullets, Command, Facts, Folded, Link, Page, Warned
 from flexid.report.style import GREEN, ORANGE, RED
 from flexid.report.terminal import Table
+
+if TYPE_CHECKING:
+    from jinja2 import BaseLoader, Environment
 
 NAME = "report.html"
 
@@ -63,30 +66,33 @@ def save_page(page: Page, directory: Path) -> None:
 
 
 @cache
-def _environment() -> Any:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+def _environment() -> Environment:
+    from jinja2 import FileSystemLoader
     from markupsafe import Markup
 
+    environment = page_environment(FileSystemLoader(_HERE / "templates"))
+    environment.filters["drawn"] = lambda chart: Markup(chart_html(chart))
+    return environment
+
+
+def page_environment(loader: BaseLoader) -> Environment:
+    """Templates that escape what they are given, tell a page's items apart and typeset them."""
+    from jinja2 import Environment, StrictUndefined
+
     environment = Environment(
-        loader=FileSystemLoader(_HERE / "templates"),
+        loader=loader,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    add_items(environment)
-    environment.filters["drawn"] = lambda chart: Markup(chart_html(chart))
-    return environment
-
-
-def add_items(environment: Any) -> None:
-    """Let templates tell the items of a page apart, and typeset what they hold."""
     environment.tests.update(
         {name: lambda item, kind=kind: isinstance(item, kind) for name, kind in _TESTS.items()}
     )
     environment.filters["typeset"] = lambda text: text.replace("^2", "²").replace("^3", "³")
     environment.filters["breakable"] = breakable
     environment.filters["tone"] = lambda style: _TONES.get(str(style), "")
+    return environment
 
 
 def breakable(name: str) -> Any:
