@@ -116,7 +116,7 @@ def test_a_gap_in_a_spring_that_is_known(known):
 
 @pytest.mark.parametrize(("seed", "true_gap"), [(4, 1e-3), (6, 4e-3), (3, 6e-3)])
 def test_nothing_else_stands_in_for_a_gap(seed, true_gap):
-    """Assert that terms and hold are chosen with the gap as it is, however large.
+    """Assert that terms and hold are chosen with the gap as it is, however large: no hysteresis.
 
     With a shape that is too wide the first keeps four frictions that are not there, the second has
     its torque run on straight lines, and the third finds no gap at all.

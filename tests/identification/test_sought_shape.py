@@ -19,6 +19,7 @@ from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
 from flexid.identification.structure.bend import BEND, is_slack
 from flexid.identification.structure.ripple import RIPPLE, numbers
 from flexid.identification.structure.sought_shape import (
@@ -69,9 +70,15 @@ def fitted(
     return fit_to(structure, data, COEFFICIENTS, 1.0)[0]
 
 
-def test_ripple_is_found_untold():
+@pytest.fixture(scope="module")
+def rippled() -> Identification:
+    """A drive with a ripple, identified by itself."""
+    return identify([log(made(1, 12.0, **RIPPLED))])
+
+
+def test_ripple_is_found_untold(rippled: Identification):
     """Assert that the number of periods is found, and size and phase with it, and all else."""
-    found = identify([log(made(1, 12.0, **RIPPLED))])
+    found = rippled
     assert found.choices.terms == (*PAPER_TERMS, "torque_ripple")
     number = pytest.approx(NUMBER, abs=0.02)
     assert found.choices.shapes == {"ripple_number": number, "ripple_origin": 0.0}
@@ -86,9 +93,9 @@ def test_ripple_is_found_untold():
     assert (periods.unit, periods.verdict) == ("1", "determined")
 
 
-def test_a_ripple_far_from_zero_counts_from_where_it_is():
+def test_a_ripple_far_from_zero_counts_from_where_it_is(rippled: Identification):
     """Assert that thirty turns away nothing is less known, and that the angle says whence."""
-    near = identify([log(made(1, 12.0, **RIPPLED))])
+    near = rippled
     far = identify([log(turned(made(1, 12.0, **RIPPLED), -30))])
     origin = -30.0 * 2.0 * np.pi
     assert far.choices.shapes["ripple_origin"] == pytest.approx(origin)

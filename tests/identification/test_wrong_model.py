@@ -92,12 +92,6 @@ def test_right_model_is_not_doubted(noise):
     assert result.model_error.share == 0.0
 
 
-def test_hysteresis_is_not_laid_to_a_gap():
-    """Assert that little is promised of a memory where a spring has another fault."""
-    result = identify([log(made(1, half_gap=2e-3))])
-    assert "spring_hysteresis" not in result.choices.terms
-
-
 @pytest.mark.parametrize("name", ["shape_promise", "shape_share"])
 def test_hysteresis_has_to_explain_what_is_left(name):
     """Assert that a model is left without it where it takes away less than is asked."""
