@@ -17,6 +17,10 @@ from browser import browser  # noqa: F401 - a fixture
 # One thread of linear algebra for each process of tests; NumPy reads it when it is loaded.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+# Bytecode is kept: else each process that a test starts compiles flexid's sources once more.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 from flexid.cli.main import main
 from flexid.studies.huang2003.reproduction import Reproduction, reproduce
 
