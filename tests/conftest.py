@@ -19,7 +19,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # Bytecode is kept: else each process that a test starts compiles flexid's sources once more.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-sys.dont_write_bytecode = False
 
 from flexid.cli.main import main
 from flexid.studies.huang2003.reproduction import Reproduction, reproduce
