@@ -93,6 +93,17 @@ def test_chance_decides(name, chance, side):
     assert left(alone(name, side * (normal(chance) - 0.02))) == set()
 
 
+@pytest.mark.parametrize(("beyond", "stays"), [(0.02, {"theta_offset"}), (-0.02, set())])
+def test_the_first_coefficient_is_judged_like_the_last(beyond, stays):
+    """Assert that a term's place among the unknowns is of no account."""
+    names = ("theta_offset", "theta2", "alpha1", "beta1")
+    values = np.array([0.1 * (normal(0.02) + beyond), 100.0, 300.0, 3.0])
+    fit = _Quadratic(names, values, np.diag([100.0, 1e4, 1e4, 1e4]))
+    assert left(fit) == stays
+    _, (evidence,) = eliminate(cast(Fitted, fit), (), LIMITS)
+    assert (evidence.name, evidence.std) == ("theta_offset", pytest.approx(0.1))
+
+
 @pytest.mark.parametrize("phase", [0.0, 0.7, np.pi / 2.0, 3.0])
 def test_amplitude_and_phase_are_one_term(phase):
     """Assert that both components of an eccentric gear stay, or none, whatever its phase.

@@ -163,6 +163,8 @@ def test_bad_text(edit: Edit, words: str, tmp_path: Path) -> None:
         (b"", "log.csv", "the file is empty: export the log again"),
         (b"\n \n", "log.csv", "empty"),
         (bytes(range(256)) * 20, "log.csv", "binary file, not text: export the log as CSV"),
+        (b"\1\2\3 \4\n" * 99, "log.csv", "binary file, not text"),
+        (b"\x0e\x1e \x1f\n" * 99, "log.csv", "binary file, not text"),
         (gzip.compress(GOOD), "log.csv.gz", "packed by gzip: unpack it"),
         (b"PK\x03\x04" + b"\0" * 99, "log.xlsx", "workbooks are: .*save the sheet as CSV"),
         (b"PAR1....PAR1", "log.csv", "this is a Parquet file: rename it .*.parquet"),
