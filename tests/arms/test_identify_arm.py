@@ -12,7 +12,7 @@ import pytest
 from benchmarks.arms.arm import Arm, Link
 from benchmarks.arms.log import Motion, save, simulate
 
-from flexid.arms.fitting import fit_arm
+from flexid.arms.fitting import exact_fits
 from flexid.arms.log import read_arm_log
 from flexid.library.identify import identify
 from flexid.models.planar_arm import PlanarArm, planar_arm
@@ -50,8 +50,8 @@ def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path
     assert (out / "report.html").exists()
     document = json.loads((out / "estimate.json").read_text())
     truth = MADE.truth()
-    for joint, table in enumerate(document["joints"], 1):
-        stiffness = table[f"joint_stiffness_{joint}"]
+    for joint in (1, 2):
+        stiffness = document["parameters"][f"joint_stiffness_{joint}"]
         assert stiffness["verdict"] == "determined"
         assert abs(stiffness["value"] / truth[f"joint_stiffness_{joint}"] - 1.0) < 5e-3
         assert document["free_run_percent"][f"deflection_{joint}"] > 90.0
@@ -63,13 +63,13 @@ def test_currents_give_ratios(folder: Path, flexid: Run):
     model = str(folder / "arm.toml")
     done = flexid("identify", str(folder / "current.csv"), "--model", model, "--json")
     document = json.loads(done.stdout)
-    assert document["fit"]["fixed"]["torque_constant_1"] == 1.0
-    first, second = document["joints"]
-    assert first["joint_stiffness_1"]["unit"] == "A/rad"
-    assert abs(second["torque_constant_2"]["value"] - 1.0) < 0.02
+    assert document["fixed"]["torque_constant_1"] == 1.0
+    found = document["parameters"]
+    assert found["joint_stiffness_1"]["unit"] == "A/rad"
+    assert abs(found["torque_constant_2"]["value"] - 1.0) < 0.02
     truth = MADE.truth()
     wanted = truth["joint_stiffness_2"] / truth["link_inertia_2"]
-    assert abs(second["stiffness_over_inertia_2"]["value"] / wanted - 1.0) < 0.01
+    assert abs(found["stiffness_over_inertia_2"]["value"] / wanted - 1.0) < 0.01
 
 
 @pytest.mark.parametrize(
@@ -106,8 +106,8 @@ def test_one_joint_as_the_core_for_one_joint(examples: Path):
     kept = {"joint_stiffness_1", "motor_inertia_1", "motor_viscous_friction_1"}
     kept |= {"link_inertia_1", "link_moment_along_1"}
     fixed = {name: 0.0 for name in balance.coefficients if name not in kept}
-    fit = fit_arm(balance, log.recordings, {**fixed, "torque_constant_1": 1.0}, lambda _: None)
-    values = fit.values
+    fixed |= {"torque_constant_1": 1.0}
+    values = exact_fits(balance, log.recordings, fixed, lambda _: None).best().values
     values["gravity_torque_1"] = 9.81 * values["link_moment_along_1"]
     estimate = identify(examples / "flexible_joint.csv")
     for name, parameter in estimate.parameters.items():

@@ -26,9 +26,12 @@ from flexid.models.torque_balance import TorqueBalance
 
 _SUBSTEPS = 0.3  # of those of a fit without disturbances, which are exact to 1e-6 of the phase
 _MOST_SUBSTEPS = 12  # per sample
+_SEGMENT = 5.0  # s: long against what an observer remembers, and work for several cores
 _FINE = 1e-2  # standard deviations that the last step is shorter than
 _STEPS = 10  # with gains that are held
 RIVAL = 30.0  # of twice the negative logarithm of the likelihood, by which another minimum is worse
+_LIKELIER = 5.0  # the same, by which it is better, and its sizes are sought
+_SAME = 0.1  # standard deviations, by which values of one minimum may differ
 _DELAY_FALL = 25.0  # of twice the negative logarithm of the likelihood, that a delay brings
 
 
@@ -63,9 +66,9 @@ class Job:
         return thinned_samples(recording, self.factor, held=True)
 
     def problem(self, start: Mapping[str, float]) -> tuple[SegmentedMotion, Point]:
-        """The motion over whole recordings in the band, and where it begins."""
+        """The motion over recordings in the band, and where it begins."""
         own = [self.thinned(recording) for recording in self.recordings]
-        segments = divide(own, max(len(r) * r.sample_time for r in own))
+        segments = divide(own, _SEGMENT)
         hold = "zero" if self.factor == 1 else "cubic"
         timing = Timing(hold, {}, (INPUT,) if self.delayed else ())
         unknowns = balance_unknowns(self.balance, dict(self.fixed))
@@ -170,12 +173,19 @@ def fit_disturbed(
 
 
 def _go_on(job: Job, start: Mapping[str, float], ends: list[Innovations]) -> None:
-    """Add the end that a start leads to, if it may be as likely as the best so far."""
+    """Add the end that a start leads to, if it may be as likely as the best so far.
+
+    Sizes are sought once more only where the values are likelier with those of the best.
+    """
     sizes = None
     if ends:
         best = ends[0]
         near = job.with_gains_of(best, start)
-        if near.equations.cost > best.minimum.equations.cost + RIVAL:
+        more = near.equations.cost - best.minimum.equations.cost
+        if more > RIVAL or _is_same(near, best):
+            return
+        if more > -_LIKELIER:
+            ends.append(replace(best, minimum=near, cost=best.cost + more))
             return
         start = dict(zip(best.problem.names, near.point.values.tolist(), strict=True))
         sizes = best.sizes
@@ -183,6 +193,13 @@ def _go_on(job: Job, start: Mapping[str, float], ends: list[Innovations]) -> Non
     if np.isfinite(found.cost):
         ends.append(found)
         ends.sort(key=lambda end: end.cost)
+
+
+def _is_same(near: Minimum, best: Innovations) -> bool:
+    """Whether a start led to the minimum that is known already."""
+    spread = np.sqrt(np.diag(best.minimum.reduced.inverse))
+    moved = np.abs(near.point.values - best.minimum.point.values)
+    return bool((moved <= _SAME * spread).all())
 
 
 def as_physical(balance: TorqueBalance, start: Mapping[str, float]) -> dict[str, float]:

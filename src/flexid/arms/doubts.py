@@ -6,6 +6,7 @@ fit goes.
 """
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +16,7 @@ from flexid.arms.disturbed import RIVAL, DisturbedFit, Job, values_of
 from flexid.arms.fitting import ArmFit, effect_sizes
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.threads import cores
 from flexid.identification.estimation.disturbed import beyond_chance, half_of
 from flexid.identification.estimation.doubts import (
     CALIBRATION,
@@ -194,19 +196,23 @@ DOUBTS: tuple[tuple[Doubt, str], ...] = (
 def with_doubts(disturbed: DisturbedFit) -> tuple[ArmFit, dict[str, str]]:
     """The fit with all doubts in its covariance, and which made most of each value's variance."""
     doubted = Doubted(disturbed, disturbed.fit)
-    covariance, added = doubted.fit.covariance, []
+    with ThreadPoolExecutor(cores()) as pool:
+        found = [*pool.map(lambda each: _directions(each[0], doubted), DOUBTS)]
+    covariance = doubted.fit.covariance + sum(own @ own.T for own in found)
     said = [""] * len(covariance)
-    for doubt, words in DOUBTS:
-        try:
-            directions = doubt(doubted)
-        except ConvergenceError:
-            continue
-        covariance = covariance + directions @ directions.T
-        added.append((np.sum(directions**2, axis=1), words))
-    for variances, words in added:
+    for directions, (_, words) in zip(found, DOUBTS, strict=True):
+        variances = np.sum(directions**2, axis=1)
         said = [
             words if 0.5 * whole < variance < np.inf else before
             for variance, whole, before in zip(variances, np.diag(covariance), said, strict=True)
         ]
     names = doubted.fit.problem.names
     return replace(doubted.fit, covariance=covariance), dict(zip(names, said, strict=True))
+
+
+def _directions(doubt: Doubt, doubted: Doubted) -> FloatArray:
+    """What a doubt says; nothing where its own fit fails."""
+    try:
+        return doubt(doubted)
+    except ConvergenceError:
+        return np.zeros((len(doubted.values), 0))

@@ -1,8 +1,8 @@
 """The fit of an arm: from least squares over short segments to long ones."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide
 from flexid.estimators.shrunken_covariance import shrunken
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import TorqueBalance
 from flexid.recording.velocities import position_noise
 
@@ -29,16 +30,23 @@ LONGEST = 10.0
 _ROUGH, _FINE = 0.1, 1e-3  # standard deviations that the last step is shorter than
 _TRIAL_STEPS = 3  # of each start
 _TRIAL_SEGMENTS = 40  # over which starts are compared
-_STEPS = 8  # over segments that are not the last
+_STEPS = 8  # over the first segments, and over those that count
+_STEPS_BETWEEN = 5  # over the others
 _MOST_SUBSTEPS = 30  # per sample: a model that is faster is not yet the right one
+_ROUGHLY = 8  # of these, of a fit that another one follows
 _USUAL = 1.7  # s: segments that a fit goes up to in any case
 _GROWTH = 1.01  # of the residuals' variance with the segments' length, up to which it goes on
 _UNFINISHED = 1.0  # standard deviations, of the step that would come next
-_COMPARED = 2  # lengths of segments whose fits are compared
 _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows
 _TIMINGS = (Timing("zero"), Timing("zero", {}, (INPUT,)), Timing("linear", {}, (INPUT,)))
 _EFFECT_BAND = 20.0  # Hz up to which a parameter's torque is taken
 _TIMING_FALL = 25.0  # of the weighted squares, over their variance, that an unusual timing brings
+_TIMING_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
+_UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
+_PROMISING = 1.2  # the same, up to which no better start is looked for
+
+
+Solved = tuple[SegmentedMotion, Minimum]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +58,6 @@ class ArmFit:
     covariance: FloatArray  # (k, k): of what was sought
     degrees_of_freedom: FloatArray  # (k,): of each variance; 0 where the log says nothing
     noise: FloatArray  # (n_rows,): standard deviation of each encoder's noise
-    first: Mapping[str, float] = field(default_factory=dict)  # values over the shortest segments
 
     @property
     def values(self) -> dict[str, float]:
@@ -70,83 +77,143 @@ class ArmFit:
         return minimum.last_step <= _UNFINISHED and not minimum.reduced.free.all()
 
     @property
+    def explains(self) -> bool:
+        """Whether it leaves hardly more than the encoders' noise."""
+        return self.ended and float(np.mean(self.excess**2)) <= THRESHOLDS.sensor_excess
+
+    @property
     def duration(self) -> float:
         """Mean length of a segment in s."""
         return _duration(self.problem.segments)
 
 
-def fit_arm(
+@dataclass(frozen=True, eq=False)
+class ExactFits:
+    """Fits without disturbances over segments of growing length, as far as they are of use."""
+
+    found: tuple[Solved, ...]
+    noise: FloatArray  # (n_rows,): standard deviation of each encoder's noise
+
+    @property
+    def hopeless(self) -> str:
+        """Why there is no fit without disturbances; empty where there may be one."""
+        return next(filter(None, map(_hopeless, self.found)), "")
+
+    @property
+    def starts(self) -> tuple[dict[str, float], ...]:
+        """Values over the shortest segments and over the longest, by name."""
+        ends = (self.found[0], self.found[-1])[: len(self.found)]
+        return tuple(
+            dict(zip(problem.names, minimum.point.values.tolist(), strict=True))
+            for problem, minimum in ends
+        )
+
+    def best(self) -> ArmFit:
+        """The fit over the longest segments that can be trusted, with its covariance."""
+        ends = _ends(self.found, self.noise)
+        best = next(ends, None)
+        if best is None:  # the last one is shown for what it is: its intervals are infinite
+            return with_covariance(*self.found[-1], self.noise)
+        shorter = next(ends, None) if best.explains else None
+        return best if shorter is None else _spread(best, shorter)
+
+
+def exact_fits(
     balance: TorqueBalance,
     recordings: Sequence[Samples],
     fixed: Mapping[str, float],
     progress: Callable[[str], None],
-) -> ArmFit:
-    """Fit a torque balance to recordings."""
+) -> ExactFits:
+    """Fit a torque balance to recordings, until its residuals say that it lacks something."""
     divisions = _divisions(recordings)
     noise = noise_of(recordings)
     progress("least squares")
     found = [begun(balance, recordings, dict(fixed), divisions[0], noise)]
-    timings = _TIMINGS[:1]
+    timed = False
     for segments in divisions[1:]:
         duration = _duration(segments)
         progress(f"segments of {duration:.2g} s")
-        first_timed = len(timings) == 1 and duration >= _TIMED_FROM
-        tried = []
-        for timing in _TIMINGS if first_timed else timings[-1:]:
-            try:
-                tried.append(_over_longer(found[-1], segments, timing, noise))
-            except ConvergenceError:
-                continue
-        if not tried:
+        try:
+            longer = _over_longer(found[-1], segments, noise)
+        except ConvergenceError:
             break
-        found.append(_timed(tried))
-        if duration > _USUAL and not _holds(found[-1], found[0]):
+        if not timed and (duration >= _TIMED_FROM or not _near_noise(longer)):
+            longer, timed = _timed(longer, noise), True
+        found.append(longer)
+        if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found[0])):
             break
-        if first_timed:
-            timings = (*timings, found[-1][0].timing)
-    progress("intervals")
-    last, *before = _ends(found, noise)
-    problem, minimum = found[0]
-    first = dict(zip(problem.names, minimum.point.values.tolist(), strict=True))
-    return replace(_spread(last, before), first=first)
+    return ExactFits(tuple(found), noise)
 
 
-Solved = tuple[SegmentedMotion, Minimum]
+def _hopeless(one: Solved) -> str:
+    """Why no exact fit over longer segments will do; empty where one may."""
+    problem, minimum = one
+    duration = _duration(problem.segments)
+    if duration > _USUAL:
+        return ""
+    if not _near_noise(one):
+        return f"residuals exceed the encoders' noise within {duration:.2g} s"
+    if duration >= _TIMED_FROM and minimum.last_step > _UNFINISHED:
+        return f"steps do not end over segments of {duration:.2g} s"
+    return ""
 
 
-def _timed(tried: Sequence[Solved]) -> Solved:
-    """The first of several fits, unless another timing of the inputs is clearly better."""
-    best = tried[0]
-    for problem, minimum in tried[1:]:
-        variance = minimum.variance(problem)
-        if minimum.equations.cost < best[1].equations.cost - _TIMING_FALL * variance:
-            best = problem, minimum
+def _near_noise(one: Solved) -> bool:
+    problem, minimum = one
+    return minimum.variance(problem) <= _UNEXPLAINED
+
+
+def _timed(found: Solved, noise: FloatArray) -> Solved:
+    """The same fit, unless another timing of the inputs is clearly better."""
+    best = found
+    for timing in _TIMINGS[1:]:
+        try:
+            other = _retimed(found, timing, noise)
+        except ConvergenceError:
+            continue
+        if other is not None and _falls(best, other[1].equations.cost):
+            best = other
     return best
 
 
-def _ends(found: Sequence[Solved], noise: FloatArray) -> list[ArmFit]:
-    """The fit over the longest segments that can be trusted, and the one before it.
+def _retimed(found: Solved, timing: Timing, noise: FloatArray) -> Solved | None:
+    """The fit with another timing; None where the first step from the old one promises little."""
+    problem, minimum = found
+    other = replace(problem, timing=timing)
+    late = [0.0] * (len(other.names) - len(problem.names))
+    point = Point(np.append(minimum.point.values, late), minimum.point.initial_states)
+    equations = other.equations(point)
+    # A fit that has not ended would go on with the old timing as well.
+    promised = equations.cost - other.solve(equations).decrement + minimum.reduced.decrement
+    if not _falls(found, promised):
+        return None
+    return _roughly(other, point, noise)
+
+
+def _falls(before: Solved, cost: float) -> bool:
+    """Whether weighted squares fall enough for an unusual timing."""
+    problem, minimum = before
+    least = _TIMING_FALL * minimum.variance(problem)
+    if not _near_noise(before):
+        least = max(least, _TIMING_SHARE * minimum.equations.cost)
+    return cost < minimum.equations.cost - least
+
+
+def _ends(found: Sequence[Solved], noise: FloatArray) -> Iterator[ArmFit]:
+    """The fit over the longest segments that can be trusted, and those before it.
 
     Long segments say more of what is slow, if the model is right. Where it is not, residuals grow
     with the length, and what the model lacks biases the values.
     """
-    ends: list[ArmFit] = []
-    longest = [
-        one for one in found if _duration(one[0].segments) <= _USUAL or _holds(one, found[0])
-    ]
-    for problem, minimum in reversed(longest):
-        try:
+    for problem, minimum in reversed(found):
+        if _duration(problem.segments) > _USUAL and not _holds((problem, minimum), found[0]):
+            continue
+        with suppress(ConvergenceError):
             own = _reweighted(problem, minimum)
             end = minimise(own, minimum.point, _FINE, insist=False, iterations=_STEPS)
-        except ConvergenceError:
-            continue
-        # Sensitivities that grew beyond all bounds leave nothing known, and no step to take.
-        if end.last_step <= _UNFINISHED and not end.reduced.free.all():
-            ends.append(with_covariance(own, end, noise))
-        if len(ends) == _COMPARED:
-            break
-    # Where no fit ends, the last one is shown for what it is: its intervals are infinite.
-    return ends or [with_covariance(*longest[-1], noise)]
+            # Sensitivities that grew beyond all bounds leave nothing known, and no step to take.
+            if end.last_step <= _UNFINISHED and not end.reduced.free.all():
+                yield with_covariance(own, end, noise)
 
 
 def _holds(one: Solved, first: Solved) -> bool:
@@ -196,14 +263,15 @@ def begun(
     tried: list[Minimum] = []
     for start in starts(balance, recordings, fixed):
         point = Point(np.array([start[name] for name in problem.names]), few.start_states)
-        own = at_point(few, point, noise)
         with suppress(ConvergenceError):
-            tried.append(minimise(own, point, _ROUGH, insist=False, iterations=_TRIAL_STEPS))
+            own, found = _roughly(few, point, noise, _TRIAL_STEPS)
+            tried.append(found)
+            if found.variance(own) <= _PROMISING:
+                break
     for found in sorted(tried, key=lambda one: one.equations.cost):
         point = Point(found.point.values, problem.start_states)
-        own = at_point(problem, point, noise)
         with suppress(ConvergenceError):
-            return own, minimise(own, point, _ROUGH, insist=False, iterations=_STEPS)
+            return _roughly(problem, point, noise)
     raise ConvergenceError(
         "arm",
         "the model cannot follow the log from any start: check the signs and units of the "
@@ -217,25 +285,29 @@ def at_point(problem: SegmentedMotion, point: Point, noise: FloatArray) -> Segme
     return replace(own, substeps=min(own.substeps, _MOST_SUBSTEPS))
 
 
-def _over_longer(before: Solved, segments: Segments, timing: Timing, noise: FloatArray) -> Solved:
-    """Go on over longer segments, with a timing of the inputs."""
+def _roughly(
+    problem: SegmentedMotion, point: Point, noise: FloatArray, iterations: int = _STEPS
+) -> Solved:
+    """A minimum near a point, with steps that may be too long for a stiff joint."""
+    own = problem.at(point, 1.0 / noise)
+    own = replace(own, substeps=min(own.substeps, _ROUGHLY))
+    return own, minimise(own, point, _ROUGH, insist=False, iterations=iterations)
+
+
+def _over_longer(before: Solved, segments: Segments, noise: FloatArray) -> Solved:
+    """Go on over longer segments."""
     problem, minimum = before
     states = minimum.point.initial_states[:: len(problem.segments) // len(segments)]
-    values = dict(zip(problem.names, minimum.point.values.tolist(), strict=True))
-    longer = replace(problem, segments=segments, timing=timing)
-    point = Point(np.array([values.get(name, 0.0) for name in longer.names]), states)
-    longer = at_point(longer, point, noise)
-    return longer, minimise(longer, point, _ROUGH, insist=False, iterations=_STEPS)
+    longer = replace(problem, segments=segments)
+    return _roughly(longer, Point(minimum.point.values, states), noise, _STEPS_BETWEEN)
 
 
-def _spread(best: ArmFit, ends: Sequence[ArmFit]) -> ArmFit:
-    """A fit whose covariance holds what other lengths of the segments make of the log."""
-    covariance = best.covariance.copy()
-    for other in ends:
-        if other is not best and other.problem.names == best.problem.names:
-            apart = other.minimum.point.values - best.minimum.point.values
-            covariance += 0.5 * np.outer(apart, apart)
-    return replace(best, covariance=covariance)
+def _spread(best: ArmFit, other: ArmFit) -> ArmFit:
+    """A fit whose covariance holds what another length of the segments makes of the log."""
+    if other.problem.names != best.problem.names:
+        return best
+    apart = other.minimum.point.values - best.minimum.point.values
+    return replace(best, covariance=best.covariance + 0.5 * np.outer(apart, apart))
 
 
 def with_covariance(problem: SegmentedMotion, minimum: Minimum, noise: FloatArray) -> ArmFit:

@@ -10,10 +10,10 @@ import numpy as np
 import flexid
 from flexid.arms.disturbed import fit_disturbed
 from flexid.arms.doubts import with_doubts
-from flexid.arms.fitting import ArmFit, effect_sizes, fit_arm
+from flexid.arms.fitting import ArmFit, effect_sizes, exact_fits
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.prediction import disturbed_run, free_run
-from flexid.arms.result import ArmIdentification, ArmParameter
+from flexid.arms.result import ArmIdentification, joint_of_name
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
@@ -21,9 +21,9 @@ from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.identification.judgement.verdict import verdict
 from flexid.identification.result.warnings import model_warnings
-from flexid.identification.vocabulary.evidence import Disturbances, ModelError
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Disturbances, ModelError, ParameterEstimate
 from flexid.identification.vocabulary.intervals import interval
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 from flexid.recording.caution import Caution, Rank, ranked
@@ -62,6 +62,7 @@ class _Found:
     periods: Mapping[int, float]  # per cent of each deflection that is predicted over a period
     shares: Mapping[str, float] | None = None  # what disturbs each balance; None of an exact fit
     widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
+    reason: str = ""  # why there is no fit without disturbances
 
 
 def _found(
@@ -71,18 +72,23 @@ def _found(
     progress: Callable[[str], None],
 ) -> _Found:
     """The exact fit; where that does not explain the log, the fit with disturbances."""
-    fit = fit_arm(balance, log.recordings, fixed, progress)
-    explained = fit.ended and float(np.mean(fit.excess**2)) <= THRESHOLDS.sensor_excess
-    if not explained:
+    exact = exact_fits(balance, log.recordings, fixed, progress)
+    fit, reason = None, exact.hopeless
+    if not reason:
+        progress("intervals")
+        fit = exact.best()
+        reason = "" if fit.explains else "residuals exceed the encoders' noise"
+    if fit is None or reason:
         progress("what disturbs the arm")
         with suppress(ConvergenceError):
-            disturbed = fit_disturbed(balance, log.recordings, fixed, (fit.first, fit.values))
+            disturbed = fit_disturbed(balance, log.recordings, fixed, exact.starts)
             progress("what may be wrong with it")
             doubted, widest = with_doubts(disturbed)
             if not doubted.degrees_of_freedom.any():
                 raise ConvergenceError("arm", "the fit with disturbances knows nothing")
-            return _Found(doubted, *disturbed_run(disturbed), disturbed.shares(), widest)
+            return _Found(doubted, *disturbed_run(disturbed), disturbed.shares(), widest, reason)
     progress("free run")
+    fit = fit or exact.best()
     return _Found(fit, free_run(balance, log.recordings, fit), {})
 
 
@@ -109,12 +115,12 @@ def _result(
     fit = found.fit
     names = fit.problem.names
     shares = _shares(balance, log, fit, fixed)
-    parameters: dict[str, ArmParameter] = {}
+    parameters: dict[str, ParameterEstimate] = {}
     for name, joint, term in balance.placed():
         if name in names:
             unit = _unit(term, log.input_units, joint)
             share, why = shares.get(name, 0.0), found.widest.get(name, "")
-            parameters[name] = _judged(name, joint, unit, fit, share, why)
+            parameters[name] = _judged(name, unit, fit, share, why)
     for joint in range(1, arm.joints + 1):
         ratio = _ratio(arm, joint, fit, fixed)
         parameters[ratio.name] = ratio
@@ -125,13 +131,20 @@ def _result(
         for name in names_doubted & parameters.keys():
             parameters[name] = replace(parameters[name], verdict="undetermined", reason=str(doubt))
     return ArmIdentification(
+        model="arm",
         arm=arm,
         parameters=parameters,
-        names=names,
-        covariance=fit.covariance,
+        fit=Estimate(
+            names,
+            fit.minimum.point.values,
+            fit.covariance,
+            tuple(fit.degrees_of_freedom.tolist()),
+        ),
         fixed=fixed,
-        free_run=found.free_run,
+        input_units=log.input_units,
+        free_run_percent=found.free_run,
         disturbances=found.shares,
+        disturbed_because=found.reason,
         residual_excess=excess,
         # An input that is low-passed to the arm's band is smooth; it was held all the same.
         hold=fit.problem.timing.hold if found.shares is None else "zero",
@@ -145,17 +158,20 @@ def _result(
     )
 
 
-def _judged(name: str, joint: int, unit: str, fit: ArmFit, share: float, why: str) -> ArmParameter:
+def _judged(name: str, unit: str, fit: ArmFit, share: float, why: str) -> ParameterEstimate:
     place = fit.problem.names.index(name)
     value = fit.values[name]
-    std = float(np.sqrt(fit.covariance[place, place]))
     freedom = float(fit.degrees_of_freedom[place])
-    ends = interval(value, std if freedom > 0.0 else np.inf, freedom)
+    std = float(np.sqrt(fit.covariance[place, place])) if freedom > 0.0 else np.inf
+    ends = interval(value, std, freedom)
     effect = share * 0.5 * (ends[1] - ends[0])
     word, reason = verdict(value, ends, effect if np.isfinite(effect) else np.inf)
     if word != "determined":
         reason = "; ".join(filter(None, (reason, why, _confusion(place, fit))))
-    return ArmParameter(name, joint, value, ends, unit, word, reason)
+    slopes = {name: 1.0}
+    return ParameterEstimate(
+        name, unit, value, std, ends, word, reason, degrees_of_freedom=freedom, slopes=slopes
+    )
 
 
 def _confusion(place: int, fit: ArmFit) -> str:
@@ -177,7 +193,7 @@ def _confusion(place: int, fit: ArmFit) -> str:
 
 
 def _doubts(
-    found: _Found, parameters: Mapping[str, ArmParameter], excess: Mapping[str, float]
+    found: _Found, parameters: Mapping[str, ParameterEstimate], excess: Mapping[str, float]
 ) -> list[tuple[set[str], Caution]]:
     """Parameters that are not known, whatever their intervals say, and why."""
     doubts: list[tuple[set[str], Caution]] = []
@@ -208,11 +224,11 @@ def _doubts(
                     ),
                 )
             )
-    for joint in {p.joint for p in parameters.values()}:
+    for joint in {*map(joint_of_name, parameters)}:
         names = (f"{name}_{joint}" for name in _POSITIVE)
         negative = [name for name in names if parameters[name].value <= 0.0]
         if negative:
-            own = {name for name, p in parameters.items() if p.joint == joint}
+            own = {name for name in parameters if joint_of_name(name) == joint}
             said = f"{', '.join(negative)} came out negative, which no spring or inertia can be"
             doubts.append((own, Caution(f"{said}: check the signs of this joint", Rank.SCALE)))
     return doubts
@@ -232,7 +248,7 @@ def _unit(term: JointTerm | BodyTerm, input_units: tuple[str, ...], joint: int) 
     )
 
 
-def _ratio(arm: PlanarArm, joint: int, fit: ArmFit, fixed: dict[str, float]) -> ArmParameter:
+def _ratio(arm: PlanarArm, joint: int, fit: ArmFit, fixed: dict[str, float]) -> ParameterEstimate:
     """Stiffness over the inertia that a joint turns where the arm is straight and motors stand.
 
     It is the square of the antiresonance with all other joints locked, and needs no scale.
@@ -251,8 +267,16 @@ def _ratio(arm: PlanarArm, joint: int, fit: ArmFit, fixed: dict[str, float]) -> 
     std = np.sqrt(square) if freedom > 0.0 and np.isfinite(square) else np.inf
     ends = interval(value, std, freedom)
     word, reason = verdict(value, ends)
-    return ArmParameter(
-        f"stiffness_over_inertia_{joint}", joint, value, ends, "1/s^2", word, reason
+    return ParameterEstimate(
+        f"stiffness_over_inertia_{joint}",
+        "1/s^2",
+        value,
+        float(std),
+        ends,
+        word,
+        reason,
+        degrees_of_freedom=freedom,
+        slopes={name: slope for name, slope in slopes.items() if name in names},
     )
 
 
@@ -290,7 +314,7 @@ def _condition(fit: ArmFit) -> float:
 
 
 def _warnings(
-    parameters: dict[str, ArmParameter], found: _Found, excess: dict[str, float]
+    parameters: dict[str, ParameterEstimate], found: _Found, excess: dict[str, float]
 ) -> Iterator[Caution]:
     lacking = [p.name for p in parameters.values() if p.verdict == "undetermined"]
     if lacking:

@@ -34,6 +34,16 @@ class ArmLog:
     warnings: tuple[str, ...]  # a sentence each
     provenance: dict[str, Any]  # file, digest, and the columns of each joint
 
+    @property
+    def source(self) -> str:
+        """The file."""
+        return self.provenance["file"]
+
+    @property
+    def sha256(self) -> str:
+        """Of the file."""
+        return self.provenance["sha256"]
+
 
 def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog:
     """Read the log of an arm."""

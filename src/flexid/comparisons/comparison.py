@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import flexid
+from flexid.arms.result import ArmIdentification
 from flexid.comparisons.estimate_origins import Sharing, apart, doubts, shared_logs
 from flexid.comparisons.joint_difference import JointTest, joint_test
 from flexid.comparisons.number_difference import COMPARED, Difference, Outcome, with_numbers
@@ -72,7 +73,9 @@ class Comparison:
 
 
 def compare_estimates(
-    a: Identification, b: Identification, labels: tuple[str, str] = ("A", "B")
+    a: Identification | ArmIdentification,
+    b: Identification | ArmIdentification,
+    labels: tuple[str, str] = ("A", "B"),
 ) -> Comparison:
     """Compare two estimates number by number, and as a whole."""
     if _same(a, b):
@@ -82,15 +85,21 @@ def compare_estimates(
             f"logs or settings",
         )
     logs = shared_logs(a.provenance, b.provenance)
-    unlike = unlike_width(a, b)
-    whole = ({**a.removed, **a.parameters}, {**b.removed, **b.parameters})
-    parameters = _differences(whole, (a.parameters, b.parameters), logs, unlike)
-    coefficients: dict[str, Difference] = {}
-    if a.model == b.model or "rigid" not in (a.model, b.model):  # names mean the same in both
-        both = (a.coefficients, b.coefficients)
-        coefficients = _differences(both, both, logs, unlike)
-    sound = [name for name, d in coefficients.items() if d.compared]
-    together = joint_test(a, b, sound) if logs == "different" else None
+    if a.model == "arm" and b.model == "arm" and a.arm.joints == b.arm.joints:
+        both = (a.parameters, b.parameters)
+        parameters, coefficients = _differences(both, both, logs, {}), {}
+        fitted = {name: d for name, d in parameters.items() if name in a.sought}
+    elif a.model != "arm" and b.model != "arm":
+        parameters, coefficients = _of_joints(a, b, logs)
+        fitted = coefficients
+    else:
+        raise SettingError(
+            "compare",
+            f"{labels[0]} and {labels[1]} are not of the same number of joints: give two estimates "
+            f"of one joint, or two of arms with as many joints",
+        )
+    sound = [name for name, d in fitted.items() if d.compared]
+    together = joint_test(a.fit, b.fit, sound) if logs == "different" else None
     chances = [] if together is None else [together.probability]
     decided = any(d.outcome in COMPARED for d in parameters.values())
     parameters, first = _judged(parameters, chances if decided else [], logs)
@@ -110,7 +119,20 @@ def compare_estimates(
     )
 
 
-def _same(a: Identification, b: Identification) -> bool:
+def _of_joints(
+    a: Identification, b: Identification, logs: Sharing
+) -> tuple[dict[str, Difference], dict[str, Difference]]:
+    """Differences of parameters and coefficients of two joints."""
+    unlike = unlike_width(a, b)
+    whole = ({**a.removed, **a.parameters}, {**b.removed, **b.parameters})
+    parameters = _differences(whole, (a.parameters, b.parameters), logs, unlike)
+    if a.model != b.model and "rigid" in (a.model, b.model):  # names mean something else
+        return parameters, {}
+    both = (a.coefficients, b.coefficients)
+    return parameters, _differences(both, both, logs, unlike)
+
+
+def _same(a: Identification | ArmIdentification, b: Identification | ArmIdentification) -> bool:
     return (
         a.provenance == b.provenance
         and a.fit.names == b.fit.names

@@ -3,9 +3,12 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal, NamedTuple
 
+from flexid.arms.result import ArmIdentification
 from flexid.comparisons.shape_widths import used_widths
 from flexid.identification.result.identification import Identification
 from flexid.models.flexible_joint import CONSTANT_UNITS
+
+Either = Identification | ArmIdentification
 
 Sharing = Literal["different", "some shared", "same"]
 """Whether two estimates were made from the same logs."""
@@ -39,7 +42,7 @@ def shared_logs(a: Mapping[str, Any], b: Mapping[str, Any]) -> Sharing:
     return "same" if all(in_both) else "some shared"
 
 
-def apart(a: Identification, b: Identification) -> dict[str, tuple[str, str]]:
+def apart(a: Either, b: Either) -> dict[str, tuple[str, str]]:
     """What was asked for, chosen or used otherwise: in A and in B, by name."""
     first, second = _facts(a), _facts(b)
     names = dict.fromkeys([*first, *second])
@@ -49,12 +52,14 @@ def apart(a: Identification, b: Identification) -> dict[str, tuple[str, str]]:
     return found | ({"terms only here": own} if own[0] != own[1] else {})
 
 
-def _beside(one: Identification, other: Identification) -> str:
+def _beside(one: Either, other: Either) -> str:
     """Terms that one model has and the other has not."""
+    if one.model == "arm" or other.model == "arm":
+        return ""
     return _text([term for term in one.choices.terms if term not in other.choices.terms])
 
 
-def doubts(a: Identification, b: Identification, logs: Sharing) -> Iterator[str]:
+def doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
     """What limits a comparison, a sentence each."""
     if a.model != b.model:
         yield (
@@ -78,7 +83,7 @@ def doubts(a: Identification, b: Identification, logs: Sharing) -> Iterator[str]
             f"both rest on what was said of {' and '.join(common)}: if that has changed, other "
             f"values seem to have changed in its stead"
         )
-    unexplained = [side for side, e in (("A", a), ("B", b)) if e.model_error.share > 0.0]
+    unexplained = [side for side, e in (("A", a), ("B", b)) if _is_unexplained(e)]
     if unexplained and logs != "same":
         yield (
             f"in {' and '.join(unexplained)} the residuals hold something that no term describes. "
@@ -88,22 +93,27 @@ def doubts(a: Identification, b: Identification, logs: Sharing) -> Iterator[str]
         yield from (f"{side}: {warning}" for warning in estimate.warnings)
 
 
-def _joint(estimate: Identification) -> str:
+def _is_unexplained(estimate: Either) -> bool:
+    if estimate.model == "arm":
+        return estimate.disturbances is not None
+    return estimate.model_error.share > 0.0
+
+
+def _joint(estimate: Either) -> str:
     return {
         "flexible": "a flexible joint",
         "link": "a link alone",
         "rigid": "a rigid joint",
+        "arm": "an arm",
     }[estimate.model]
 
 
-def _facts(estimate: Identification) -> dict[str, str]:
+def _facts(estimate: Either) -> dict[str, str]:
     """Everything that an estimate was made with, as text."""
+    if estimate.model == "arm":
+        return _facts_of_arm(estimate)
     provenance = estimate.provenance
-    facts = {
-        "logs": _text([log.get("file") for log in provenance.get("inputs", ())]),
-        "model": estimate.model,
-        "flexid": _text(provenance.get("flexid_version")),
-    }
+    facts = _common_facts(estimate)
     asked = provenance.get("settings", {})
     facts |= {f"{name} (asked)": _text(value) for name, value in asked.items() if name != "model"}
     choices, alignment = estimate.choices, estimate.choices.alignment
@@ -124,6 +134,25 @@ def _facts(estimate: Identification) -> dict[str, str]:
     for name, width in used_widths(estimate).items():
         facts[name.replace("_", " ")] = f"{width:.4g} {CONSTANT_UNITS[name]}".removesuffix(" 1")
     return facts | _columns(provenance)
+
+
+def _common_facts(estimate: Either) -> dict[str, str]:
+    provenance = estimate.provenance
+    return {
+        "logs": _text([log.get("file") for log in provenance.get("inputs", ())]),
+        "model": estimate.model,
+        "flexid": _text(provenance.get("flexid_version")),
+    }
+
+
+def _facts_of_arm(estimate: ArmIdentification) -> dict[str, str]:
+    return _common_facts(estimate) | {
+        "lengths": f"{_text(estimate.arm.lengths)} m",
+        "gravity": f"{_text(estimate.arm.gravity)} m/s^2",
+        "hold": estimate.hold,
+        "input delay": f"{1e3 * estimate.input_delay:.3g} ms",
+        "disturbances": "none" if estimate.disturbances is None else "fitted",
+    }
 
 
 def _columns(provenance: Mapping[str, Any]) -> dict[str, str]:
@@ -150,7 +179,7 @@ def _position_columns(log: Mapping[str, Any]) -> Iterator[str]:
             yield from origin["columns"]
 
 
-def _known(estimate: Identification) -> Mapping[str, Any]:
+def _known(estimate: Either) -> Mapping[str, Any]:
     return estimate.provenance.get("settings", {}).get("known", {})
 
 

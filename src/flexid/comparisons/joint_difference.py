@@ -19,7 +19,6 @@ import numpy as np
 from scipy.special import fdtrc
 
 from flexid.arrays import FloatArray
-from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 
 _MANY = 1e9  # degrees of freedom, as good as infinite
@@ -51,12 +50,12 @@ def welch(deviations: Sequence[float], degrees_of_freedom: Sequence[float]) -> f
     return 1.0 / reciprocal if reciprocal > 0.0 else np.inf
 
 
-def joint_test(a: Identification, b: Identification, names: Collection[str]) -> JointTest | None:
+def joint_test(a: Estimate, b: Estimate, names: Collection[str]) -> JointTest | None:
     """Test whether all that two estimates hold together differs by more than chance."""
-    common = [name for name in names if _known(a.fit, name) and _known(b.fit, name)]
+    common = [name for name in names if _known(a, name) and _known(b, name)]
     if len(common) < 2:
         return None
-    of_a, of_b = _ordered(a.fit, common), _ordered(b.fit, common)
+    of_a, of_b = _ordered(a, common), _ordered(b, common)
     return hotelling(
         tuple(common),
         of_b.values - of_a.values,

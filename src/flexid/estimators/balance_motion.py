@@ -46,13 +46,14 @@ def balance_columns(
     balance: TorqueBalance,
     signals: FloatArray,  # (n_samples, n_rows, 3)
     inputs: FloatArray,  # (n_samples, n_joints)
+    modes: FloatArray | None = None,  # (n_samples, n_rows): of friction, if not the motion's
 ) -> FloatArray:
     """φ of every parameter along a motion, shape (n_samples, n_rows, n_parameters)."""
     kernel: Any = balance_kernel(balance)
     constants = np.array(list(balance.constants.values()), dtype=np.float64)
     found = np.zeros((len(signals), len(balance.rows), len(balance.coefficients)))
     states = np.ascontiguousarray(signals[:, :, :2].reshape(len(signals), -1))
-    modes = np.sign(signals[:, :, 1])
+    modes = np.sign(signals[:, :, 1]) if modes is None else np.ascontiguousarray(modes)
     accelerations = np.ascontiguousarray(signals[:, :, 2])
     for k in range(len(signals)):
         kernel.columns(states[k], inputs[k], modes[k], constants, accelerations[k], found[k])

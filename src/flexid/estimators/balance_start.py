@@ -65,12 +65,8 @@ def filtered(balance: TorqueBalance, recordings: Sequence[Samples], cutoff: floa
         inputs = sosfiltfilt(sos, 0.5 * (held[1:] + held[:-1]), axis=0)
         edge = min(len(positions) // 8, int(1.0 / (cutoff * h)) + 8)
         kept = np.arange(edge, len(positions) - edge, max(1, int(1.0 / (_PER_PERIOD * cutoff * h))))
-        columns = balance_columns(balance, signals[edge:-edge], inputs[edge:-edge])
-        for k, (_, joint, term) in enumerate(balance.placed()):
-            if isinstance(term, JointTerm) and "sign" in term.expression:
-                for row in (2 * joint - 2, 2 * joint - 1):
-                    columns[:, row, k] = sosfiltfilt(sos, columns[:, row, k])
-        parts.append(columns[kept - edge])
+        modes = sosfiltfilt(sos, np.sign(speeds), axis=0)
+        parts.append(balance_columns(balance, signals[kept], inputs[kept], modes[kept]))
     return Filtered(np.concatenate(parts), balance)
 
 

@@ -5,7 +5,7 @@ link hangs under gravity at a lever that, with its mass, gives the identified to
 inertia is its hinge's armature. What MuJoCo has no word for is left out, and named.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isclose, isfinite, sqrt
 from pathlib import Path
@@ -96,17 +96,20 @@ def mjcf_scene(joint: Described, input_unit: str = TORQUE) -> Scene:
     notes += _delays(joint)
     dry = any(side is not None and side.coulomb > 0.0 for side in (link, motor))
     dry |= spring is not None and spring.hysteresis > 0.0
+    fastest = sqrt(abs(values.get("theta2", 0.0) + values.get("alpha1", 0.0)))
     root = scene(
         link,
         motor,
         spring,
         gain=values["beta1"] * motor.inertia,
         delay=max(joint.delays.get(INPUT_DELAY, 0.0), 0.0),
-        step=_timestep(values, dry=dry),
+        step=timestep(fastest, dry=dry),
     )
-    root.insert(0, ET.Comment(_heading(notes)))
-    ET.indent(root)
-    return Scene(ET.tostring(root, encoding="unicode") + "\n", tuple(notes))
+    lines = (
+        "A joint that flexid identified. SI units; angles at the link's side of the gear.",
+        "Of mass, lever and gravity only the product acts on the link.",
+    )
+    return finished(root, lines, notes)
 
 
 def _scaled(unit: str) -> str:
@@ -219,9 +222,8 @@ def _left_out(values: Mapping[str, float]) -> list[str]:
     return notes
 
 
-def _timestep(values: Mapping[str, float], *, dry: bool) -> float:
-    """Step in s: a millisecond, halved until it is short enough."""
-    fastest = sqrt(abs(values.get("theta2", 0.0) + values.get("alpha1", 0.0)))
+def timestep(fastest: float, *, dry: bool) -> float:
+    """Step in s for a resonance in rad/s: a millisecond, halved until it is short enough."""
     most, steps = (_DRY_STEP, _DRY_STEPS_PER_RADIAN) if dry else (_STEP, _STEPS_PER_RADIAN)
     step = _STEP
     while step > most or step * fastest * steps > 1.0:
@@ -229,10 +231,10 @@ def _timestep(values: Mapping[str, float], *, dry: bool) -> float:
     return step
 
 
-def _heading(notes: list[str]) -> str:
-    lines = [
-        "A joint that flexid identified. SI units; angles at the link's side of the gear.",
-        "Of mass, lever and gravity only the product acts on the link.",
-        *(f"Note: {note}." for note in notes),
-    ]
-    return "\n    " + "\n    ".join(line.replace("--", "- -") for line in lines) + "\n  "
+def finished(root: ET.Element, heading: Sequence[str], notes: Sequence[str]) -> Scene:
+    """A scene with a comment at its head."""
+    lines = (*heading, *(f"Note: {note}." for note in notes))
+    comment = "\n    ".join(("", *(line.replace("--", "- -") for line in lines))) + "\n  "
+    root.insert(0, ET.Comment(comment))
+    ET.indent(root)
+    return Scene(ET.tostring(root, encoding="unicode") + "\n", tuple(notes))

@@ -6,7 +6,8 @@ from xml.etree import ElementTree as ET
 
 _GRAVITY = 9.81  # m/s^2; only its product with mass and lever acts
 _LONGEST_LEVER = 1.0  # m
-_NOTHING = 1e-9  # of the armature: the engine wants every body to have some inertia
+NOTHING = 1e-9
+"""Of the armature: the engine wants every body to have some inertia."""
 
 _SEEN = {"mass": "0", "contype": "0", "conaffinity": "0"}
 """Attributes of what is there to be looked at, and touches nothing."""
@@ -33,6 +34,7 @@ class Spring(NamedTuple):
     damping: float
     hysteresis: float
     half_gap: float
+    rest: float = 0.0  # rad, of link less motor, where it has no torque
 
 
 def scene(
@@ -45,24 +47,37 @@ def scene(
     step: float,
 ) -> ET.Element:
     """The root of a scene."""
-    root = ET.Element("mujoco", model="flexible joint" if link else "rigid joint")
-    ET.SubElement(root, "compiler", angle="radian")
-    gravity = f"0 0 {-_GRAVITY!r}"
-    ET.SubElement(root, "option", timestep=_text(step), integrator="RK4", gravity=gravity)
-    world = ET.SubElement(root, "worldbody")
+    name = "flexible joint" if link else "rigid joint"
+    root, world = empty_scene(name, (0.0, 0.0, -_GRAVITY), step)
     if link is None:
         _pendulum(world, "motor", motor, step)
     else:
         _pendulum(world, "link", link, step)
         _rotor(world, motor, step)
     if spring is not None:
-        tendon = ET.SubElement(root, "tendon")
-        fixed = ET.SubElement(tendon, "fixed", _spring_attributes(spring, step), name="spring")
-        ET.SubElement(fixed, "joint", joint="link", coef="1")
-        ET.SubElement(fixed, "joint", joint="motor", coef="-1")
-    root.append(_actuators(link, motor, gain, delay, step))
-    root.append(_sensors(link is not None))
+        add_spring(ET.SubElement(root, "tendon"), spring, step)
+    add_actuators(ET.SubElement(root, "actuator"), link, motor, gain, delay, step)
+    add_sensors(ET.SubElement(root, "sensor"), ("link", "motor") if link else ("motor",))
     return root
+
+
+def empty_scene(
+    name: str, gravity: tuple[float, float, float], step: float
+) -> tuple[ET.Element, ET.Element]:
+    """The root of a scene, and its world."""
+    root = ET.Element("mujoco", model=name)
+    ET.SubElement(root, "compiler", angle="radian")
+    options = {"timestep": text(step), "integrator": "RK4", "gravity": text(*gravity)}
+    ET.SubElement(root, "option", options)
+    return root, ET.SubElement(root, "worldbody")
+
+
+def add_spring(tendons: ET.Element, spring: Spring, step: float, number: str = "") -> None:
+    """A tendon between the link and the motor of a joint, whose number ends all names."""
+    attributes = _spring_attributes(spring, step)
+    fixed = ET.SubElement(tendons, "fixed", attributes, name=f"spring{number}")
+    ET.SubElement(fixed, "joint", joint=f"link{number}", coef="1")
+    ET.SubElement(fixed, "joint", joint=f"motor{number}", coef="-1")
 
 
 def _pendulum(world: ET.Element, name: str, side: Side, step: float) -> None:
@@ -73,91 +88,98 @@ def _pendulum(world: ET.Element, name: str, side: Side, step: float) -> None:
     mass = torque / (_GRAVITY * lever) if torque else side.inertia
     centre = side.inertia - mass * lever**2
     body = ET.SubElement(world, "body", name=name)
-    ET.SubElement(body, "joint", _hinge_attributes(side, step), name=name)
+    ET.SubElement(body, "joint", hinge_attributes(side, step), name=name)
     ET.SubElement(
         body,
         "inertial",
-        pos=_text(lever * sin(down), 0.0, -lever * cos(down)),
-        mass=_text(mass),
-        diaginertia=_text(centre, centre, centre),
+        pos=text(lever * sin(down), 0.0, -lever * cos(down)),
+        mass=text(mass),
+        diaginertia=text(centre, centre, centre),
     )
-    end = _text(0.0, 0.0, 0.0, 0.3 * sin(down), 0.0, -0.3 * cos(down))
+    end = text(0.0, 0.0, 0.0, 0.3 * sin(down), 0.0, -0.3 * cos(down))
     ET.SubElement(body, "geom", _SEEN, type="capsule", fromto=end, size="0.02")
 
 
 def _rotor(world: ET.Element, motor: Side, step: float) -> None:
     """The motor, whose inertia is the armature of its hinge."""
     body = ET.SubElement(world, "body", name="motor")
-    armature = _text(motor.inertia)
-    attributes = _hinge_attributes(motor, step)
+    armature = text(motor.inertia)
+    attributes = hinge_attributes(motor, step)
     ET.SubElement(body, "joint", attributes, name="motor", armature=armature)
-    little = _NOTHING * motor.inertia
-    inertias = _text(little, little, little)
-    ET.SubElement(body, "inertial", pos="0 0 0", mass=_text(little), diaginertia=inertias)
+    little = NOTHING * motor.inertia
+    inertias = text(little, little, little)
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=text(little), diaginertia=inertias)
     ends = "0 0.05 0 0 0.1 0"
     ET.SubElement(body, "geom", _SEEN, type="cylinder", fromto=ends, size="0.05")
 
 
-def _hinge_attributes(side: Side, step: float) -> dict[str, str]:
-    attributes = {"type": "hinge", "axis": "0 1 0"}
+def hinge_attributes(side: Side, step: float, axis: str = "0 1 0") -> dict[str, str]:
+    """Attributes of a hinge about an axis, with what brakes it."""
+    attributes = {"type": "hinge", "axis": axis}
     if side.viscous or side.drag:
         attributes["damping"] = _polynomial(side.viscous, side.drag)
     if side.coulomb:
-        attributes |= {"frictionloss": _text(side.coulomb), **_sharp_friction(step)}
+        attributes |= {"frictionloss": text(side.coulomb), **_sharp_friction(step)}
     return attributes
 
 
 def _spring_attributes(spring: Spring, step: float) -> dict[str, str]:
-    gap = spring.half_gap
+    gap, rest = spring.half_gap, spring.rest
     attributes = {
         "stiffness": _polynomial(spring.stiffness, spring.lopsided, spring.cubic),
-        "springlength": _text(-gap, gap) if gap else "0",
+        "springlength": text(rest - gap, rest + gap) if gap else text(rest),
     }
     if spring.damping:
-        attributes["damping"] = _text(spring.damping)
+        attributes["damping"] = text(spring.damping)
     if spring.hysteresis:
-        attributes |= {"frictionloss": _text(spring.hysteresis), **_sharp_friction(step)}
+        attributes |= {"frictionloss": text(spring.hysteresis), **_sharp_friction(step)}
     return attributes
 
 
 def _sharp_friction(step: float) -> dict[str, str]:
     """What makes the engine's friction as dry as its step allows; its default creeps visibly."""
-    return {"solreffriction": _text(2.0 * step, 1.0), "solimpfriction": "0.9999 0.9999 0.001"}
+    return {"solreffriction": text(2.0 * step, 1.0), "solimpfriction": "0.9999 0.9999 0.001"}
 
 
-def _actuators(
-    link: Side | None, motor: Side, gain: float, delay: float, step: float
-) -> ET.Element:
+def add_actuators(
+    actuators: ET.Element,
+    link: Side | None,
+    motor: Side,
+    gain: float,
+    delay: float,
+    step: float,
+    number: str = "",
+) -> None:
     """The input's actuator, with the motor's constant torque, and one for that of the link."""
-    actuators = ET.Element("actuator")
-    attributes = {"name": "motor", "joint": "motor", "gainprm": _text(gain)}
+    name = f"motor{number}"
+    attributes = {"name": name, "joint": name, "gainprm": text(gain)}
     if motor.offset:
-        attributes |= {"biastype": "affine", "biasprm": _text(motor.offset)}
+        attributes |= {"biastype": "affine", "biasprm": text(motor.offset)}
     if delay > 0.0:
         # The engine draws straight lines between inputs that are held over a step: half a step.
         late = delay + 0.5 * step
         samples = str(int(late / step) + 2)
-        attributes |= {"delay": _text(late), "nsample": samples, "interp": "linear"}
+        attributes |= {"delay": text(late), "nsample": samples, "interp": "linear"}
     ET.SubElement(actuators, "general", attributes)
     if link is not None and link.offset:
-        offset = {"biastype": "affine", "biasprm": _text(link.offset)}
+        offset = {"biastype": "affine", "biasprm": text(link.offset)}
         ET.SubElement(actuators, "general", offset, name="link_offset", joint="link", gainprm="0")
-    return actuators
 
 
-def _sensors(with_link: bool) -> ET.Element:
-    sensors = ET.Element("sensor")
+def add_sensors(sensors: ET.Element, sides: tuple[str, ...], number: str = "") -> None:
+    """Sensors of position and velocity."""
     for quantity, kind in (("position", "jointpos"), ("velocity", "jointvel")):
-        for side in ("link", "motor") if with_link else ("motor",):
-            ET.SubElement(sensors, kind, name=f"{side}_{quantity}", joint=side)
-    return sensors
+        for side in sides:
+            name = f"{side}_{quantity}{number}"
+            ET.SubElement(sensors, kind, name=name, joint=f"{side}{number}")
 
 
 def _polynomial(first: float, *higher: float) -> str:
     """Coefficients up to the last that is not zero: those beyond the first need MuJoCo 3.7."""
     count = max((i for i, value in enumerate(higher, 1) if value), default=0)
-    return _text(first, *higher[:count])
+    return text(first, *higher[:count])
 
 
-def _text(*numbers: float) -> str:
+def text(*numbers: float) -> str:
+    """Numbers as an attribute has them."""
     return " ".join(f"{number + 0.0:.10g}" for number in numbers)

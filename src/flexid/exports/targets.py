@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from flexid.errors import SettingError
 
 if TYPE_CHECKING:
+    from flexid.arms.result import ArmIdentification
     from flexid.estimators.samples import Samples
     from flexid.exports.estimator import EstimatorSettings
     from flexid.exports.source import ExportSource
@@ -33,7 +34,7 @@ class Target(NamedTuple):
 
 TARGETS = {
     "c99": Target("the online estimator in C99, for a drive", "needed"),
-    "mjcf": Target("the joint as a MuJoCo scene", "none", with_memory=True),
+    "mjcf": Target("the joint or arm as a MuJoCo scene", "none", with_memory=True),
     "fmu": Target("plant and online estimator for simulators, FMI 2.0 and 3.0", "possible"),
 }
 """By name, which is that of a module here."""
@@ -48,3 +49,14 @@ def export_to(target: str, request: ExportRequest, directory: Path) -> tuple[str
         raise SettingError(target, "has no estimator: leave out the options of one")
     module = import_module(f"flexid.exports.{target}")
     return tuple(vars(module)[f"write_{target}"](request, directory))
+
+
+def export_arm(target: str, arm: "ArmIdentification", directory: Path) -> tuple[str, ...]:
+    """Write the files of a target for an arm; return what they do not hold."""
+    if target != "mjcf":
+        raise SettingError(
+            target, "is for one joint, and the estimate is of an arm: export it to mjcf"
+        )
+    from flexid.exports.mjcf_arm import write_arm
+
+    return write_arm(arm, directory)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.library.answer import PlottedAnswer, ReportedAnswer, TabularAnswer
 from flexid.library.entrance import entrance
-from flexid.library.estimates import identified
+from flexid.library.estimates import estimated
 
 if TYPE_CHECKING:
     from flexid.comparisons.comparison import Comparison
@@ -128,6 +128,6 @@ def compare(
     """
     from flexid.comparisons.comparison import compare_estimates
 
-    first, file_a = identified("compare", "a", a)
-    second, file_b = identified("compare", "b", b)
+    first, file_a = estimated("compare", "a", a)
+    second, file_b = estimated("compare", "b", b)
     return EstimateComparison(compare_estimates(first, second, (file_a or "A", file_b or "B")))

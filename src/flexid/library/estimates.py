@@ -1,6 +1,6 @@
 """Estimates from what a user gives: what `flexid.identify` returned, files, or their content."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,9 @@ from flexid.errors import ArgumentError
 from flexid.library.entrance import as_path, kind_of
 
 if TYPE_CHECKING:
+    from flexid.arms.result import ArmIdentification
     from flexid.identification.result.identification import Identification
+    from flexid.stored_estimates.estimate_file import EstimateFile
 
 
 def estimate_content(function: str, argument: str, estimate: Any) -> Path | Mapping[str, Any]:
@@ -31,12 +33,29 @@ def estimate_content(function: str, argument: str, estimate: Any) -> Path | Mapp
 
 
 def identified(function: str, argument: str, estimate: Any) -> "tuple[Identification, str]":
-    """The identification that is meant, and its file, if it is from one."""
+    """The identification of one joint that is meant, and its file, if it is from one."""
+    from flexid.stored_estimates.estimate_file import stored_identification
+
+    return _read(function, argument, estimate, stored_identification)
+
+
+def estimated(
+    function: str, argument: str, estimate: Any
+) -> "tuple[Identification | ArmIdentification, str]":
+    """The same, of one joint or an arm."""
+    from flexid.stored_estimates.estimate_file import stored_estimate
+
+    return _read(function, argument, estimate, stored_estimate)
+
+
+def _read(
+    function: str, argument: str, estimate: Any, stored: "Callable[[EstimateFile], Any]"
+) -> tuple[Any, str]:
     from flexid.library.joint_estimate import JointEstimate
-    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
+    from flexid.stored_estimates.estimate_file import read_estimate
 
     if isinstance(estimate, JointEstimate):
         return estimate.result, ""
     content = estimate_content(function, argument, estimate)
     file = read_estimate(content)
-    return stored_identification(file), "" if isinstance(content, Mapping) else file.name
+    return stored(file), "" if isinstance(content, Mapping) else file.name

@@ -1,6 +1,7 @@
 """Estimates and models as code and files for other tools: `flexid.export`."""
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from math import isfinite
 from os import PathLike
 from pathlib import Path
@@ -9,10 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from flexid.errors import ArgumentError, SettingError, did_you_mean
 from flexid.library.derive import SHIPPED, declared
 from flexid.library.entrance import as_path, entrance, in_one_thread, kind_of
-from flexid.library.estimates import identified
+from flexid.library.estimates import estimated, identified
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
+    from flexid.arms.result import ArmIdentification
     from flexid.estimators.samples import Samples
     from flexid.exports.estimator import EstimatorSettings
     from flexid.exports.source import ExportSource
@@ -104,13 +106,11 @@ def export(
     ArgumentError
         If an option is unknown or of a wrong type.
     """
-    from flexid.exports.targets import TARGETS, ExportRequest, export_to
+    from flexid.exports.targets import TARGETS, ExportRequest, export_arm, export_to
     from flexid.report.documents import output_directory
 
     if to not in TARGETS:
         raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), TARGETS)}")
-    source = export_source(what, terms, with_memory=TARGETS[to].with_memory)
-    samples = None if log is None else _longest(log, columns, source)
     given: dict[str, Any] = {
         "hold": hold,
         "gains": gain,
@@ -118,13 +118,35 @@ def export(
         "memory_time": memory,
         "velocities": velocities or None,
     }
-    settings = estimator_settings(
-        source, samples, sample_time, {k: v for k, v in given.items() if v is not None}
-    )
+    given = {name: value for name, value in given.items() if value is not None}
+    arm = _arm_of(what)
+    if arm is None:
+        source = export_source(what, terms, with_memory=TARGETS[to].with_memory)
+        samples = None if log is None else _longest(log, columns, source)
+        settings = estimator_settings(source, samples, sample_time, given)
+        write = partial(export_to, to, ExportRequest(source, settings, samples))
+    else:
+        options = (*given.values(), sample_time, terms, log)
+        if to == "mjcf" and any(option is not None for option in options):
+            raise SettingError(to, "of an arm takes no options but --out: leave the others out")
+        write = partial(export_arm, to, arm)
     with output_directory(as_path("export", "out", out)) as directory:
-        warnings = export_to(to, ExportRequest(source, settings, samples), directory)
+        warnings = write(directory)
         names = sorted(path.name for path in directory.iterdir())
     return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
+
+
+def _arm_of(what: Any) -> "ArmIdentification | None":
+    """The arm whose stored estimate is meant."""
+    if not _is_estimate(what):
+        return None
+    stored, _ = estimated("export", "what", what)
+    return stored if stored.model == "arm" else None
+
+
+def _is_estimate(what: Any) -> bool:
+    is_path = isinstance(what, str | PathLike) and what != SHIPPED
+    return is_path and _names_an_estimate(as_path("export", "what", what))
 
 
 def export_source(
@@ -137,7 +159,7 @@ def export_source(
     if isinstance(what, JointEstimate):
         return source_of_identification(what.result, with_memory=with_memory)
     is_path = isinstance(what, str | PathLike) and what != SHIPPED
-    if is_path and _names_an_estimate(as_path("export", "what", what)):
+    if _is_estimate(what):
         stored, _ = identified("export", "what", what)
         return source_of_identification(stored, with_memory=with_memory)
     if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):

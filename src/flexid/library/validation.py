@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.library.answer import ReportedAnswer, TabularAnswer, data_frame
-from flexid.library.entrance import entrance, in_one_thread
+from flexid.library.entrance import as_path, entrance, in_one_thread
 from flexid.library.estimates import estimate_content
 
 if TYPE_CHECKING:
@@ -167,7 +167,8 @@ def validate(
         An estimate.json of flexid identify, or the folder that holds it. Or what `flexid.identify`
         returned, or the content of a file.
     logs : log or list of logs
-        Logs of the same drive, with the same kind of input. As `flexid.read_log` takes them.
+        Logs of the same drive, with the same kind of input. As `flexid.read_log` takes them; of an
+        arm, paths.
     columns : path or mapping, optional
         A column map for raw sensor columns. As `flexid.identify` takes it.
 
@@ -186,8 +187,16 @@ def validate(
         If an argument is of a wrong type.
     """
     from flexid.library.logs import all_logs
+    from flexid.stored_estimates.estimate_file import read_estimate, stored_estimate
+    from flexid.stored_estimates.validate_arm import validate_arm
     from flexid.stored_estimates.validate_estimate import validate_estimate
 
-    stored = estimate_content("validate", "estimate", estimate)
-    read = all_logs("validate", logs, columns)
-    return EstimateValidation(validate_estimate(stored, read))
+    file = read_estimate(estimate_content("validate", "estimate", estimate))
+    stored = stored_estimate(file)
+    if stored.model != "arm":
+        read = all_logs("validate", logs, columns)
+        return EstimateValidation(validate_estimate(file, read))
+    several = logs if isinstance(logs, list | tuple) else [logs]
+    paths = [as_path("validate", "logs", log) for log in several]
+    given = None if columns is None else as_path("validate", "columns", columns)
+    return EstimateValidation(validate_arm(file, stored, paths, given))

@@ -8,29 +8,27 @@ from rich.text import Text
 
 from flexid.arms.result import ArmIdentification
 from flexid.report.charts.description import Chart
+from flexid.report.documents import plain
 from flexid.report.identification import estimates_table, verdict_reasons
 from flexid.report.page.layout import Answer, Command, Page, Section, Warned
 from flexid.report.presenter import Presenter
 from flexid.report.terminal import Column, Part, Table, numbers
+from flexid.stored_estimates.estimate_file import FORMAT_VERSION
 
 
 def parts(result: ArmIdentification) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     for joint in range(1, result.arm.joints + 1):
         yield joint_table(result, joint)
-        yield from _reasons(result, joint)
+        yield from verdict_reasons(result.of_joint(joint))
     yield free_run_table(result)
     yield from map(Text, timing_lines(result))
 
 
 def joint_table(result: ArmIdentification, joint: int) -> Table:
     """The parameters of one joint."""
-    found = {p.name.removesuffix(f"_{joint}"): p for p in result.of_joint(joint)}
-    return estimates_table(f"Joint {joint}", found)
-
-
-def _reasons(result: ArmIdentification, joint: int) -> Iterator[Text]:
-    return verdict_reasons({p.name: p for p in result.of_joint(joint)})
+    own = result.of_joint(joint).items()
+    return estimates_table(f"Joint {joint}", {n.removesuffix(f"_{joint}"): p for n, p in own})
 
 
 def free_run_table(result: ArmIdentification) -> Table:
@@ -38,7 +36,9 @@ def free_run_table(result: ArmIdentification) -> Table:
     title = "Free run over the last third, from a fit to the rest (% explained)"
     table = Table(title, (Column("joint"), *numbers("motor", "link", "deflection")))
     for joint in range(1, result.arm.joints + 1):
-        shares = (result.free_run.get(f"{c}_{joint}") for c in ("motor", "link", "deflection"))
+        shares = (
+            result.free_run_percent.get(f"{c}_{joint}") for c in ("motor", "link", "deflection")
+        )
         table.add(str(joint), *("not tested" if s is None else f"{s:.2f}" for s in shares))
     return table
 
@@ -52,6 +52,7 @@ def timing_lines(result: ArmIdentification) -> Iterator[str]:
     else:
         shares = ", ".join(f"{name} {100.0 * s:.2g} %" for name, s in result.disturbances.items())
         yield f"Input: {held}{late}. Fitted with disturbances: of the acceleration, {shares}."
+        yield f"Fits without disturbances were left out: {result.disturbed_because}."
     left = ", ".join(f"{name} {x:.2f}" for name, x in result.residual_excess.items())
     yield f"Residual over the encoders' noise: {left}"
     yield f"Excitation: condition number {result.condition_number:.3g}"
@@ -69,7 +70,7 @@ def page(
             f"Joint {joint}",
             [
                 joint_table(result, joint),
-                *_reasons(result, joint),
+                *verdict_reasons(result.of_joint(joint)),
             ],
         )
         for joint in joints[1:]
@@ -98,7 +99,7 @@ def _trust(result: ArmIdentification, joints: Iterable[int]) -> Answer:
     word = "Not all of them" if lacking else "Yes"
     said = [Text(f"Not determined or weak: {', '.join(lacking)}.")] if lacking else []
     for joint in joints:
-        share = result.free_run.get(f"deflection_{joint}")
+        share = result.free_run_percent.get(f"deflection_{joint}")
         if share is not None:
             said.append(Text(f"A free run explains {share:.1f} % of deflection {joint}."))
     return Answer("Can these numbers be trusted?", word, "fair" if lacking else "good", said)
@@ -106,23 +107,7 @@ def _trust(result: ArmIdentification, joints: Iterable[int]) -> Answer:
 
 def document(result: ArmIdentification) -> dict[str, Any]:
     """Everything that was found of an arm, for JSON."""
-    joints = range(1, result.arm.joints + 1)
-    return {
-        "kind": "planar arm",
-        "arm": result.arm,
-        "joints": [{p.name: p for p in result.of_joint(joint)} for joint in joints],
-        "fit": {"names": result.names, "covariance": result.covariance, "fixed": result.fixed},
-        "free_run_percent": result.free_run,
-        "estimator": "innovations" if result.disturbances else "prediction-error",
-        "disturbances": result.disturbances,
-        "residual_excess": result.residual_excess,
-        "hold": result.hold,
-        "input_delay": result.input_delay,
-        "segment_duration": result.segment_duration,
-        "condition_number": result.condition_number,
-        "warnings": result.warnings,
-        "provenance": result.provenance,
-    }
+    return {"format_version": FORMAT_VERSION, **plain(result)}
 
 
 PRESENTER = Presenter(parts, document, page=page)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from math import isclose, isfinite, isnan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.text import Text
 
@@ -22,9 +22,6 @@ from flexid.report.documents import excitation_summary, plain
 from flexid.report.presenter import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.stored_estimates.estimate_file import FORMAT_VERSION
-
-if TYPE_CHECKING:  # few answers are of an arm
-    from flexid.arms.result import ArmParameter
 
 
 def identification_parts(result: Identification) -> Iterator[Part]:
@@ -153,9 +150,7 @@ def _at_most(parameter: ParameterEstimate) -> str:
     return f"{parameter.name} below {largest:.2g} {parameter.unit}"
 
 
-def estimates_table(
-    title: str, estimates: "Mapping[str, ValueEstimate] | Mapping[str, ArmParameter]"
-) -> Table:
+def estimates_table(title: str, estimates: Mapping[str, ValueEstimate]) -> Table:
     """Values by name, with intervals and verdicts."""
     columns = (
         Column("name"),

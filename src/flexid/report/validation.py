@@ -61,9 +61,13 @@ def errors_parts(result: EstimateValidation) -> Iterator[Part]:
         )
     count = len(result.runs)
     yield Text(
-        f"{count} recording{'s' if count > 1 else ''} of a {result.model} joint. Each prediction "
-        f"starts from the state that the half second before it shows."
+        f"{count} recording{'s' if count > 1 else ''} of {_drive(result)}. Each "
+        f"prediction starts from the state that the half second before it shows."
     )
+
+
+def _drive(result: EstimateValidation) -> str:
+    return "an arm" if result.model == "arm" else f"a {result.model} joint"
 
 
 def _horizon(horizon: float) -> str:
@@ -100,7 +104,7 @@ def page(
     )
     return Page(
         "validation",
-        f"Estimate of a {result.model} joint on other logs",
+        f"Estimate of {_drive(result)} on other logs",
         ", ".join(logs) or "data in memory",
         fits_table(result),
         (_predicts(result), _next(result)),

@@ -1,6 +1,6 @@
 """What a stored estimate must be that its dataclasses do not say."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import isclose, isfinite
 from typing import Annotated
 
@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.flexible_joint import RIPPLE_ORIGIN
 from flexid.toml_file import Refuse
 
@@ -100,7 +101,20 @@ def _complaints(found: Identification) -> Iterator[tuple[str, str]]:
 
 
 def _of_the_fit(found: Identification) -> Iterator[tuple[str, str]]:
-    fit, count = found.fit, len(found.fit.names)
+    numbers = {}
+    for kind in ("coefficients", "parameters", "removed"):
+        numbers |= {f"{kind}.{n}.value": e.value for n, e in getattr(found, kind).items()}
+    yield from fit_complaints(found.fit, numbers)
+    for kind in ("coefficients", "parameters"):  # what was removed was not fitted
+        for name, value in getattr(found, kind).items():
+            unknown = value.slopes.keys() - {*found.fit.names}
+            if unknown:
+                yield f"{kind}.{name}.slopes", f"it names {min(unknown)!r}, which was not fitted"
+
+
+def fit_complaints(fit: Estimate, numbers: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """What is wrong with the sizes of a fit, and with its values and other numbers by key."""
+    count = len(fit.names)
     if not (
         fit.values.shape == (count,)
         and fit.covariance.shape == ((count, count) if count else (0,))
@@ -108,17 +122,10 @@ def _of_the_fit(found: Identification) -> Iterator[tuple[str, str]]:
     ):
         yield "fit", f"values, freedom and covariance must have one entry for {count} names"
         return
-    numbers = {f"fit.values.{name}": value for name, value in fit.by_name.items()}
-    for kind in ("coefficients", "parameters", "removed"):
-        numbers |= {f"{kind}.{n}.value": e.value for n, e in getattr(found, kind).items()}
-    for key, value in numbers.items():
+    every = {**{f"fit.values.{name}": value for name, value in fit.by_name.items()}, **numbers}
+    for key, value in every.items():
         if value and isfinite(value) and not 1.0 / _LARGEST < abs(value) < _LARGEST:
             yield key, f"{value:g} is no number that a drive has"
-    for kind in ("coefficients", "parameters"):  # what was removed was not fitted
-        for name, value in getattr(found, kind).items():
-            unknown = value.slopes.keys() - {*fit.names}
-            if unknown:
-                yield f"{kind}.{name}.slopes", f"it names {min(unknown)!r}, which was not fitted"
 
 
 def _of_excitation(found: Identification) -> Iterator[tuple[str, str]]:

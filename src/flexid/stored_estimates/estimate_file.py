@@ -1,7 +1,7 @@
 """Files that hold an identification: read, checked for their version, made a result once more.
 
-What a file holds is an `Identification` without its time series, as `identification_document` of
-`flexid.report.documents` writes it: the dataclasses are its schema.
+What a file holds is an `Identification` without its time series, or an `ArmIdentification`: the
+dataclasses are its schema.
 """
 
 import json
@@ -18,6 +18,7 @@ from flexid.toml_file import Refuse, first_complaint, validated
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
+    from flexid.arms.result import ArmIdentification
     from flexid.identification.result.identification import Identification
 
 FORMAT_VERSION = 1
@@ -37,6 +38,8 @@ _MISSING = {
     **dict.fromkeys(("value", "values", "probability", "segment_evidence", "estimates"), nan),
     **dict.fromkeys(("fit_percent", "horizons", "rigid_fit_percent"), nan),
     **dict.fromkeys(("deflection", "deflection_noise"), nan),
+    **dict.fromkeys(("free_run_percent",), nan),
+    **dict.fromkeys(("residual_excess", "condition_number"), inf),
 }
 """What null stands for, by key: for a number that JSON does not have."""
 
@@ -49,6 +52,11 @@ class EstimateFile(NamedTuple):
     content: dict[str, Any]  # what that says
 
     @property
+    def is_of_arm(self) -> bool:
+        """Whether it is of an arm."""
+        return self.content.get("model") == "arm"
+
+    @property
     def refuse(self) -> Refuse:
         """Makes an error of a key of this file and a reason."""
         return lambda key, reason: SettingError(
@@ -56,11 +64,13 @@ class EstimateFile(NamedTuple):
         )
 
 
-def read_estimate(estimate: Path | str | Mapping[str, Any]) -> EstimateFile:
-    """A stored estimate: a file, the folder that holds it, or its content.
+def read_estimate(estimate: "Path | str | Mapping[str, Any] | EstimateFile") -> EstimateFile:
+    """A stored estimate: a file, the folder that holds it, its content, or what was read of it.
 
     A `SettingError` if it cannot be read, is no estimate, or is of a newer version.
     """
+    if isinstance(estimate, EstimateFile):
+        return estimate
     if isinstance(estimate, Mapping):
         raw = json.dumps(estimate, default=str).encode()
         return _checked(EstimateFile("estimate", raw, dict(estimate)))
@@ -90,32 +100,52 @@ def _checked(file: EstimateFile) -> EstimateFile:
 
 
 def stored_identification(file: EstimateFile) -> "Identification":
-    """The identification that a file holds; its time series, which are not stored, are empty.
+    """The identification of one joint that a file holds.
+
+    A `SettingError` if a part is missing or is not what it should be, or it is of an arm.
+    """
+    found = stored_estimate(file)
+    if found.model == "arm":
+        raise file.refuse(
+            "",
+            "is the estimate of an arm, which only flexid validate, compare and export --to mjcf "
+            "take: give the estimate of one joint",
+        )
+    return found
+
+
+def stored_estimate(file: EstimateFile) -> "Identification | ArmIdentification":
+    """What a file holds of a joint or an arm; time series, which are not stored, are empty.
 
     A `SettingError` if a part is missing or is not what it should be.
     """
     from pydantic import ValidationError
 
+    from flexid.stored_estimates.arm_consistency import check_arm
     from flexid.stored_estimates.consistency import StoredProvenance, check_consistency
 
     provenance = file.content.get("provenance", {})
     validated(provenance, StoredProvenance, lambda key, why: file.refuse(f"provenance.{key}", why))
     content = json.dumps(_numbers(_as_dataclasses(file.content), None))
     try:
-        found = _schema().validate_json(content, strict=True)
+        found = _schema(of_arm=file.is_of_arm).validate_json(content, strict=True)
     except ValidationError as error:
         raise file.refuse(*first_complaint(error, file.content)) from None
-    check_consistency(found, file.refuse)
+    if found.model == "arm":
+        check_arm(found, file.refuse)
+    else:
+        check_consistency(found, file.refuse)
     return found
 
 
 @cache
-def _schema() -> "TypeAdapter[Identification]":
+def _schema(*, of_arm: bool) -> "TypeAdapter[Any]":
     from pydantic import TypeAdapter
 
+    from flexid.arms.result import ArmIdentification
     from flexid.identification.result.identification import Identification
 
-    return TypeAdapter(Identification)
+    return TypeAdapter(ArmIdentification if of_arm else Identification)
 
 
 def _as_dataclasses(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,32 +1,42 @@
 """A stored estimate held against other logs: how well, and for how long, it predicts them."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 import flexid
+from flexid.arms.result import ArmIdentification
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
 from flexid.identification.full_model.model import Data, data_of
 from flexid.identification.preparation.joint import Joint, Kind
-from flexid.identification.preparation.recordings import check_distinct, common_input_unit
+from flexid.identification.preparation.recordings import Source, check_distinct, common_input_unit
 from flexid.identification.result.identification import Identification
-from flexid.identification.structure.validation import validate_with
-from flexid.identification.vocabulary.evidence import Validation
+from flexid.identification.structure.validation import Channels, validate_with
+from flexid.identification.vocabulary.evidence import Validation, ValueEstimate
 from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import position_noise
-from flexid.stored_estimates.estimate_file import WANTED, read_estimate, stored_identification
+from flexid.stored_estimates.estimate_file import (
+    WANTED,
+    EstimateFile,
+    read_estimate,
+    stored_identification,
+)
 from flexid.stored_estimates.rebuilt import Rebuilt, averaged_offsets, described, rebuilt
 from flexid.toml_file import Refuse
 
-_HEAD = 0.5  # s at the start of each recording from which the first state is taken
+HEAD = 0.5
+"""Seconds at the start of each recording from which the first state is taken."""
+
 _SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator are chosen
 
 
@@ -34,15 +44,27 @@ _SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator a
 class EstimateValidation(Validation):
     """Predictions of logs by a model that was not fitted to them."""
 
-    model: Kind
+    model: Kind | Literal["arm"]
     residuals: Mapping[float, Mapping[str, float]]
     noise: Mapping[str, float]  # standard deviation in rad of each channel's noise
     warnings: tuple[str, ...] = ()  # what limits the test
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """A model of an estimate over logs."""
+
+    model: Kind | Literal["arm"]
+    channels: Channels
+    problem: SegmentedMotion
+    values: FloatArray  # (k,)
+    samples: Sequence[Samples]
+    noise: Mapping[str, float]  # standard deviation in rad of each channel's noise
+
+
 def validate_estimate(
-    estimate: Path | str | Mapping[str, Any], logs: Sequence[Log]
+    estimate: Path | str | Mapping[str, Any] | EstimateFile, logs: Sequence[Log]
 ) -> EstimateValidation:
     """Predict logs with an estimate as it is: nothing is fitted but the state at each start.
 
@@ -57,11 +79,24 @@ def validate_estimate(
     _check_unit(file.name, stored, logs)
     recordings = [stored.choices.amplifier.behind(recording) for recording in recordings]
     data = data_of(model.joint, recordings, [0] * len(recordings))
-    starts = [round(_HEAD / recording.sample_time) for recording in recordings]
     problem, _ = model.motion(divide(data.samples, _SEGMENT), data.noise, data)
+    kind, noise = model.joint.kind, _noise(model.joint, data)
+    tested = Tested(kind, model.joint, problem, model.values, data.samples, noise)
+    doubts = (*common_doubts(stored, stored.coefficients, logs), *_doubts(stored))
+    warnings = (*(warning for log in logs for warning in log.warnings), *dropped)
+    return predicted(file, tested, logs, (*warnings, *cautions(Rank.MODEL, doubts)))
+
+
+def predicted(
+    file: EstimateFile, tested: Tested, logs: Sequence[Source], warnings: Sequence[str]
+) -> EstimateValidation:
+    """Predictions of all but the first half second of each recording."""
+    starts = [round(HEAD / samples.sample_time) for samples in tested.samples]
     try:
         with np.errstate(all="ignore"):
-            found = validate_with(model.joint, problem, model.values, data, starts)
+            found = validate_with(
+                tested.channels, tested.problem, tested.values, tested.samples, starts
+            )
     except np.linalg.LinAlgError:
         raise SettingError(
             file.name, "diverges on this log at once: give the estimate of the same drive"
@@ -70,16 +105,10 @@ def validate_estimate(
         found.fit_percent,
         found.runs,
         found.horizons,
-        model=model.joint.kind,
-        residuals=_residuals(found, model.joint, data, starts),
-        noise=_noise(model.joint, data),
-        warnings=ranked(
-            (
-                *(warning for log in logs for warning in log.warnings),
-                *dropped,
-                *cautions(Rank.MODEL, _doubts(stored, logs)),
-            )
-        ),
+        model=tested.model,
+        residuals=_residuals(found, tested.channels, tested.samples, starts),
+        noise=tested.noise,
+        warnings=ranked(warnings),
         provenance={
             "flexid_version": flexid.__version__,
             "estimate": {"file": file.name, "sha256": hashlib.sha256(file.raw).hexdigest()},
@@ -116,7 +145,7 @@ def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[
                 "link_position",
                 "is missing, and the estimate is of a joint with two encoders",
             )
-        fewest = round(_HEAD / recording.sample_time) + FEWEST_SAMPLES
+        fewest = round(HEAD / recording.sample_time) + FEWEST_SAMPLES
         if len(recording) >= max(fewest, 2 * FEWEST_SAMPLES):
             recordings.append(recording)
         else:
@@ -126,7 +155,7 @@ def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[
             )
     if not recordings:
         raise RecordingError(
-            logs[0].source, "", f"holds no recording longer than {_HEAD:g} s: record longer"
+            logs[0].source, "", f"holds no recording longer than {HEAD:g} s: record longer"
         )
     return recordings, dropped
 
@@ -147,22 +176,22 @@ def _check_unit(name: str, stored: Identification, logs: Sequence[Log]) -> None:
 
 
 def _residuals(
-    found: Validation, joint: Joint, data: Data, starts: Sequence[int]
+    found: Validation, channels: Channels, samples: Sequence[Samples], starts: Sequence[int]
 ) -> dict[float, dict[str, float]]:
     """Root mean square of what each channel is off, by horizon."""
     squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in found.runs)
     free = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in found.runs))
     held = [
-        joint.channels_of(p.positions, p.inputs)[s:]
-        for p, s in zip(data.samples, starts, strict=True)
+        channels.channels_of(p.positions, p.inputs)[s:]
+        for p, s in zip(samples, starts, strict=True)
     ]
     moved = sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in held)
     spread = np.sqrt(np.asarray(moved) / sum(map(len, held)))
     by_horizon = {
-        horizon: _by_channel(joint, (1.0 - np.array(list(fits.values())) / 100.0) * spread)
+        horizon: _by_channel(channels, (1.0 - np.array(list(fits.values())) / 100.0) * spread)
         for horizon, fits in found.horizons.items()
     }
-    return {**by_horizon, np.inf: _by_channel(joint, free)}
+    return {**by_horizon, np.inf: _by_channel(channels, free)}
 
 
 def _noise(joint: Joint, data: Data) -> dict[str, float]:
@@ -174,30 +203,35 @@ def _noise(joint: Joint, data: Data) -> dict[str, float]:
     return _by_channel(joint, np.array([*data.noise, np.hypot(*data.noise)]))
 
 
-def _by_channel(joint: Joint, numbers: FloatArray) -> dict[str, float]:
+def _by_channel(joint: Channels, numbers: FloatArray) -> dict[str, float]:
     return dict(zip(joint.channels, map(float, numbers), strict=True))
 
 
-def _doubts(stored: Identification, logs: Sequence[Log]) -> list[str]:
-    """What limits the test."""
-    doubts = []
+def common_doubts(
+    stored: Identification | ArmIdentification,
+    values: Mapping[str, ValueEstimate],
+    logs: Sequence[Source],
+) -> Iterator[str]:
+    """What limits a test of some values."""
     inputs = stored.provenance.get("inputs", ())
     fitted = {source["sha256"] for source in inputs if source.get("sha256")}
-    doubts += [
-        f"{log.source} is one of the logs that the estimate was made from: how it is predicted "
-        f"tests nothing new"
-        for log in logs
-        if log.sha256 in fitted
-    ]
-    guessed = [name for name, c in stored.coefficients.items() if c.verdict == "undetermined"]
+    for log in logs:
+        if log.sha256 in fitted:
+            yield (
+                f"{log.source} is one of the logs that the estimate was made from: how it is "
+                f"predicted tests nothing new"
+            )
+    guessed = [name for name, value in values.items() if value.verdict == "undetermined"]
     if guessed:
-        doubts.append(
+        yield (
             f"the estimate leaves {', '.join(guessed)} undetermined: what it predicts rests on a "
             f"guess"
         )
+
+
+def _doubts(stored: Identification) -> Iterator[str]:
     offsets = averaged_offsets(stored.coefficients)
     if offsets:
-        doubts.append(
+        yield (
             f"the estimate has {' and '.join(offsets)} log by log: for these logs the mean is taken"
         )
-    return doubts

@@ -1,9 +1,10 @@
 """Logs become recordings of motion, each with an end that is kept out of the fit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
+from typing import Any, Protocol
 
 from flexid.errors import RecordingError, SettingError
 from flexid.identification.preparation.joint import Kind
@@ -118,7 +119,26 @@ def _seen_by(model: Kind | Auto, recording: Recording) -> Recording:
     return recording
 
 
-def check_distinct(logs: Sequence[Log]) -> None:
+class Source(Protocol):
+    """A log as far as its origin is concerned."""
+
+    @property
+    def source(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def sha256(self) -> str:
+        """Of the file; empty where there is none."""
+        ...
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """Where it comes from."""
+        ...
+
+
+def check_distinct(logs: Sequence[Source]) -> None:
     """Refuse the same data twice: counted as independent, they would narrow every interval."""
     sources: dict[str, str] = {}
     for log in logs:

@@ -7,15 +7,16 @@ model runs on from there. Nothing of the stretch itself but the input is used.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
 from flexid.identification.full_model.model import Data, Fitted
-from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.following import following_states
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 
@@ -27,6 +28,20 @@ Follower = Callable[
 Takes a model, its values, the stretches and the numbers of samples; returns a motion over the
 stretches and their first states.
 """
+
+
+class Channels(Protocol):
+    """What a free run is compared in."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Their names."""
+        ...
+
+    def channels_of(self, positions: FloatArray, inputs: FloatArray) -> FloatArray:
+        """Channels, shape (n, n_channels), in rad, of positions and inputs."""
+        ...
+
 
 HORIZONS = (0.05, 0.2, 1.0, 5.0)
 """Seconds after which predictions begin anew."""
@@ -49,14 +64,14 @@ def validate(
     hardly moves in the held-out stretches, where a fit would test nothing.
     """
     joint, problem = fitted.structure.joint, fitted.problem
-    return validate_with(joint, problem, fitted.values, data, starts, horizons, follow)
+    return validate_with(joint, problem, fitted.values, data.samples, starts, horizons, follow)
 
 
 def validate_with(
-    joint: Joint,
+    joint: Channels,
     problem: SegmentedMotion,
     values: FloatArray,  # (k,)
-    data: Data,
+    samples: Sequence[Samples],
     starts: Sequence[int],
     horizons: Sequence[float] = HORIZONS,
     follow: Follower | None = None,
@@ -67,18 +82,18 @@ def validate_with(
     second ago. So `follow` is for predictions that are no longer; a longer one begins from the
     state that fits that time best.
     """
-    spreads = _spreads(joint, data, starts)
+    spreads = _spreads(joint, samples, starts)
     ends = [[start] for start in starts]
-    runs = _predictions(joint, problem, values, data, ends, np.inf, from_fitted_states)
+    runs = _predictions(joint, problem, values, samples, ends, np.inf, from_fitted_states)
     fits = {}
     for horizon in horizons:
         origins = [
             _origins(len(recording), start, recording.sample_time, horizon)
-            for recording, start in zip(data.samples, starts, strict=True)
+            for recording, start in zip(samples, starts, strict=True)
         ]
         if all(origins):
             begin = follow if follow and horizon <= _WARM_UP else from_fitted_states
-            predicted = _predictions(joint, problem, values, data, origins, horizon, begin)
+            predicted = _predictions(joint, problem, values, samples, origins, horizon, begin)
             fits[horizon] = _percent(joint, predicted, spreads)
     return Validation(_percent(joint, runs, spreads), tuple(runs), fits)
 
@@ -120,18 +135,19 @@ def residuals_over_noise(
 
 
 def _predictions(
-    joint: Joint,
+    joint: Channels,
     model: SegmentedMotion,
     values: FloatArray,
-    data: Data,
+    recordings: Sequence[Samples],
     origins: Sequence[Sequence[int]],
     horizon: float,
     follow: Follower,
 ) -> list[FreeRun]:
     """Predicted motion from each origin on, for a horizon in s or to the end of its recording."""
-    whole = divide(data.samples, data.duration)  # one segment for each recording
-    firsts, warm, total, recordings, places = [], [], [], [], []
-    for recording, (samples, own) in enumerate(zip(data.samples, origins, strict=True)):
+    duration = sum(len(own) * own.sample_time for own in recordings)
+    whole = divide(recordings, duration)  # one segment for each recording
+    firsts, warm, total, sources, places = [], [], [], [], []
+    for recording, (samples, own) in enumerate(zip(recordings, origins, strict=True)):
         offset = int(whole.recording_starts[recording])
         for origin in own:
             first = max(0, origin - _warm_up(samples.sample_time))
@@ -141,9 +157,9 @@ def _predictions(
             firsts.append(offset + first)
             warm.append(origin - first)
             total.append(last - first)
-            recordings.append(recording)
+            sources.append(recording)
             places.append(origin)
-    windows = _windows(whole, firsts, total, recordings)
+    windows = _windows(whole, firsts, total, sources)
     problem, states = follow(model, values, windows, np.array(warm, dtype=np.int64))
     equations = problem.equations(Point(values, states), "nothing")
     measured = problem.timely(values)
@@ -156,7 +172,7 @@ def _predictions(
         predicted = joint.channels_of(seen - equations.residuals[part], inputs)
         if equations.diverged[s]:
             predicted = np.full_like(channels, np.inf)
-        samples = data.samples[recordings[s]]
+        samples = recordings[sources[s]]
         time = samples.time[places[s] : places[s] + len(seen)]
         runs.append(FreeRun(time, channels, predicted))
     return runs
@@ -185,9 +201,9 @@ def _windows(
     )
 
 
-def _spreads(joint: Joint, data: Data, starts: Sequence[int]) -> FloatArray:
+def _spreads(joint: Channels, samples: Sequence[Samples], starts: Sequence[int]) -> FloatArray:
     """Root mean square of the held-out motion about its mean, per channel; NaN where it rests."""
-    every = [joint.channels_of(recording.positions, recording.inputs) for recording in data.samples]
+    every = [joint.channels_of(recording.positions, recording.inputs) for recording in samples]
     held = _spread([y[start:] for y, start in zip(every, starts, strict=True)])
     fitted = _spread([y[:start] for y, start in zip(every, starts, strict=True)])
     return np.where(held < _REST * fitted, np.nan, held)
@@ -198,7 +214,7 @@ def _spread(stretches: Sequence[FloatArray]) -> FloatArray:
     return np.sqrt(np.asarray(squares) / sum(map(len, stretches)))
 
 
-def _percent(joint: Joint, runs: Sequence[FreeRun], spreads: FloatArray) -> dict[str, float]:
+def _percent(joint: Channels, runs: Sequence[FreeRun], spreads: FloatArray) -> dict[str, float]:
     squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in runs)
     error = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in runs))
     with np.errstate(invalid="ignore"):

@@ -1,0 +1,209 @@
+"""An identified arm as a MuJoCo scene.
+
+Links turn in the plane of x and z, from x towards z. Of their masses a log shows base parameters
+alone; every choice of masses with these moves alike. Taken are nearly the least that a body can
+have. A rotor with a coupling is carried by the link before it: with inertia A of its body and
+armature B, it has the coupling A and the motor's inertia A + B.
+"""
+
+from collections.abc import Mapping
+from math import isfinite
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+from flexid.arms.disturbed import resonances
+from flexid.arms.result import ArmIdentification
+from flexid.errors import SettingError
+from flexid.exports.mjcf import TORQUE, Scene, finished, timestep
+from flexid.exports.mjcf_elements import (
+    NOTHING,
+    Side,
+    Spring,
+    add_actuators,
+    add_sensors,
+    add_spring,
+    empty_scene,
+    hinge_attributes,
+    text,
+)
+from flexid.models.planar_arm import PlanarArm, planar_arm
+
+_AXIS = "0 -1 0"  # about which x turns towards z
+_SLACKS = (2.0, 1.2, 1.02)  # mass over the least that a body of some moment and inertia has
+_HEADING = (
+    "An arm that flexid identified. SI units; angles at the link's side of the gear.",
+    "A log shows base parameters alone: other masses with the same ones move alike.",
+)
+
+
+class Body(NamedTuple):
+    """A link's own mass, the place of its centre, and the inertia about that."""
+
+    mass: float
+    along: float
+    across: float
+    inertia: float
+
+
+def write_arm(result: ArmIdentification, directory: Path) -> tuple[str, ...]:
+    """Write ``arm.xml``, the scene of an arm's estimate."""
+    made = arm_scene(result)
+    (directory / "arm.xml").write_text(made.xml, encoding="utf-8")
+    guessed = [name for name, p in result.parameters.items() if p.verdict == "undetermined"]
+    doubts = (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
+    return (*doubts, *made.notes)
+
+
+def arm_scene(result: ArmIdentification) -> Scene:
+    """Write an arm as a MuJoCo scene."""
+    arm, notes = result.arm, []
+    values = {**result.fit.by_name, **result.fixed}
+    for name, value in values.items():
+        if not isfinite(value):
+            raise SettingError(
+                name, "has no value in this estimate: identify a log that determines it"
+            )
+    if TORQUE not in result.input_units:
+        notes.append(
+            "no input is a torque, so that no inertia is known: the torque constant of joint 1 is "
+            "set to 1, and all inertias follow from that"
+        )
+    if result.input_delay < 0.0:
+        notes.append(
+            f"the input acts {-1e3 * result.input_delay:.4g} ms before it was recorded: here it "
+            f"acts at once"
+        )
+    joints = range(1, arm.joints + 1)
+    rotors = {joint: _rotor(values, joint, notes) for joint in joints}
+    bodies = link_bodies(arm, values, rotors)
+    motors = {joint: _side(values, "motor", joint, notes) for joint in joints}
+    links = {joint: _side(values, "link", joint, notes) for joint in joints}
+    dry = any(side.coulomb > 0.0 for side in (*motors.values(), *links.values()))
+    step = timestep(float(resonances(planar_arm(arm), values).max()), dry=dry)
+    along, across = arm.gravity
+    root, world = empty_scene(f"planar arm of {arm.joints}", (along, 0.0, across), step)
+    before, reach = world, 0.0
+    tendons, actuators, sensors = (ET.Element(e) for e in ("tendon", "actuator", "sensor"))
+    for joint in joints:
+        number = f"_{joint}"
+        home, place = (before, reach) if rotors[joint] else (world, 0.0)
+        _add_rotor(home, place, joint, motors[joint], rotors[joint], step)
+        before = _add_link(before, reach, joint, links[joint], bodies[joint - 1], step)
+        reach = arm.lengths[joint - 1]
+        add_spring(tendons, _spring(values, joint, notes), step, number)
+        gain, delay = values[f"torque_constant_{joint}"], max(result.input_delay, 0.0)
+        add_actuators(actuators, None, motors[joint], gain, delay, step, number)
+        add_sensors(sensors, ("link", "motor"), number)
+    root.extend((tendons, actuators, sensors))
+    return finished(root, _HEADING, notes)
+
+
+def link_bodies(
+    arm: PlanarArm, values: Mapping[str, float], rotors: Mapping[int, float]
+) -> list[Body]:
+    """Bodies of the links that have the base parameters, beside rotors that they carry."""
+    found: list[Body] = []
+    for slack in _SLACKS:
+        found = _bodies(arm, values, rotors, slack)
+        if len(found) == arm.joints:
+            return found
+    joint = arm.joints - len(found)
+    raise SettingError(
+        f"link_inertia_{joint}",
+        f"is {values[f'link_inertia_{joint}']:g} in this estimate, less than what the links beyond "
+        f"it weigh at their distance, which no body has: identify a log that determines it",
+    )
+
+
+def _bodies(
+    arm: PlanarArm, values: Mapping[str, float], rotors: Mapping[int, float], slack: float
+) -> list[Body]:
+    """Bodies from the last link on; up to the first that would have no inertia."""
+    found: list[Body] = []
+    beyond = 0.0
+    for joint in range(arm.joints, 0, -1):
+        length = arm.lengths[joint - 1] if joint < arm.joints else 0.0
+        felt = joint > 1 or arm.has_gravity  # or the centre of mass is anywhere
+        along = (values[f"link_moment_along_{joint}"] - beyond * length) * felt
+        across = values[f"link_moment_across_{joint}"] * felt
+        inertia = values[f"link_inertia_{joint}"] - rotors.get(joint + 1, 0.0) - beyond * length**2
+        if inertia <= 0.0:
+            return found
+        square = along**2 + across**2
+        mass = slack * square / inertia if square else inertia
+        found.append(Body(mass, along / mass, across / mass, inertia - square / mass))
+        beyond += mass
+    return found[::-1]
+
+
+def _rotor(values: Mapping[str, float], joint: int, notes: list[str]) -> float:
+    """Inertia of a rotor's body that turns with the link before it."""
+    coupling, motor = values.get(f"rotor_coupling_{joint}", 0.0), values[f"motor_inertia_{joint}"]
+    if motor <= 0.0:
+        raise SettingError(
+            f"motor_inertia_{joint}",
+            f"is {motor:g} in this estimate, and every inertia is positive: identify a log that "
+            f"determines it",
+        )
+    if coupling < 0.0:
+        notes.append(f"rotor_coupling_{joint} is negative, which no rotor has: it is left out")
+    if coupling > motor:
+        notes.append(
+            f"rotor_coupling_{joint} is {coupling:.4g} and above the motor's inertia, which no "
+            f"gear makes it: {motor:.4g} is taken"
+        )
+    return min(max(coupling, 0.0), motor)
+
+
+def _side(values: Mapping[str, float], side: str, joint: int, notes: list[str]) -> Side:
+    """What brakes one side alone."""
+    found = {}
+    for word in ("viscous", "coulomb"):
+        name = f"{side}_{word}_friction_{joint}"
+        found[word] = values[name]
+        if found[word] < 0.0:
+            notes.append(f"{name} is negative, which no hinge has: it is left out")
+            found[word] = 0.0
+    inertia = values[f"{side}_inertia_{joint}"]
+    return Side(inertia, offset=-values.get(f"{side}_offset_{joint}", 0.0), **found)
+
+
+def _spring(values: Mapping[str, float], joint: int, notes: list[str]) -> Spring:
+    stiffness, damping = (values[f"joint_{word}_{joint}"] for word in ("stiffness", "damping"))
+    if stiffness <= 0.0:
+        raise SettingError(
+            f"joint_stiffness_{joint}",
+            f"is {stiffness:g} in this estimate, and every spring's is positive: identify a log "
+            f"that determines it",
+        )
+    if damping < 0.0:
+        notes.append(f"joint_damping_{joint} is negative, which no tendon has: it is left out")
+    rest = values[f"joint_offset_{joint}"] / stiffness
+    return Spring(stiffness, 0.0, 0.0, max(damping, 0.0), 0.0, 0.0, rest)
+
+
+def _add_link(
+    before: ET.Element, reach: float, joint: int, side: Side, link: Body, step: float
+) -> ET.Element:
+    """A link at the end of the one before it."""
+    name = f"link_{joint}"
+    body = ET.SubElement(before, "body", name=name, pos=text(reach, 0.0, 0.0))
+    ET.SubElement(body, "joint", hinge_attributes(side, step, _AXIS), name=name)
+    centre = text(link.along, 0.0, link.across)
+    inertias = text(link.inertia, link.inertia, link.inertia)
+    ET.SubElement(body, "inertial", pos=centre, mass=text(link.mass), diaginertia=inertias)
+    return body
+
+
+def _add_rotor(
+    home: ET.Element, reach: float, joint: int, side: Side, turning: float, step: float
+) -> None:
+    """A motor, in the world or on the link before it."""
+    name = f"motor_{joint}"
+    body = ET.SubElement(home, "body", name=name, pos=text(reach, 0.0, 0.0))
+    own = max(turning, NOTHING * side.inertia)
+    attributes = hinge_attributes(side, step, _AXIS)
+    ET.SubElement(body, "joint", attributes, name=name, armature=text(side.inertia - own))
+    little = text(NOTHING * side.inertia)
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=little, diaginertia=text(own, own, own))

@@ -1,0 +1,212 @@
+"""What other commands make of an arm's estimate: free runs, differences, a scene for MuJoCo."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.arms.log import Motion, save, simulate
+from test_identify_arm import MADE
+from two_links import ARM, TRUTH, TwoLinks
+
+from flexid.arms.result import ArmIdentification
+from flexid.errors import SettingError
+from flexid.exports.mjcf_arm import arm_scene
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.models.planar_arm import PlanarArm, planar_arm
+from flexid.report.arm import document
+from flexid.report.documents import to_json
+from flexid.stored_estimates.estimate_file import read_estimate, stored_estimate
+
+KNOWN = PlanarArm((0.4, 0.3), (9.81, 0.0))
+Run = Callable[..., Any]
+
+
+def estimate(values: Mapping[str, float], arm: PlanarArm = ARM) -> ArmIdentification:
+    """Return the estimate of an arm with some values, each known to a thousandth."""
+    names = planar_arm(arm).coefficients
+    fixed = {f"torque_constant_{joint}": 1.0 for joint in range(1, arm.joints + 1)}
+    sought = tuple(name for name in names if name not in fixed)
+    found = np.array([values.get(name, 0.0) for name in sought])
+    stds = 1e-3 * np.abs(found) + 1e-6
+    parameters = {
+        name: ParameterEstimate(
+            name, "", value, std, (value - 2 * std, value + 2 * std), "determined",
+            degrees_of_freedom=1e3, slopes={name: 1.0},
+        )
+        for name, value, std in zip(sought, found.tolist(), stds.tolist(), strict=True)
+    }  # fmt: skip
+    return ArmIdentification(
+        "arm",
+        arm,
+        parameters,
+        Estimate(sought, found, np.diag(stds**2), (1e3,) * len(sought)),
+        fixed,
+        ("N m",) * arm.joints,
+        {},
+        None,
+        "",
+        {},
+        "zero",
+        0.0,
+        10.0,
+        10.0,
+        (),
+        {"inputs": []},
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the true estimate of an arm, a wrong one, and a log in MuJoCo."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    found = tmp_path_factory.mktemp("arm")
+    motion = Motion(duration=4.0, sample_time=2e-3, bits=17)
+    save(simulate(MADE, motion, np.random.default_rng(7)), found / "run.csv")
+    truth = MADE.truth()
+    softer = truth | {"joint_stiffness_2": 0.8 * truth["joint_stiffness_2"]}
+    for name, values in (("true", truth), ("softer", softer)):
+        made = document(estimate(values, KNOWN))
+        (found / f"{name}.json").write_text(to_json(made))
+    return found
+
+
+def test_a_stored_estimate_is_read_as_it_was(folder: Path):
+    """Assert that names, values and covariance survive the file."""
+    read = stored_estimate(read_estimate(folder / "true.json"))
+    made = estimate(MADE.truth(), KNOWN)
+    assert isinstance(read, ArmIdentification)
+    assert read.fit.names == made.fit.names
+    assert read.parameters == made.parameters
+    np.testing.assert_array_equal(read.fit.covariance, made.fit.covariance)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("arm", {"lengths": [0.4], "gravity": [9.81, 0.0], "source": ""}, "input_units"),
+        ("fixed", {"torque_constant_1": 1.0}, "torque_constant_2"),
+        ("fit", {"names": [], "values": [], "covariance": [], "degrees_of_freedom": []}, "names"),
+        ("hold", "wrong", "hold"),
+    ],
+)
+def test_a_contradictory_file_is_refused(folder: Path, key: str, value: Any, said: str):
+    """Assert that the sentence names what is wrong."""
+    content = json.loads((folder / "true.json").read_text()) | {key: value}
+    with pytest.raises(SettingError, match=said):
+        stored_estimate(read_estimate(content))
+
+
+def test_the_true_arm_predicts_a_log_and_a_softer_one_does_not(
+    folder: Path, flexid: Run, tmp_path: Path
+):
+    """Assert that validate scores each joint, and ends as --min-fit says."""
+    log, out = str(folder / "run.csv"), tmp_path / "out"
+    options = ("--min-fit", "95", "--out", str(out))
+    done = flexid("validate", str(folder / "true.json"), log, *options)
+    assert done.status == 0
+    assert (out / "report.html").exists()
+    fits = json.loads((out / "validation.json").read_text())["fit_percent"]
+    assert set(fits) == {
+        f"{kind}_{joint}"
+        for kind in ("link_position", "motor_position", "deflection")
+        for joint in (1, 2)
+    }
+    wrong = flexid("validate", str(folder / "softer.json"), log, "--min-fit", "95", "--json")
+    assert wrong.status == 1
+    softer = json.loads(wrong.stdout)["fit_percent"]
+    assert softer["deflection_2"] < 80.0 < fits["deflection_2"]
+
+
+def test_a_log_of_other_inputs_is_refused(folder: Path, flexid: Run, tmp_path: Path):
+    """Assert that amperes do not go with newton metres."""
+    text = (folder / "run.csv").read_text().replace("torque", "current").replace("[N m]", "[A]")
+    (tmp_path / "current.csv").write_text(text)
+    done = flexid("validate", str(folder / "true.json"), str(tmp_path / "current.csv"))
+    assert done.status == 2
+    assert "is in A, A" in done.stderr
+
+
+def test_two_arms_are_compared(folder: Path, flexid: Run):
+    """Assert that the softer spring has changed, and nothing else."""
+    done = flexid("compare", str(folder / "true.json"), str(folder / "softer.json"), "--json")
+    assert done.status == 1
+    found = json.loads(done.stdout)
+    changed = {name for name, d in found["parameters"].items() if d["outcome"] == "changed"}
+    assert changed == {"joint_stiffness_2"}
+    assert found["parameters"]["joint_stiffness_2"]["percent"] == pytest.approx(-20.0)
+    assert found["together"]["significant"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("export", "ARM", "--to", "c99", "--sample-time", "0.001"), "export it to mjcf"),
+        (("export", "ARM", "--to", "mjcf", "--sample-time", "0.001"), "leave the others out"),
+        (("watch", "LOG", "--estimate", "ARM"), "the estimate of an arm"),
+    ],
+)
+def test_what_takes_no_arm_says_so(
+    folder: Path, flexid: Run, tmp_path: Path, arguments: tuple[str, ...], said: str
+):
+    """Assert that other commands refuse an arm in a sentence."""
+    paths = {"ARM": str(folder / "true.json"), "LOG": str(folder / "run.csv")}
+    out = ("--out", str(tmp_path / "out")) if arguments[0] == "export" else ()
+    done = flexid(*(paths.get(each, each) for each in arguments), *out)
+    assert done.status == 2
+    assert said in done.stderr
+
+
+def test_a_scene_accelerates_as_the_textbook_says():
+    """Assert that MuJoCo's forward dynamics are those of two links, friction and coupling too."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    scene = arm_scene(estimate(TRUTH))
+    assert scene.notes == ()
+    model = mujoco.MjModel.from_xml_string(scene.xml)
+    data = mujoco.MjData(model)
+    joints = [model.joint(name) for name in ("link_1", "motor_1", "link_2", "motor_2")]
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        x, torque = rng.standard_normal(8), rng.standard_normal(2)
+        x[1::2] += np.sign(x[1::2])  # fast, as MuJoCo's friction is dry within some steps only
+        for place, joint in enumerate(joints):
+            data.qpos[joint.qposadr[0]] = x[2 * place]
+            data.qvel[joint.dofadr[0]] = x[2 * place + 1]
+        data.ctrl[:] = torque
+        mujoco.mj_forward(model, data)
+        found = [data.qacc[joint.dofadr[0]] for joint in joints]
+        wanted = TwoLinks(torque).accelerations(x, np.sign(x[1::2]))
+        assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
+
+
+def test_offsets_and_gains_of_a_scene():
+    """Assert that a spring rests, and a motor is driven, where the balance says."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    offsets = {"joint_offset_1": 3.0, "motor_offset_2": 0.4}
+    scene = arm_scene(replace(estimate(TRUTH | offsets), input_delay=0.0))
+    model = mujoco.MjModel.from_xml_string(scene.xml)
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 3.0, 0.4
+    mujoco.mj_forward(model, data)
+    # At rest the torque of motor 1 balances its spring, and that of motor 2 its offset.
+    for name in ("motor_1", "motor_2"):
+        assert data.qfrc_smooth[model.joint(name).dofadr[0]] == pytest.approx(0.0, abs=1e-9)
+    link = data.qfrc_smooth[model.joint("link_1").dofadr[0]]
+    weight = 9.81 * (TRUTH["link_moment_across_1"] + TRUTH["link_moment_across_2"])
+    assert link == pytest.approx(3.0 - weight)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("joint_stiffness_1", -1.0), ("motor_inertia_2", 0.0), ("link_inertia_1", 0.01)],
+)
+def test_a_scene_of_what_no_body_has_is_refused(name: str, value: float):
+    """Assert that the parameter is named."""
+    with pytest.raises(SettingError, match=name):
+        arm_scene(estimate(TRUTH | {name: value}))
