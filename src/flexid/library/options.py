@@ -48,39 +48,29 @@ if TYPE_CHECKING:
         validation_share: float
 
 
-def joint_settings(
-    function: str,
-    *,
-    known: Any = None,
-    bounds: Any = None,
-    model: Any = "auto",
-    terms: Any = "auto",
-    hold: Any = "auto",
-    validation_share: Any = 1 / 3,
-    **numbers: Any,
-) -> "Settings":
-    """Settings of an identification."""
+def joint_settings(function: str, *, known: Any = None, **options: Any) -> "Settings":
+    """Settings of an identification; what is not given is as usual."""
     from flexid.identification.preparation.settings import Settings
 
     values, deviations = as_known(function, known)
-    if isinstance(model, str) and is_arm_file(model):
+    chosen = {
+        name: _CONVERSIONS.get(name, _auto_number)(function, name, value)
+        for name, value in options.items()
+    }
+    return Settings(known=values, known_deviations=deviations, **chosen)
+
+
+def _name(function: str, argument: str, value: Any) -> str:
+    """A name, which `Settings` checks."""
+    if not isinstance(value, str):
+        example = "link" if argument == "model" else "zero"
+        said = f"is {kind_of(value)}: give a name such as {example!r}"
+        raise ArgumentError(function, argument, said)
+    if argument == "model" and is_arm_file(value):
         raise SettingError(
-            "model", f"{model!r} is an arm: only flexid identify, the command, takes it"
+            "model", f"{value!r} is an arm: only flexid identify, the command, takes it"
         )
-    if not isinstance(hold, str):
-        raise ArgumentError(function, "hold", f"is {kind_of(hold)}: give a name such as 'zero'")
-    if not isinstance(model, str):
-        raise ArgumentError(function, "model", f"is {kind_of(model)}: give a name such as 'link'")
-    return Settings(
-        model=model,  # type: ignore[arg-type] - Settings checks it
-        terms=as_terms(function, terms),
-        known=values,
-        known_deviations=deviations,
-        bounds=_bounds(function, bounds),
-        hold=hold,  # type: ignore[arg-type] - Settings checks it
-        validation_share=as_number(function, "validation_share", validation_share),
-        **{name: _auto_number(function, name, value) for name, value in numbers.items()},
-    )
+    return value
 
 
 def as_number(function: str, argument: str, value: Any) -> float:
@@ -114,9 +104,8 @@ def _auto_number(function: str, argument: str, value: Any) -> Any:
     return as_number(function, argument, value)
 
 
-def as_terms(function: str, terms: Any) -> Any:
-    """Names of terms as a tuple, or "auto"; an `ArgumentError` for what is neither."""
-    return terms if terms == "auto" else as_names(function, terms)
+def _terms(function: str, _argument: str, terms: Any) -> Any:
+    return terms if isinstance(terms, str) and terms == "auto" else as_names(function, terms)
 
 
 def as_names(function: str, terms: Any) -> tuple[str, ...]:
@@ -151,7 +140,7 @@ def as_known(function: str, known: Any) -> tuple[dict[str, float], dict[str, flo
     return values, deviations
 
 
-def _bounds(function: str, bounds: Any) -> dict[str, tuple[float, float]]:
+def _bounds(function: str, _argument: str, bounds: Any) -> dict[str, tuple[float, float]]:
     example = "{'theta2': (50, 200), 'alpha2': (0, None)}"
     found = {}
     for name, ends in as_mapping(function, "bounds", bounds, example).items():
@@ -165,3 +154,13 @@ def _bounds(function: str, bounds: Any) -> dict[str, tuple[float, float]]:
         )
         found[name] = (lower, upper)
     return found
+
+
+_CONVERSIONS = {
+    "model": _name,
+    "hold": _name,
+    "terms": _terms,
+    "bounds": _bounds,
+    "validation_share": as_number,
+}
+"""Of the options that are no number or "auto"."""
