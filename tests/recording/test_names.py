@@ -160,9 +160,9 @@ def test_units(text: str, factor: float, si_unit: str) -> None:
     assert scale_to_si(text, tuple(EXAMPLES)) == (pytest.approx(factor, rel=1e-12), si_unit)
 
 
-@pytest.mark.parametrize("text", ["Hz", "1/s", "MS", "N m/rad", "m", "rad^2", ""])
+@pytest.mark.parametrize("text", ["Hz", "1/s", "Ms", "as", "MS", "N m/rad", "m", "rad^2", ""])
 def test_units_of_other_quantities(text: str) -> None:
-    """Assert that what has the dimension of an angle or a rate by accident is refused."""
+    """Assert that what has the dimension by accident, or a size that no log has, is refused."""
     with pytest.raises(UnitError, match="does not measure"):
         scale_to_si(text, tuple(EXAMPLES))
 
