@@ -113,7 +113,6 @@ TEXTS: list[tuple[Edit, str]] = [
     (line(3, "0.04,1.0"), "line 3: the row has 2 cells where the header has 6"),
     (lambda lines: [lines[0], *(["1,2,3"] * 30)], "line 2: the row has 3 cells where"),
     (line(10, LINES[9] + ",1"), "line 10: the row has 7 cells where the header has 6"),
-    (added(10, ""), "line 10: the line is blank: remove it"),
     (line(2, LINES[1].replace("0.0", '"0,0"', 1)), "line 2, column 'time': '0,0' has a comma.*poi"),
     (
         lambda lines: [lines[0], *(one.replace(".", ",") for one in lines[1:])],
@@ -127,7 +126,6 @@ TEXTS: list[tuple[Edit, str]] = [
     (cell(61, 5, '"1.0'), "line 61: a quotation mark opens"),
     (cell(9, 1, '"1"0'), "line 9: text follows a quotation mark"),
     (header("time", '"time'), "line 1: a quotation mark opens in the header"),
-    (added(10, "# paused"), "line 10: the line is a comment between samples: remove it"),
     (added(2, "Sensors: A, B"), "line 2: .* between the column names and the numbers.*mend or rem"),
     (lambda lines: ["# " + one for one in lines], "nothing but comments"),
     (

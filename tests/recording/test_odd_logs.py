@@ -59,6 +59,41 @@ READ: dict[str, str | bytes] = {
 }
 
 
+def interrupted(*others: str) -> str:
+    """The log with other lines in it, one after each tenth row."""
+    lines = [HEADER, *LINES]
+    for place, other in enumerate(others, start=1):
+        lines.insert(11 * place, other)
+    return "\n".join(lines) + "\n"
+
+
+LEFT_OUT = {
+    "a comment": (interrupted("# paused"), "line 12 was left out"),
+    "comments with blanks": (interrupted("# a b").replace(",", " "), "line 12 was left out"),
+    "blank lines": (interrupted("", "  ", ""), "line 12 and 2 more were left out"),
+    "the header": (interrupted(HEADER), "line 12 was left out, .*the column names once more"),
+    "all of them": (interrupted("% x", HEADER, ""), "line 12 and 2 more were left out"),
+    "a line between two": ("\n\n".join([HEADER, *LINES]), "and 398 more were left out"),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_OUT)
+def test_lines_that_hold_no_sample(name: str, tmp_path: Path) -> None:
+    """Assert that they are left out, with a warning, and that a bad cell has its line still."""
+    text, words = LEFT_OUT[name]
+    path = tmp_path / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    log = read_log(path)
+    same_numbers(log)
+    (warning,) = log.warnings
+    assert_words(words, warning)
+    lines = text.splitlines()
+    place = lines.index(LINES[-1].replace(",", " ") if "blanks" in name else LINES[-1])
+    lines[place] = lines[place].replace("1.995", "1.9x5", 1)
+    path.write_text("\n".join(lines), encoding="utf-8")
+    assert_words(f"line {place + 1}, column 'time': '1.9x5' is not", refused(read_log, path))
+
+
 def same_numbers(log: Log) -> None:
     """Assert that a log holds the numbers of the columns."""
     (recording,) = log.recordings
@@ -78,6 +113,10 @@ def test_read(name: str, tmp_path: Path) -> None:
 
 
 REFUSED = {
+    "two logs": (
+        f"{TEXT}{TEXT}",
+        "line 403, column 'time': time runs backwards .*cut the file there into two logs",
+    ),
     "a row of types": (
         headed(f"{HEADER}\nLREAL,LREAL,LREAL,LREAL\ns,rad,rad,Nm"),
         "line 2: .*neither a row of 4 values nor of units: mend or remove it",

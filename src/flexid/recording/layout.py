@@ -34,6 +34,7 @@ class Layout:
     first_line: int  # of the values
     start: int  # where that line begins, in bytes
     skipped: tuple[int, int] | tuple[()] = ()  # lines of a preamble that is no comment
+    left_out: tuple[int, ...] = ()  # lines between the rows that hold no sample
     twins: tuple[tuple[str, str], ...] = ()  # columns of one name: the first, and what another got
 
 
@@ -266,7 +267,7 @@ def _layout(
     names = [own if (own := f"{name} #{n}") in again else name for n, name in enumerate(names, 1)]
     before = [line.number for line in lines if line.number < header.number and not line.is_comment]
     skipped = (before[0], before[-1]) if before else ()
-    return Layout(tuple(names), separator, header.number, *first_row, skipped, twins)
+    return Layout(tuple(names), separator, header.number, *first_row, skipped, twins=twins)
 
 
 def without_twins(file: str, layout: Layout, frame: polars.DataFrame) -> polars.DataFrame:

@@ -69,6 +69,14 @@ def _marks(frame: polars.DataFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_
     return points, commas
 
 
+def line_of(first: int, index: int, left_out: tuple[int, ...]) -> int:
+    """Where a row stands, whose number from 0 does not count the lines that were left out."""
+    line = first + index
+    for other in left_out:
+        line += other <= line
+    return line
+
+
 @dataclass(frozen=True, eq=False)
 class Table:
     """Columns of a file, not yet numbers."""
@@ -84,6 +92,7 @@ class Table:
     kinds: Mapping[str, str] = field(default_factory=dict)  # type and length of what it holds
     # of a part of a stream, whose cells may be no numbers: its decimal mark, as far as it is known
     mark: str | None = None
+    left_out: tuple[int, ...] = ()  # lines of a text between its rows that hold no sample
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -107,7 +116,7 @@ class Table:
 
     def place(self, index: int, name: str) -> str:
         """Where the value of column `name` in row `index` (from 0) stands in the file."""
-        return f"{self.row_word} {self.first_row + index}, column {name!r}"
+        return f"{self.row_word} {line_of(self.first_row, index, self.left_out)}, column {name!r}"
 
     def numbers(self, name: str) -> FloatArray:
         """A column as finite numbers, shape (n,); raise with the first cell that is none.
@@ -152,8 +161,6 @@ class Table:
         index, more = int(bad[0]), len(bad) - 1
         cell = self.frame[name][index]
         reason = _bad_cell(cell)
-        if isinstance(cell, str) and cell.strip() == name:
-            reason = "the header stands here once more: remove the line"
         if more and reason.endswith("remove the row"):
             reason += f", and {more} more of the column that are no numbers"
         return RecordingError(self.file, self.place(index, name), reason)

@@ -8,6 +8,7 @@ import io
 import os
 import re
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from flexid.files import read_bytes, shown
 from flexid.readers.formats import looks_like
 from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of, without_twins
 from flexid.recording.limits import LARGEST_FILE, check_cells
-from flexid.recording.table import Table
+from flexid.recording.table import Table, line_of
 
 if TYPE_CHECKING:
     import polars
@@ -64,7 +65,7 @@ def read_table(path: Path) -> Table:
     if found is not None:
         raise refuse(f"this is {found.what}: rename it so that it ends in {found.suffixes[0]}")
     layout, frame = read_text(file, raw)
-    warnings = ()
+    warnings: tuple[str, ...] = ()
     if layout.skipped:
         first, last = layout.skipped
         lines = f"line {first} was" if first == last else f"lines {first} to {last} were"
@@ -72,20 +73,63 @@ def read_table(path: Path) -> Table:
             f"{file}: {lines} not read, since the column names stand in line {layout.header_line}: "
             f"check that they do",
         )
+    if layout.left_out:
+        first, more = layout.left_out[0], len(layout.left_out) - 1
+        lines = f"line {first} and {more} more were" if more else f"line {first} was"
+        warnings += (
+            f"{file}: {lines} left out, as they are blank, a comment or the column names once more",
+        )
     header, digest = f"line {layout.header_line}", hashlib.sha256(raw).hexdigest()
-    return Table(file, header, layout.first_line, "line", frame, digest, warnings)
+    return Table(
+        file,
+        header,
+        layout.first_line,
+        "line",
+        frame,
+        digest,
+        warnings,
+        left_out=layout.left_out,
+    )
 
 
 def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
-    """Layout and cells of a text in UTF-8, in UTF-16 with a byte-order mark, or in Latin-1."""
-    import polars as pl
-
+    """Layout and cells of a text in UTF-8, in UTF-16, or in Latin-1."""
     text = as_utf_8(file, raw)
     layout = layout_of(file, text)
     body = _rows(text[layout.start :])
     if not body:
         reason = "no samples follow the header: export the log again"
         raise RecordingError(file, f"line {layout.header_line}", reason)
+    header = text.split(b"\n", layout.header_line)[layout.header_line - 1].strip()
+    if b"\n" + header in body:
+        layout, body = _samples(layout, body, header)
+    try:
+        return layout, _frame(file, layout, body)
+    except RecordingError:
+        layout, body = _samples(layout, body, header)
+        if not layout.left_out:
+            raise
+    return layout, _frame(file, layout, body)
+
+
+def _samples(layout: Layout, body: bytes, header: bytes) -> tuple[Layout, bytes]:
+    """Rows without the lines between them that are blank, a comment, or the header once more."""
+    separator = layout.separator.encode()
+    kept, left_out = [], [*layout.left_out]
+    for number, line in enumerate(body.split(b"\n"), layout.first_line):
+        bare = line.strip()
+        is_row = line.count(separator) == len(layout.names) - 1 and separator != b" "
+        if bare and bare != header and (is_row or not bare.startswith(_COMMENTS)):
+            kept.append(line)
+        else:
+            left_out.append(number)
+    return replace(layout, left_out=tuple(left_out)), b"\n".join(kept)
+
+
+def _frame(file: str, layout: Layout, body: bytes) -> polars.DataFrame:
+    """Cells of rows; raise where these are no table."""
+    import polars as pl
+
     if layout.separator == BLANK:
         body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", body))
     names = layout.names
@@ -104,7 +148,7 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
         fault = _ragged_row(file, layout, body)
         if fault is not None:
             raise fault
-    return layout, without_twins(file, layout, frame)
+    return without_twins(file, layout, frame)
 
 
 def _rows(text: bytes) -> bytes:
@@ -169,19 +213,21 @@ def _ragged_row(file: str, layout: Layout, body: bytes) -> RecordingError | None
     """The first row whose number of cells differs from the header's, if there is one."""
     lines = io.TextIOWrapper(io.BytesIO(body), encoding="utf-8", errors="replace", newline="")
     reader = csv.reader(lines, delimiter=layout.separator, strict=True)
-    line, before = layout.first_line, 0
+    first, left_out = layout.first_line, layout.left_out
+    index, before = 0, 0
     try:
         for row in reader:
+            line = line_of(first, index, left_out)
             fault = _OPEN_QUOTE if reader.line_num > before + 1 else _fault(layout, line, row)
             if fault:
                 return RecordingError(file, f"line {line}", fault)
-            line, before = line + 1, reader.line_num
+            index, before = index + 1, reader.line_num
     except csv.Error as error:
         # The end of the file, or of the longest cell, is reached within a quotation.
         fault = _OPEN_QUOTE
         if "expected after" in str(error):
             fault = "text follows a quotation mark within a cell: remove one"
-        return RecordingError(file, f"line {line}", fault)
+        return RecordingError(file, f"line {line_of(first, index, left_out)}", fault)
     return None
 
 
@@ -191,8 +237,6 @@ def _fault(layout: Layout, line: int, row: list[str]) -> str:
         return "the line is blank: remove it"
     if "\0" in row[0]:
         return "null bytes stand there, as where a file was not closed: cut them off"
-    if row[0].lstrip().startswith(COMMENTS):
-        return "the line is a comment between samples: remove it"
     if len(row) == len(layout.names):
         return ""
     remedy = "complete or remove it"
