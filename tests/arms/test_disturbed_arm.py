@@ -13,9 +13,10 @@ from two_links import ARM, TRUTH
 
 from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed, values_of
 from flexid.arms.doubts import Doubted, noise_of_the_inputs, other_minima, with_doubts
-from flexid.arms.fitting import ArmFit
+from flexid.arms.fitting import ArmFit, exact_fits
 from flexid.arms.prediction import disturbed_run
 from flexid.estimators.balance_motion import balance_columns
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.samples import Samples
 from flexid.models.planar_arm import PlanarArm, planar_arm
 
@@ -105,3 +106,25 @@ def test_a_physical_start_moves_a_stiff_joint_as_before():
     assert moved["rotor_coupling_2"] == 0.0
     assert after[:, 0] == pytest.approx(before[:, 0])
     assert after[:, 2] + after[:, 3] == pytest.approx(before[:, 2] + before[:, 3])
+
+
+def test_noise_of_the_torque_ends_exact_fits_early():
+    """Assert that short segments show that no exact fit will do, and that the reason is said."""
+    found = exact_fits(planar_arm(KNOWN), [recording()], FIXED, lambda _: None)
+    assert len(found.found) < 4
+    assert "residuals exceed" in found.hopeless
+
+
+def test_a_delay_of_the_torque_is_no_disturbance():
+    """Assert that torques that act three samples late are fitted with that delay, exactly."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    smooth = [replace(link, motor_coulomb=0.0) for link in MADE.links]
+    motion = Motion(duration=6.0, sample_time=2e-3, bits=17)
+    log = simulate(replace(MADE, links=tuple(smooth)), motion, np.random.default_rng(3))
+    positions = np.stack((log.link, log.motor), axis=2).reshape(len(log.time), -1)
+    late = Samples(np.ascontiguousarray(positions[:-3]), None, log.torque[3:], 2e-3)
+    early = Samples(np.ascontiguousarray(positions[3:]), None, log.torque[:-3], 2e-3)
+    for samples, delay in ((late, 6e-3), (early, -6e-3)):
+        found = exact_fits(planar_arm(KNOWN), [samples], FIXED, lambda _: None)
+        assert found.hopeless == ""
+        assert found.best().values[INPUT] == pytest.approx(delay, abs=1e-4)

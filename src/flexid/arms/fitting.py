@@ -97,7 +97,7 @@ class ExactFits:
     @property
     def hopeless(self) -> str:
         """Why there is no fit without disturbances; empty where there may be one."""
-        return next(filter(None, map(_hopeless, self.found)), "")
+        return _hopeless(self.found[-1])
 
     @property
     def starts(self) -> tuple[dict[str, float], ...]:
@@ -140,7 +140,7 @@ def exact_fits(
         if not timed and (duration >= _TIMED_FROM or not _near_noise(longer)):
             longer, timed = _timed(longer, noise), True
         found.append(longer)
-        if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found[0])):
+        if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found)):
             break
     return ExactFits(tuple(found), noise)
 
@@ -206,7 +206,7 @@ def _ends(found: Sequence[Solved], noise: FloatArray) -> Iterator[ArmFit]:
     with the length, and what the model lacks biases the values.
     """
     for problem, minimum in reversed(found):
-        if _duration(problem.segments) > _USUAL and not _holds((problem, minimum), found[0]):
+        if _duration(problem.segments) > _USUAL and not _holds((problem, minimum), found):
             continue
         with suppress(ConvergenceError):
             own = _reweighted(problem, minimum)
@@ -216,9 +216,10 @@ def _ends(found: Sequence[Solved], noise: FloatArray) -> Iterator[ArmFit]:
                 yield with_covariance(own, end, noise)
 
 
-def _holds(one: Solved, first: Solved) -> bool:
-    """Whether the residuals are hardly larger than those of the shortest segments."""
-    return one[1].variance(one[0]) <= _GROWTH * first[1].variance(first[0])
+def _holds(one: Solved, found: Sequence[Solved]) -> bool:
+    """Whether the residuals are hardly larger than those of the shortest segments that fit."""
+    problem, minimum = next(filter(_near_noise, found), found[0])
+    return one[1].variance(one[0]) <= _GROWTH * minimum.variance(problem)
 
 
 def _reweighted(problem: SegmentedMotion, minimum: Minimum) -> SegmentedMotion:
