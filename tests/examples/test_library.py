@@ -6,6 +6,7 @@ import sys
 import pytest
 
 
+@pytest.mark.thorough
 def test_the_example_runs(examples, tmp_path, monkeypatch, capsys):
     """Assert that it finds the joint, predicts it, and leaves what it promises."""
     script = examples / "library.py"

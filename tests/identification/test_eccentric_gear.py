@@ -89,6 +89,7 @@ def test_a_square_without_a_value_is_not_exported(found):
         source_of_identification(replace(found, coefficients=coefficients))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("told", [True, False])
 def test_a_stream_learns_such_a_gear(recording, found, told):
     """Assert that least squares finds the drive with the estimate, and with the term alone."""
