@@ -318,16 +318,17 @@ class SegmentedMotion:
         )
         gains = tuple(map(np.ascontiguousarray, gains))  # of one layout, or it compiles again
         motion = drives, coefficients, self.constants, dry, gains
-        sought = wanted, delay_sought
+        trace = self._trace(whitening[0])
+        columns = self._columns(wanted, delay_sought, size)
         results = normal, gradient, residuals, costs
 
         def run(*part: int) -> None:
-            segment_equations(
-                part, divided, sensors, motion, self.substeps, sought, results, kernel.MODEL
-            )
+            settings = self.substeps, trace, columns.copy()  # a thread notes there what may stick
+            segment_equations(part, divided, sensors, motion, *settings, results, kernel.MODEL)
 
         segment_equations = segments_kernel().segment_equations
         in_threads(run, segments.lengths)
+        normal += np.tril(normal, -1).transpose(0, 2, 1)
         # Segment by segment in their order, so that no digit depends on the threads.
         cost = float(np.sum(costs))
         if not np.all(np.abs(normal) < _LARGEST):
@@ -345,6 +346,26 @@ class SegmentedMotion:
                 normal[firsts, place, place] += 1.0
                 gradient[firsts, place] -= memory
         return Equations(cost, normal, gradient, residuals, costs)
+
+    def _trace(self, whitening: FloatArray) -> FloatArray:
+        """Standard deviation of the noise of each row's position; 0 if it is not measured."""
+        outputs = np.flatnonzero(self.segments.measured % 2 == 0)
+        trace = np.zeros(self._kernel.N_ROWS)
+        trace[self.segments.measured[outputs] // 2] = 1.0 / whitening[outputs, outputs]
+        return trace
+
+    def _columns(self, wanted: NDArray[np.int64], delay: bool, size: int) -> NDArray[np.int64]:
+        """Which columns of derivatives the kernel uses for equations of a size, and for what."""
+        places, states = segments_kernel(), self._kernel.N_STATES
+        columns = np.zeros(places.AT + self._kernel.N_COEFFICIENTS, dtype=np.int64)
+        carried = states + len(wanted) + delay if size else 0
+        columns[places.DELAY] = carried if delay else 0
+        if self.observer is not None:  # what corrects the state depends on how late outputs are
+            carried = size
+            columns[places.ARE_DISTURBED] = 1
+        columns[places.IN_USE] = 1 + carried
+        columns[places.AT + wanted] = 1 + states + np.arange(len(wanted))
+        return columns
 
     def _gathered(
         self,

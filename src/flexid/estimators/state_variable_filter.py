@@ -25,7 +25,7 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
 _MEMORY = 40.0  # time constants of the filter after which its past has vanished: exp(-40) = 4e-18
-_solve_banded = get_blas_funcs("tbsv", dtype=np.float64)
+(_solve_banded,) = get_blas_funcs(("tbsv",), dtype=np.float64)
 _TILE = 8192  # samples that are filtered together: they stay in the caches
 
 

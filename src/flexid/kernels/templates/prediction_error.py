@@ -9,10 +9,8 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.bound import BOUND
     from flexid.kernels.templates.compiled import call, equations, inlined, uncounted
     from flexid.kernels.templates.dry_motion import (
-        ARE_DISTURBED,
         ARE_DRY,
         AT,
-        DELAY,
         IN_USE,
         LINEARISE,
         RATES,
@@ -50,15 +48,6 @@ def linearise(states, inputs, coefficients, constants, address, found):
         call(model.address, work, columns, 0.0, 0.0, 0.0, model.x, model.x, LINEARISE)
         for i in range(found.shape[1]):
             found[s, i] = work[model.by_state + i]
-
-
-@uncounted
-def fill_position_noise(measured, whitening, noise):
-    """Standard deviation of each row's position; 0 where it is not measured."""
-    noise[:] = 0.0
-    for a in range(measured.shape[0]):
-        if measured[a] % 2 == 0:
-            noise[measured[a] // 2] = 1.0 / whitening[0, a, a]
 
 
 @uncounted
@@ -142,14 +131,6 @@ def correct(errors, rows, gains, model, work, columns):
             work[first : first + n] = 0.0
 
 
-@uncounted
-def mirror(normal):
-    """Fill the upper half of a symmetric matrix."""
-    for j in range(normal.shape[0]):
-        for i in range(j):
-            normal[i, j] = normal[j, i]
-
-
 @inlined
 def set_drive(drive, model, work):
     """Let the inputs be those over one interval."""
@@ -176,29 +157,14 @@ def start_segment(start, coefficients, model, work):
 
 
 @uncounted
-def set_modes(dry, directed, noise, h, model, work, columns):
+def set_modes(dry, directed, trace, h, model, work, columns):
     """Mode of each row; none sticks where an observer directs friction."""
     columns[ARE_DRY] = 0
     for row in range(model.n_rows):
         sticks = dry[row] and not directed
         work[model.dry + row] = 1.0 if sticks else 0.0
         columns[ARE_DRY] |= sticks
-    first_modes(h, noise, model, work, columns)
-
-
-@uncounted
-def fill_columns(columns, size, wanted, delay_sought, observed, model):
-    """Say which columns of derivatives are in use, for what; `size` is that of the equations."""
-    carried = 0
-    if size > 0:
-        carried = model.n_states + wanted.shape[0] + (1 if delay_sought else 0)
-    columns[DELAY] = carried if delay_sought else 0
-    if observed:  # what corrects the state depends on how late the outputs are
-        carried = size
-        columns[ARE_DISTURBED] = 1
-    columns[IN_USE] = 1 + carried
-    for j in range(wanted.shape[0]):
-        columns[AT + wanted[j]] = 1 + model.n_states + j
+    first_modes(h, trace, model, work, columns)
 
 
 @inlined
@@ -227,7 +193,7 @@ def add_delays(rows, measured, reference, late, late_columns, h, model, work, co
 
 
 @njit(**equations, nogil=True)
-def segment_equations(part, segments, sensors, motion, substeps, sought, results, address):
+def segment_equations(part, segments, sensors, motion, substeps, trace, columns, results, address):
     """Normal equations of every block for its segment's initial state and what is sought.
 
     part      the first segment, and the one that is no longer taken: threads that have different
@@ -248,29 +214,25 @@ def segment_equations(part, segments, sensors, motion, substeps, sought, results
               of a disturbance; the direction of each row's friction over the interval from
               each sample on, or none where it follows from the motion; and after how many samples
               of a segment the model runs alone
-    sought    places of the coefficients, and whether the input's delay is sought after them
-    results   filled, all zero before: normal equations, shape (n_blocks, n, n), their right-hand
-              sides, shape (n_blocks, n), residuals, shape of the outputs, and the weighted sum of
-              squares of each segment: infinite, and then the last one, if its motion diverged.
-              If n is 0, the motion runs without derivatives
+    trace     of each row the standard deviation of its position's noise; 0 if it is not measured
+    columns   which columns of derivatives are in use, for what; see the template ``model``
+    results   filled, all zero before: lower halves of normal equations, shape (n_blocks, n, n),
+              their right-hand sides, shape (n_blocks, n), residuals, shape of the outputs, and the
+              weighted sum of squares of each segment: infinite, and then the last one, if its
+              motion diverged. If n is 0, the motion runs without derivatives
     address   of the model, and what lies where in its work: `Model`
     """
     starts, lengths, first_blocks, sample_times, initial_states = segments
     outputs, measured, reference, late, late_columns, whitening, speeds = sensors
     drives, p, c, dry, observer = motion
     gain, disturbance_gain, decay, directions, corrected = observer
-    wanted, delay_sought = sought
     normal, gradient, residuals, costs = results
     model = model_of(address)
     observed = gain.shape[2] > 0
     size, count = normal.shape[1], measured.shape[0]
-    columns = np.zeros(AT + model.n_coefficients, np.int64)
-    fill_columns(columns, size, wanted, delay_sought, observed, model)
     work = np.zeros(model.work_size)
     put(c, model.constants, work)
     errors, rows, mixed = np.zeros(count), np.zeros((count, 1 + size)), np.zeros(size)
-    noise = np.zeros(model.n_rows)
-    fill_position_noise(measured, whitening, noise)
     late_ones = 0
     for a in range(0 if observed else count):
         late_ones += late[a] != 0.0 or late_columns[a] >= 0
@@ -281,13 +243,13 @@ def segment_equations(part, segments, sensors, motion, substeps, sought, results
         set_drive(drives[first], model, work)
         start_segment(initial_states[s], p[s], model, work)
         directed = observed and directions.shape[0] > 0
-        set_modes(dry, directed, noise, h, model, work, columns)
+        set_modes(dry, directed, trace, h, model, work, columns)
         for k in range(first, first + lengths[s]):
             alone = k - first >= corrected[s]
             if k > first:  # the inputs are still those from the sample before on
                 if directed and alone:
-                    directed = False
-                    set_modes(dry, directed, noise, h, model, work, columns)
+                    directed = not alone  # a literal would be compiled for itself
+                    set_modes(dry, directed, trace, h, model, work, columns)
                 if directed:
                     put(directions[k - 1], model.modes, work)
                 cross_interval(h, substeps, model, work, columns)
@@ -310,5 +272,3 @@ def segment_equations(part, segments, sensors, motion, substeps, sought, results
                     errors[:] = 0.0
                 gains = gain[s], disturbance_gain[s], decay[s]
                 correct(errors, rows, gains, model, work, columns)
-        for b in range(first_blocks[s], first_blocks[s + 1]):
-            mirror(normal[b])
