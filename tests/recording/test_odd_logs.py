@@ -212,3 +212,12 @@ def test_a_sensor_that_is_read_rarely_is_named() -> None:
     assert_words("column 'link_position': .*changes only every 4 samples.*at its rate", warning)
     coarse = {n: 0.02 * np.round(v / 0.02) if "pos" in n else v for n, v in COLUMNS.items()}
     assert not any("changes only" in warning for warning in read_columns(coarse).warnings)
+
+
+def test_a_column_with_the_unit_of_an_input_is_named(tmp_path: Path) -> None:
+    """Assert that the link alone is not taken without saying which column may be the torque."""
+    path = tmp_path / "log.csv"
+    path.write_text(headed(HEADER.replace("motor_torque", "M_Nm")), encoding="utf-8")
+    log = read_log(path)
+    assert log.recordings[0].input is None
+    assert_words("only the link.*to identify the motor too, name 'M_Nm'", log.warnings[0])

@@ -14,6 +14,7 @@ from flexid.recording.names import (
     LONGEST,
     did_you_mean,
     folded,
+    may_be_input,
     quoted,
     split_header,
     usual_channel,
@@ -239,7 +240,11 @@ def _require(table: Table, plan: _Plan) -> None:
     if len(missing) == 1 and plan.unread & set(choices[missing[0]]) and missing[0] in _OPTIONAL:
         return  # as the map says
     if missing == [_INPUT]:
-        likely = [name for name in bare if (usual := usual_channel(name)) and usual[0] in INPUTS]
+        likely = [
+            header
+            for header in table.names
+            if split_header(header)[0] in bare and may_be_input(header)
+        ]
         if hints[0] or likely:
             which = quoted(likely) if likely else "that column"
             plan.warnings.append(

@@ -105,14 +105,9 @@ def usual_channel(header: str) -> tuple[str, str | None] | None:
     >>> usual_channel("temperature") is None
     True
     """
-    bare, unit = split_header(header)
-    if len(bare) > LONGEST:
+    if len(header) > LONGEST:
         return None
-    stem = bare
-    if unit is None:
-        match = re.fullmatch(rf"(.+?)[\s_.\-/]+({'|'.join(map(re.escape, _UNITS))})", bare)
-        if match:
-            stem, unit = match[1], _UNITS[match[2]]
+    stem, unit = _stem_and_unit(header)
     words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+|\d+", stem)]
     quantities = [_kind(word, _QUANTITIES) for word in words]
     sides = [_kind(word, _SIDES) for word in words]
@@ -136,6 +131,31 @@ def usual_channel(header: str) -> tuple[str, str | None] | None:
     if quantity in _INPUTS:
         return None if side == "link" else (f"motor_{quantity}", unit)
     return (f"{side}_{quantity}" if side else quantity, unit)
+
+
+def _stem_and_unit(header: str) -> tuple[str, str | None]:
+    """A name and the unit behind it, in brackets or behind an underscore."""
+    bare, unit = split_header(header)
+    match = None
+    if unit is None:
+        match = re.fullmatch(rf"(.+?)[\s_.\-/]+({'|'.join(map(re.escape, _UNITS))})", bare)
+    return (match[1], _UNITS[match[2]]) if match else (bare, unit)
+
+
+def may_be_input(header: str) -> bool:
+    """Whether a column may hold what drives the motor, by its name or its unit.
+
+    >>> [may_be_input(header) for header in ("tau", "M_Nm", "load torque [Nm]", "temperature")]
+    [True, True, False, False]
+    """
+    usual = usual_channel(header)
+    if usual is not None:
+        return usual[0].removeprefix("motor_") in _INPUTS
+    if len(header) > LONGEST:
+        return False
+    stem, unit = _stem_and_unit(header)
+    is_of_link = any(_kind(word, _SIDES) == "link" for word in re.findall("[a-z]+", stem.lower()))
+    return not is_of_link and _BY_UNIT.get(unit or "") in _INPUTS
 
 
 def _kind(word: str, kinds: dict[str, set[str]]) -> str | None:
