@@ -57,9 +57,10 @@ def export(
     """Write an estimate or a model as code or files for another tool.
 
     c99 is the online estimator as one header and one source in C, with an example and a test
-    vector. mjcf is the joint of an estimate as a scene for MuJoCo; what MuJoCo has no word for is
-    left out, with a warning. fmu is the plant of an estimate and, with a sample time, the online
-    estimator as FMUs for co-simulation, with sources and, where there is a compiler, compiled.
+    vector. mjcf is the joint or arm of an estimate as a scene for MuJoCo; what MuJoCo has no word
+    for is left out, with a warning. fmu is the plant of an estimate and, with a sample time, the
+    online estimator as FMUs for co-simulation, with sources and, where there is a compiler,
+    compiled.
 
     Parameters
     ----------

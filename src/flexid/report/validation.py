@@ -148,7 +148,8 @@ def _next(result: EstimateValidation) -> Answer:
         return Answer(question, "Use the estimate", "", [said])
     said = Text("Over short horizons it may still predict. What these logs say of the drive:")
     files = shlex.join(str(log.get("file") or "LOG") for log in result.provenance["inputs"])
-    asked = Command(f"flexid identify {files}")
+    model = " --model arm.toml" if result.model == "arm" else ""
+    asked = Command(f"flexid identify {files}{model}")
     return Answer(question, "Identify these logs as well", "", [said, asked])
 
 
