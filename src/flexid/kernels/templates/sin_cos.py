@@ -19,7 +19,7 @@ HALF_PI_3 = 2.0222662487959506e-21
 ROUND = 6755399441055744.0  # 1.5 * 2**52: added and taken away again, it rounds to an integer
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def quarter(x):
     """Sine and cosine of x less its nearest quarter turn, and that quarter: -2 ... 2."""
     turns = (x * 0.6366197723675814 + ROUND) - ROUND
@@ -38,7 +38,7 @@ def quarter(x):
     return r + r * s * sine, (1.0 - 0.5 * s) + s2 * cosine, quarters
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def sin(x):
     """Sine of x."""
     sine, cosine, quarters = quarter(x)
@@ -46,7 +46,7 @@ def sin(x):
     return -size if (quarters < 0.0) | (quarters == 2.0) else size
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def cos(x):
     """Cosine of x."""
     sine, cosine, quarters = quarter(x)
