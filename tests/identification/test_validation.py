@@ -51,7 +51,7 @@ def motion_of(whole: Data, timing: Timing | None = None) -> SegmentedMotion:
 def predicted(whole: Data, starts=(START,), timing: Timing | None = None, **changed) -> Validation:
     """Prediction with the true coefficients, or some others."""
     values = np.array([*{**COEFFICIENTS, **changed}.values()])
-    return validate_with(JOINT, motion_of(whole, timing), values, whole, starts)
+    return validate_with(JOINT, motion_of(whole, timing), values, whole.samples, starts)
 
 
 def test_residuals_are_counted_in_noise(recording):
