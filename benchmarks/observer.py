@@ -22,9 +22,9 @@ from benchmarks.c_observer import BUILDS, Replay, compile_replay
 from benchmarks.comparison import AtLeast, AtMost, Comparison, Detail, Outcome, Side, duration
 from benchmarks.timing import Timing, measure
 from flexid.arrays import FloatArray
+from flexid.estimators.online import packed
 from flexid.estimators.parametric_observer import (
     ParametricObserver,
-    packed,
     parametric_observer,
     suggest_gains,
 )
