@@ -108,7 +108,9 @@ _AT_EVERY_STAGE = {
     "no_cfunc_wrapper": True,
 }
 uncounted = njit(**_AT_EVERY_STAGE)
-inner = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+inner = njit(
+    error_model="numpy", fastmath={"contract"}, no_cpython_wrapper=True, no_cfunc_wrapper=True
+)
 inlined = njit(**_AT_EVERY_STAGE, forceinline=True)
 """
 """How functions are compiled that run at every stage of a step: they allocate nothing."""
