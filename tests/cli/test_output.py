@@ -22,6 +22,7 @@ from flexid.report.terminal import Column, Table, print_parts
 LITTLE_ROOM = """
 import resource
 import sys
+sys.dont_write_bytecode = True  # of which Python would keep the first 50 bytes
 resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50))
 from flexid.cli.main import main
 main()

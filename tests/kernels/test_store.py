@@ -139,7 +139,8 @@ def test_what_nobody_uses_is_removed(cache: Path, used: bool) -> None:
 
 
 FULL = """
-import resource
+import resource, sys
+sys.dont_write_bytecode = True  # of which Python would keep the first 50 bytes
 resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50))
 """
 
