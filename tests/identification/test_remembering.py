@@ -10,7 +10,11 @@ import pytest
 import flexid.identification.full_model.fits_by_length as fits_by_length
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.full_model.fits_by_length import FitsByLength, fit_with_hysteresis
+from flexid.identification.full_model.fits_by_length import (
+    FitsByLength,
+    fit_with_hysteresis,
+    turning,
+)
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.structure.job import _least_gain
@@ -55,7 +59,7 @@ def tried(monkeypatch):
             problem=SimpleNamespace(segments=segments),
         )
         by_length = FitsByLength((fitted,), cast(Any, (segments,)), True, ("cubic",), "")
-        found = fit_with_hysteresis(by_length, (), lambda _: None)
+        found = fit_with_hysteresis(by_length, fitted, lambda _: None)
         assert (found is not None) == (holding in begun)
         return begun
 
@@ -68,6 +72,17 @@ def first_steps(excess: float, values: Mapping[str, float] | None = None) -> Any
     minimum = SimpleNamespace(point=point)
     by_name = dict(values or {})
     return SimpleNamespace(excess=excess, structure=WITHOUT, by_name=by_name, minimum=minimum)
+
+
+def left(excess: float) -> Any:
+    """A fit without memory that leaves so much."""
+    return SimpleNamespace(
+        excess=excess,
+        data=None,
+        problem=SimpleNamespace(segments=range(4)),
+        structure=WITHOUT,
+        minimum=SimpleNamespace(point=SimpleNamespace(initial_states="here")),
+    )
 
 
 def test_the_grip_that_promises_more_is_tried_first(tried):
@@ -99,14 +114,12 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
         return [first_steps(excess, {"excess": excess})]
 
     monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
-    before: Any = SimpleNamespace(
-        excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
-    )
+    before = left(9.0)
     found = fits_by_length.explained_by(before, WITHOUT, {"start": 0.0}, 1.0, THRESHOLDS)
     assert found is not None
     assert found.excess == 1.0
     assert asked == [
-        (fits_by_length.FIRST_ITERATIONS, {"start": 0.0}, None),
+        (fits_by_length.FIRST_ITERATIONS, {"start": 0.0}, "here"),
         (None, {"excess": 1.5}, "there"),
     ]
 
@@ -120,10 +133,7 @@ def test_what_diverges_on_its_way_is_given_up(monkeypatch):
         return [first_steps(1.5)]
 
     monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
-    before: Any = SimpleNamespace(
-        excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
-    )
-    assert fits_by_length.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS) is None
+    assert fits_by_length.explained_by(left(9.0), WITHOUT, {}, 1.0, THRESHOLDS) is None
 
 
 @pytest.mark.parametrize(("floor", "follows"), [(1.0, False), (1.1, True)])
@@ -134,10 +144,7 @@ def test_noise_need_not_be_taken_away(monkeypatch, floor, follows):
         return [first_steps(1.12)]
 
     monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
-    before: Any = SimpleNamespace(
-        excess=1.28, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
-    )
-    found = fits_by_length.explained_by(before, WITHOUT, {}, floor, THRESHOLDS)
+    found = fits_by_length.explained_by(left(1.28), WITHOUT, {}, floor, THRESHOLDS)
     assert (found is not None) == follows
 
 
@@ -153,8 +160,8 @@ def over(segments: int, structure: Structure, excess: float) -> Any:
 
 
 @pytest.mark.parametrize(("short", "floor"), [(1.02, 1.02), (0.97, 1.0), (1.09, 1.09)])
-def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch, short, floor):
-    """Assert that the leaner fits over long segments are asked then, with all terms beside it."""
+def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
+    """Assert that memory joins the full model, and what short segments leave counts as noise."""
     asked = []
 
     def remembering(before, structure, _, noise, *__):
@@ -169,10 +176,18 @@ def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch,
     by_length = FitsByLength(
         (over(16, wide, short),), cast(Any, (range(16),)), True, ("cubic",), ""
     )
-    leaner = [over(16, WITHOUT, 1.05), over(4, WITHOUT, 5.0), over(2, WITHOUT, 9.0)]
+    leaner = over(4, WITHOUT, 5.0)
     assert fit_with_hysteresis(by_length, leaner, lambda _: None) is not None
-    assert asked == [(leaner[1], wide.absent - JOINT.remembered, floor)]
-    assert fit_with_hysteresis(by_length, leaner[:1], lambda _: None) is None
+    assert asked == [(leaner, wide.absent - JOINT.remembered, floor)]
+
+
+def test_the_shortest_segments_that_last_half_a_second_show_what_is_missing():
+    """Assert that shorter ones show it where none lasts as long, and none where all is noise."""
+    found = [over(16, WITHOUT, 1.05), over(8, WITHOUT, 2.0), over(4, WITHOUT, 5.0)]
+    longer = over(2, WITHOUT, 9.0)
+    assert turning([*found, longer], THRESHOLDS) is found[2]
+    assert turning(found[:2], THRESHOLDS) is found[1]
+    assert turning(found[:1], THRESHOLDS) is None
 
 
 @pytest.mark.parametrize(("size", "follows"), [(0.1, True), (-0.1, False)])
@@ -184,9 +199,7 @@ def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
         return [first_steps(1.0, {name: size})]
 
     monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
-    before: Any = SimpleNamespace(
-        excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
-    )
+    before = left(9.0)
     found = fits_by_length.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS)
     assert (found is not None) == follows
 

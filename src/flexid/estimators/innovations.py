@@ -28,7 +28,7 @@ _STEPS = (8, 30)  # of Gauss and Newton in each, and in the last
 _TRIALS = (80, 40)  # of sizes and rates in each, of one joint; of more in proportion
 _OF_ONE_JOINT = 6  # sizes and rates: those of two sensors and two rows
 _SPREAD = 0.7  # natural logarithm, by which the first trials differ; less in later rounds
-_FINE = 1e-2  # standard deviations, of a step that ends an iteration
+_FINE = 0.03  # standard deviations, of a step that ends an iteration
 _WORST = 1e15  # cost of what cannot be computed
 _FIRST_SHARE = 0.05  # of its row's acceleration, that a disturbance has to begin with
 _DOUBLINGS = 40  # of the time within which a filter has to settle
@@ -73,21 +73,24 @@ def fit_innovations(
     directions: FloatArray,  # (n_samples, n_rows)
     slowest: float,  # in 1/s
     sizes: Sizes | None = None,
+    *,
+    held: bool = False,
 ) -> Innovations:
     """Fit coefficients, and sizes of noise and disturbances, in turn.
 
     While the coefficients take their steps the gains are held; the sizes are sought with the
-    coefficients held.
+    coefficients held, unless they are to be `held` as they are given.
     """
     first = _first_sizes(problem, slowest)
     bounds = _bounds(first, float(problem.segments.sample_times.max()), slowest)
     near = sizes is not None
     sizes = first if sizes is None else sizes
     found: Innovations | None = None
-    rounds = _ROUNDS[near]
+    rounds = 1 if held else _ROUNDS[near]
     for turn in range(rounds):
         cost_of = _cost(problem, point, directions)
-        if turn or near:  # from afar, coefficients come first
+        # Initial states come first, with the coefficients: what they leave passes for noise.
+        if turn:
             spread = _SPREAD / (2.0 if near else turn)
             sizes = _likeliest(cost_of, sizes, bounds, spread, _TRIALS[near])
         cost, observed = cost_of(sizes)
@@ -96,7 +99,11 @@ def fit_innovations(
                 "prediction error", "the disturbed motion diverges from the starting values"
             )
         minimum = minimise(
-            observed, point, _FINE, insist=False, iterations=_STEPS[turn == rounds - 1]
+            observed,
+            point,
+            _FINE,
+            insist=False,
+            iterations=_STEPS[turn == rounds - 1],
         )
         point = minimum.point
         cost += minimum.equations.cost - observed.equations(point, "nothing").cost

@@ -32,6 +32,7 @@ _SEEN_SAMPLES = (
     3.0  # times the information of one sample on a velocity; twenty have 2500 times that
 )
 _HARDLY = 100.0  # times that, up to which a velocity is hardly seen
+_FORGOTTEN = 1e-6  # the same where an observer corrects it from the first sample on
 _NOT_SOUGHT = -1
 
 By = Literal["everything", "states", "nothing"]
@@ -398,12 +399,14 @@ class SegmentedMotion:
         normal = np.add.reduceat(equations.normal, firsts, axis=0)
         gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
         # The first velocity of a row that sticks at once leaves no trace and would wander off.
+        # An observer forgets any, but not at once.
+        hardly = _HARDLY if self.observer is None else _FORGOTTEN
         positions = np.flatnonzero(self.segments.measured % 2 == 0)
         for a in positions.tolist():
             velocity = int(self.segments.measured[a]) + 1
             least = _SEEN_SAMPLES * (self.weights[a] * self.segments.sample_times) ** 2
             own = normal[:, velocity, velocity]
-            normal[:, velocity, velocity] = np.where(own < _HARDLY * least, own + least, own)
+            normal[:, velocity, velocity] = np.where(own < hardly * least, own + least, own)
         return solve_arrow(normal, gradient, self._kernel.N_STATES, damping)
 
     def clusters(self, equations: Equations, reduced: Reduced) -> Clusters:

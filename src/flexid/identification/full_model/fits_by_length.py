@@ -29,9 +29,11 @@ from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.recording import Hold
 
+TURNING = 0.5
+"""Seconds of segments in which most springs turn round: these show best what a model lacks."""
+
 _SHORT = 0.5  # s of segments up to which any hold will do
 _SETTLED_FROM = 0.5  # of that share, from which on it is worth what else belongs to the first steps
-_TURNING = 0.5  # s of segments in which most springs turn round: these show a hysteresis best
 # Of the grip that suits the motion, to begin with.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
@@ -77,19 +79,15 @@ def fit_full_model(
 
 def fit_with_hysteresis(
     by_length: FitsByLength,
-    leaner: Sequence[Fitted],
+    before: Fitted,
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
 ) -> FitsByLength | None:
-    """Fit a joint with memory where one without leaves more than noise.
-
-    Returns none where the model without explains the log, or one with memory hardly does so better.
-    """
+    """Fit a joint with memory where one without leaves more than noise; None if it hardly helps."""
     full = by_length.found[-1].structure
-    before = turning((*by_length.found, *leaner), thresholds)
-    if before is None or not full.joint.remembered:
-        return None
     joint = full.joint
+    if not joint.remembered:
+        return None
     timing = replace(full.timing, hold=before.structure.timing.hold)
     structure = replace(full, absent=full.absent - joint.remembered, timing=timing)
     progress("hysteresis of the spring")
@@ -119,7 +117,7 @@ def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
     Over the shortest segments anything is a curve; over the longest ones no start is good.
     """
     left = [fitted for fitted in found if fitted.excess > thresholds.sensor_excess]
-    longer = (fitted for fitted in left if fitted.duration >= _TURNING)
+    longer = (fitted for fitted in left if fitted.duration >= TURNING)
     return next(longer, left[-1] if left else None)
 
 
@@ -136,11 +134,10 @@ def explained_by(
     settled: Callable[[Fitted], Fitted] = _as_it_is,
 ) -> Fitted | None:
     """A wider fit, if its first steps take away most of what one without leaves beyond noise."""
-    segments = [before.problem.segments]
+    segments, states = [before.problem.segments], before.minimum.point.initial_states
+    rest = (before.data, way, segments, states)
     try:
-        (found,) = fit_by_length(
-            structure, before.data, way, segments, insist=False, iterations=FIRST_ITERATIONS
-        )
+        (found,) = fit_by_length(structure, *rest, insist=False, iterations=FIRST_ITERATIONS)
     except ConvergenceError:
         return None
     beyond = before.excess - floor

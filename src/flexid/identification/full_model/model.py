@@ -178,6 +178,10 @@ class Fitted:
         moved = float(np.var(motion))
         return float(np.sqrt(beyond / moved)) if beyond < moved else 1.0
 
+    def unexplained_over(self, duration: float) -> float:
+        """The same over longer segments, in s: an error of the model grows no slower than these."""
+        return self.unexplained * max(1.0, duration / self.duration)
+
     @cached_property
     def fit(self) -> PredictionErrorFit:
         """The estimate with its covariances."""

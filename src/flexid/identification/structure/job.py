@@ -7,6 +7,7 @@ from functools import partial
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fits_by_length import (
+    TURNING,
     FitsByLength,
     fit_full_model,
     fit_with_hysteresis,
@@ -192,7 +193,7 @@ def _predicting(
     by_length = job.fitted_by_length(training, progress, thresholds)
     left = turning(by_length.found, thresholds)
     auto = job.settings.terms == "auto"
-    if auto and left is not None and left.unexplained > thresholds.shape_motion:
+    if auto and left is not None and left.unexplained_over(TURNING) > thresholds.shape_motion:
         raise ConvergenceError(
             "prediction error",
             f"the model leaves {100.0 * left.unexplained:.0f} % of the deflection unexplained over "
@@ -212,7 +213,7 @@ def _predicting(
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
     tried: FitsByLength | None = None
-    while choice.by_length is not tried:
+    while choice.by_length is not tried and not _explains(choice.fitted, thresholds):
         tried = choice.by_length
         for find in _beside(choice, progress, thresholds):
             if (other := find(choice)) is None:
@@ -222,35 +223,42 @@ def _predicting(
             saved = misprediction(validation) - misprediction(its)
             if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
                 choice, validation = rival, its
-                if choice.fitted.excess <= thresholds.sensor_excess:
-                    return choice, validation  # nothing is left to explain
+                if _explains(choice.fitted, thresholds):
+                    return choice, validation
     return choice, validation
+
+
+def _explains(fitted: Fitted, thresholds: Thresholds) -> bool:
+    """Whether nothing is left to explain over segments in which most springs turn round."""
+    return fitted.excess <= thresholds.sensor_excess and fitted.duration >= TURNING
 
 
 def _beside(
     choice: Choice, progress: Progress, thresholds: Thresholds
 ) -> Iterator[Callable[[Choice], FitsByLength | None]]:
     """What to try where a choice leaves more than noise, each given what is chosen so far."""
-    by_length, left = choice.by_length, choice.found
+    by_length = choice.by_length
     full = by_length.found[-1]
-    if full.structure.joint.remembered <= full.structure.absent:
-        yield lambda _: fit_with_hysteresis(by_length, left, progress, thresholds)
-    for shape in SOUGHT:
-        if not shape.is_in(full):
-            yield partial(_seeking, shape, by_length, left, progress, thresholds)
+    before = turning((*by_length.found, *choice.found), thresholds)
+    if before is not None and before.unexplained_over(TURNING) <= thresholds.shape_motion:
+        if full.structure.joint.remembered <= full.structure.absent:
+            yield lambda _: fit_with_hysteresis(by_length, before, progress, thresholds)
+        for shape in SOUGHT:
+            if not shape.is_in(full):
+                yield partial(_seeking, shape, by_length, before, progress, thresholds)
     yield lambda chosen: _gapped(by_length, chosen, progress, thresholds)
 
 
 def _seeking(
     shape: SoughtShape,
     by_length: FitsByLength,
-    left: Sequence[Fitted],
+    before: Fitted,
     progress: Progress,
     thresholds: Thresholds,
     chosen: Choice,
 ) -> FitsByLength | None:
     """Fits with a shape whose constant is sought, unless it stands for play, a leaner term."""
-    found = fit_with_shape(shape, by_length, left, chosen.by_length.found, progress, thresholds)
+    found = fit_with_shape(shape, by_length, before, chosen.by_length.found, progress, thresholds)
     return None if found is None or is_slack(found.found[-1]) else found
 
 

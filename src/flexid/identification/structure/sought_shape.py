@@ -75,19 +75,17 @@ class SoughtShape:
 def fit_with_shape(
     shape: SoughtShape,
     by_length: FitsByLength,
-    leaner: Sequence[Fitted],
+    before: Fitted,
     chosen: Sequence[Fitted],
     progress: Progress,
     thresholds: Thresholds,
 ) -> FitsByLength | None:
     """Fit a joint with a term more where one without leaves more than noise.
 
-    Returns none where the model without explains the log, the term does so hardly better, or
-    something else does so better.
+    Returns none where the term hardly helps, or something else does so better.
     """
     full = by_length.found[-1].structure
-    before = turning((*by_length.found, *leaner), thresholds)
-    if before is None or shape.coefficients.isdisjoint(full.joint.shapes):
+    if shape.coefficients.isdisjoint(full.joint.shapes):
         return None
     progress(shape.words)
     floor = thresholds.noise_floor(by_length.found[0].excess)
