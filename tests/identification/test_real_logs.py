@@ -203,9 +203,6 @@ def test_arm_without_its_voltage_has_its_stiffness(arm_alone):
     assert stiffness.verdict != "undetermined"
 
 
-@pytest.mark.xfail(
-    reason="a cubic spring of 0.9 deviations is kept, which predicts less: 79 %", strict=True
-)
 def test_arm_without_its_voltage_is_predicted(arm_alone):
     """Assert that a free run of the link alone follows the deflection."""
     assert arm_alone.validation.fit_percent["deflection"] > 83.0

@@ -446,7 +446,9 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
     """Assert that the usual terms win at once with as few coefficients, or else if far better."""
 
     def chosen(fit_by_length, kept, with_shapes, *_):
-        fitted = SimpleNamespace(names=range(7 if with_shapes and fewer else 8), excess=1.0)
+        fitted = SimpleNamespace(
+            names=range(7 if with_shapes and fewer else 8), excess=1.0, duration=1.0
+        )
         structure = UNUSUAL if with_shapes else Structure(JOINT, JOINT.shapes, Timing("zero"))
         return SimpleNamespace(
             structure=structure,

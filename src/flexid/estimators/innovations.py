@@ -73,20 +73,18 @@ def fit_innovations(
     directions: FloatArray,  # (n_samples, n_rows)
     slowest: float,  # in 1/s
     sizes: Sizes | None = None,
-    *,
-    held: bool = False,
 ) -> Innovations:
     """Fit coefficients, and sizes of noise and disturbances, in turn.
 
     While the coefficients take their steps the gains are held; the sizes are sought with the
-    coefficients held, unless they are to be `held` as they are given.
+    coefficients held.
     """
     first = _first_sizes(problem, slowest)
     bounds = _bounds(first, float(problem.segments.sample_times.max()), slowest)
     near = sizes is not None
     sizes = first if sizes is None else sizes
     found: Innovations | None = None
-    rounds = 1 if held else _ROUNDS[near]
+    rounds = _ROUNDS[near]
     for turn in range(rounds):
         cost_of = _cost(problem, point, directions)
         # Initial states come first, with the coefficients: what they leave passes for noise.
@@ -99,11 +97,7 @@ def fit_innovations(
                 "prediction error", "the disturbed motion diverges from the starting values"
             )
         minimum = minimise(
-            observed,
-            point,
-            _FINE,
-            insist=False,
-            iterations=_STEPS[turn == rounds - 1],
+            observed, point, _FINE, insist=False, iterations=_STEPS[turn == rounds - 1]
         )
         point = minimum.point
         cost += minimum.equations.cost - observed.equations(point, "nothing").cost

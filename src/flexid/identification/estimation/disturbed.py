@@ -115,8 +115,7 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     fitted, own = _fit(
         found.fitted.structure, data, found.factor, found.fitted.by_name, found.sizes
     )
-    structure, start = found.full.structure, found.full.by_name
-    full, _ = _fit(structure, data, found.factor, start, own.sizes, held=True)
+    full, _ = _fit(found.full.structure, data, found.factor, found.full.by_name, own.sizes)
     shares = _shares(fitted, own.sizes)
     return replace(found, fitted=fitted, full=full, sizes=own.sizes, shares=shares)
 
@@ -226,12 +225,9 @@ def _halves(found: Disturbed, data: Data) -> tuple[Fitted, Fitted] | None:
 
 
 def _again(found: Disturbed, data: Data, factor: int) -> Fitted | None:
-    """The structure fitted to other data with the same disturbances, and noise in their band."""
     fitted = found.fitted
-    noise = found.sizes.sensors * np.sqrt(found.factor / factor)
-    sizes = replace(found.sizes, sensors=noise)
     try:
-        other, _ = _fit(fitted.structure, data, factor, fitted.by_name, sizes, held=True)
+        other, _ = _fit(fitted.structure, data, factor, fitted.by_name, found.sizes)
     except ConvergenceError:
         return None
     # A channel that is moved out of the log leaves nothing to compare.
@@ -259,8 +255,6 @@ def _fit(
     factor: int,
     start: Mapping[str, float],
     sizes: Sizes | None = None,
-    *,
-    held: bool = False,
 ) -> tuple[Fitted, Innovations]:
     """A structure fitted to a log in its band, within bounds."""
     own = thinned(data, factor, held=structure.timing.hold == "zero")
@@ -275,7 +269,7 @@ def _fit(
         timed = replace(structure, timing=timing, fixed={**structure.fixed, **fixed})
         problem, point = motion_at(timed, own, segments, start, None)
         problem = replace(problem, weights=1.0 / _sensor_noise(own))
-        last.append(fit_innovations(problem, point, directed, slowest, sizes, held=held))
+        last.append(fit_innovations(problem, point, directed, slowest, sizes))
         found = last[-1]
         if not np.isfinite(found.minimum.equations.cost):
             raise ConvergenceError("prediction error", "the disturbed motion diverges")
