@@ -112,7 +112,8 @@ class Thresholds:
     shape_motion: float = _threshold(
         0.12,
         "1",
-        "residuals beyond noise over the deflection, over half a second, up to which a term may "
+        "residuals beyond noise over the deflection, over half a second (over shorter segments in "
+        "proportion), up to which a term may "
         "make them: drives with such a term leave up to 0.08 without it, an arm in a laboratory "
         "0.16 to 0.7, two axes taken for one 0.18; beyond it disturbances are fitted, no terms",
     )
