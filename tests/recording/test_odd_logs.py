@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -97,6 +98,8 @@ def test_lines_that_hold_no_sample(name: str, tmp_path: Path) -> None:
 def same_numbers(log: Log) -> None:
     """Assert that a log holds the numbers of the columns."""
     (recording,) = log.recordings
+    assert recording.link_position is not None
+    assert recording.input is not None
     np.testing.assert_allclose(recording.time, COLUMNS["time"], atol=1e-12)
     np.testing.assert_allclose(recording.link_position, COLUMNS["link_position"], rtol=1e-12)
     np.testing.assert_allclose(recording.motor_position, COLUMNS["motor_position"], rtol=1e-12)
@@ -174,7 +177,8 @@ def lists(folder: Path) -> Path:
 
 def vectors(folder: Path) -> Path:
     """Arrays of NumPy by name, one of them of objects."""
-    np.savez(folder / "log.npz", **COLUMNS, note=np.array([{}], dtype=object))
+    arrays: dict[str, Any] = {**COLUMNS, "note": np.array([{}], dtype=object)}
+    np.savez(folder / "log.npz", **arrays)
     return folder / "log.npz"
 
 
@@ -186,7 +190,9 @@ def matrix(folder: Path) -> Path:
 
 def table(folder: Path) -> Path:
     """Records of NumPy."""
-    np.savez(folder / "log.npz", run=np.rec.fromarrays([*COLUMNS.values()], names=[*COLUMNS]))
+    names = ",".join(COLUMNS)
+    records = np.rec.fromarrays([*COLUMNS.values()], names=names)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    np.savez(folder / "log.npz", run=records)
     return folder / "log.npz"
 
 

@@ -11,14 +11,14 @@ H = 0.01
 TURN = 0.1
 
 
-def moved(peak: float, count: int = 900) -> np.ndarray:
+def moved(peak: float, count: int = 900) -> FloatArray:
     """Positions of a motor that begins at rest and makes so many turns in a sample at most."""
     rate = 2.0 * np.pi / 300.0
     noise = 1e-3 * np.random.default_rng(1).standard_normal(count)
     return TURN * (peak / rate * (1.0 - np.cos(rate * np.arange(count))) + noise)
 
 
-CLOCK = H * np.arange(900)
+CLOCK: FloatArray = np.asarray(H * np.arange(900), dtype=np.float64)
 
 
 def counted(time: FloatArray, readings: FloatArray) -> Counts:
@@ -78,7 +78,8 @@ def test_a_fast_motor_whose_encoder_does_not_wrap(peak: float):
 def test_what_cannot_be_known_is_counted(peak: float, lost: slice, unclear: int):
     """Assert that a gap is, and a speed above a quarter of a turn that nothing led up to."""
     readings = np.mod(moved(peak), TURN)
-    counts = counted(*(np.delete(values, lost) for values in (CLOCK, readings)))
+    time, readings = (np.delete(values, lost).astype(np.float64) for values in (CLOCK, readings))
+    counts = counted(time, readings)
     assert counts.unclear == unclear
 
 
