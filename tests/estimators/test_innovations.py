@@ -204,6 +204,17 @@ def test_no_gain_is_no_observer():
     assert found.cost == pytest.approx(plain.cost, rel=1e-9)
 
 
+def test_first_velocity_is_found_in_one_step():
+    """Assert that a step brings what it promises, though the observer soon forgets the velocity."""
+    problem = observed(disturbed_samples(3, 600))
+    states = problem.start_states.copy()
+    states[:, 1::2] += 0.1 * np.abs(problem.segments.outputs).max()
+    equations = problem.equations(Point(VALUES, states))
+    step = problem.solve(equations)
+    after = problem.equations(Point(VALUES + step.values_step, states + step.states_step))
+    assert equations.cost - after.cost == pytest.approx(step.decrement, rel=0.02)
+
+
 @cache
 def fitted(seed: int, *, known: bool) -> Innovations:
     """A fit from values that are off by a tenth, sizes to begin with known or not."""

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -161,6 +161,13 @@ def test_growth_tells_noise_of_the_torque_from_an_error(power, share):
     assert error.growth == pytest.approx(power, abs=0.01)
     assert error.share == pytest.approx(share, abs=0.01)
     assert error.excess == pytest.approx(50.0, rel=1e-3)
+
+
+def test_what_is_unexplained_grows_with_the_length_of_segments():
+    """Assert that it is in proportion to a longer time, and no less over a shorter one."""
+    fitted: Any = SimpleNamespace(unexplained=0.1, duration=0.2)
+    assert Fitted.unexplained_over(fitted, 0.5) == pytest.approx(0.25)
+    assert Fitted.unexplained_over(fitted, 0.1) == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

@@ -190,6 +190,13 @@ def test_the_shortest_segments_that_last_half_a_second_show_what_is_missing():
     assert turning(found[:1], THRESHOLDS) is None
 
 
+@pytest.mark.parametrize(("away", "shows"), [(-0.001, False), (0.001, True)])
+def test_what_may_be_an_error_of_the_noise_shows_nothing(away, shows):
+    """Assert that a fit within the threshold counts as noise, and one beyond it does not."""
+    fitted = over(4, WITHOUT, THRESHOLDS.sensor_excess + away)
+    assert (turning([fitted], THRESHOLDS) is fitted) == shows
+
+
 @pytest.mark.parametrize(("size", "follows"), [(0.1, True), (-0.1, False)])
 def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
     """Assert that what comes out negative is not followed up, however much it explains."""

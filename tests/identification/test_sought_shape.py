@@ -439,7 +439,7 @@ def test_the_two_that_promise_most_are_followed(tried):
 
 
 def test_little_promise_is_not_followed(tried):
-    """Assert that below the threshold no step is taken, nor where noise is all that is left."""
+    """Assert that below the threshold no step is taken."""
     assert tried({0.1: ENOUGH, 0.2: TOO_LITTLE}) == [0.1]
 
 

@@ -1,6 +1,7 @@
 """Which terms stay: on made-up quadratic forms whose answer is known, and on small logs."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -471,3 +472,35 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
     rest = (nothing, nothing, nothing, lambda _: None, THRESHOLDS)
     choice: Any = job._predicting(own, *rest)[0]
     assert ("unusual" if choice.with_shapes else "usual") == expected
+
+
+@pytest.mark.parametrize(
+    ("duration", "unexplained", "sought"),
+    [(0.5, 0.119, True), (0.5, 0.121, False), (0.25, 0.059, True), (0.25, 0.061, False)],
+)
+def test_shapes_are_sought_where_the_model_follows_half_a_second(
+    monkeypatch, duration, unexplained, sought
+):
+    """Assert the limit, in proportion over shorter segments; play is tried all the same."""
+    monkeypatch.setattr(job, "SOUGHT", ())
+    joint = SimpleNamespace(remembered={"memory"})
+    fitted: Any = SimpleNamespace(
+        excess=9.0,
+        duration=duration,
+        unexplained=unexplained,
+        structure=SimpleNamespace(joint=joint, absent={"memory"}),
+    )
+    fitted.unexplained_over = partial(Fitted.unexplained_over, fitted)
+    choice: Any = SimpleNamespace(by_length=SimpleNamespace(found=(fitted,)), found=())
+    tried = [*job._beside(choice, lambda _: None, THRESHOLDS)]
+    assert len(tried) == 1 + sought
+
+
+@pytest.mark.parametrize(
+    ("excess", "duration", "expected"),
+    [(1.099, 0.5, True), (1.101, 0.5, False), (1.099, 0.49, False)],
+)
+def test_what_explains_the_log_ends_the_search(excess, duration, expected):
+    """Assert that noise is left, over segments in which a spring turns round."""
+    fitted: Any = SimpleNamespace(excess=excess, duration=duration)
+    assert job._explains(fitted, THRESHOLDS) == expected

@@ -62,7 +62,7 @@ class ArmFit:
     @property
     def values(self) -> dict[str, float]:
         """What was sought, by name."""
-        return dict(zip(self.problem.names, self.minimum.point.values.tolist(), strict=True))
+        return _by_name(self.problem, self.minimum)
 
     @property
     def excess(self) -> FloatArray:
@@ -73,8 +73,7 @@ class ArmFit:
     @property
     def ended(self) -> bool:
         """Whether there is a minimum, and something known of it."""
-        minimum = self.minimum
-        return minimum.last_step <= _UNFINISHED and not minimum.reduced.free.all()
+        return _has_ended(self.minimum)
 
     @property
     def explains(self) -> bool:
@@ -103,10 +102,7 @@ class ExactFits:
     def starts(self) -> tuple[dict[str, float], ...]:
         """Values over the shortest segments and over the longest, by name."""
         ends = (self.found[0], self.found[-1])[: len(self.found)]
-        return tuple(
-            dict(zip(problem.names, minimum.point.values.tolist(), strict=True))
-            for problem, minimum in ends
-        )
+        return tuple(_by_name(problem, minimum) for problem, minimum in ends)
 
     def best(self) -> ArmFit:
         """The fit over the longest segments that can be trusted, with its covariance."""
@@ -143,6 +139,15 @@ def exact_fits(
         if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found)):
             break
     return ExactFits(tuple(found), noise)
+
+
+def _by_name(problem: SegmentedMotion, minimum: Minimum) -> dict[str, float]:
+    return dict(zip(problem.names, minimum.point.values.tolist(), strict=True))
+
+
+def _has_ended(minimum: Minimum) -> bool:
+    """Whether steps ended, and not because sensitivities beyond all bounds left nothing known."""
+    return minimum.last_step <= _UNFINISHED and not minimum.reduced.free.all()
 
 
 def _hopeless(one: Solved) -> str:
@@ -211,8 +216,7 @@ def _ends(found: Sequence[Solved], noise: FloatArray) -> Iterator[ArmFit]:
         with suppress(ConvergenceError):
             own = _reweighted(problem, minimum)
             end = minimise(own, minimum.point, _FINE, insist=False, iterations=_STEPS)
-            # Sensitivities that grew beyond all bounds leave nothing known, and no step to take.
-            if end.last_step <= _UNFINISHED and not end.reduced.free.all():
+            if _has_ended(end):
                 yield with_covariance(own, end, noise)
 
 
@@ -280,18 +284,19 @@ def begun(
     )
 
 
-def at_point(problem: SegmentedMotion, point: Point, noise: FloatArray) -> SegmentedMotion:
+def at_point(
+    problem: SegmentedMotion, point: Point, noise: FloatArray, most: int = _MOST_SUBSTEPS
+) -> SegmentedMotion:
     """The problem with the encoders' weights, and with steps that suit the motion at a point."""
     own = problem.at(point, 1.0 / noise)
-    return replace(own, substeps=min(own.substeps, _MOST_SUBSTEPS))
+    return replace(own, substeps=min(own.substeps, most))
 
 
 def _roughly(
     problem: SegmentedMotion, point: Point, noise: FloatArray, iterations: int = _STEPS
 ) -> Solved:
     """A minimum near a point, with steps that may be too long for a stiff joint."""
-    own = problem.at(point, 1.0 / noise)
-    own = replace(own, substeps=min(own.substeps, _ROUGHLY))
+    own = at_point(problem, point, noise, _ROUGHLY)
     return own, minimise(own, point, _ROUGH, insist=False, iterations=iterations)
 
 

@@ -137,7 +137,9 @@ class _SampledModel:
         self.states[::2] = samples.positions.T
         if samples.velocities is not None:
             self.states[1::2] = samples.velocities.T
-        self._inputs = np.ascontiguousarray(samples.inputs.T, dtype=np.float64)
+        # A model may have an input that no term reads, and a recording none.
+        self._inputs = np.full((len(system.inputs), len(samples)), np.nan)
+        self._inputs[: samples.inputs.shape[1]] = samples.inputs.T
         self._constants = np.array(list(system.constants.values()), dtype=np.float64)
         self._rate = 1.0 / float(samples.sample_time)
         self._n_coefficients = len(system.coefficients)

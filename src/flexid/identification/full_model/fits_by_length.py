@@ -135,9 +135,9 @@ def explained_by(
 ) -> Fitted | None:
     """A wider fit, if its first steps take away most of what one without leaves beyond noise."""
     segments, states = [before.problem.segments], before.minimum.point.initial_states
-    rest = (before.data, way, segments, states)
+    first = {"insist": False, "iterations": FIRST_ITERATIONS}
     try:
-        (found,) = fit_by_length(structure, *rest, insist=False, iterations=FIRST_ITERATIONS)
+        (found,) = fit_by_length(structure, before.data, way, segments, states, **first)
     except ConvergenceError:
         return None
     beyond = before.excess - floor
