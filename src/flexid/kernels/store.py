@@ -133,14 +133,14 @@ def _is_whole(path: Path) -> bool:
     return path.exists() and path.read_text("utf-8").endswith(_END)
 
 
-def _compiled(path: Path) -> list[Path]:
+def _compiled(path: Path, endings: tuple[str, ...] = (".nbi", ".nbc")) -> list[Path]:
     """Return numba's files of a kernel, but not those that are still being written (``.tmp``)."""
     folder, beginning = path.parent / "__pycache__", f"{path.stem}."
     if not folder.exists():
         return []
     # A listing of names takes a tenth of the time of a glob, and may hold thousands.
     names = (name for name in os.listdir(folder) if name.startswith(beginning))
-    return [folder / name for name in names if name.endswith((".nbi", ".nbc"))]
+    return [folder / name for name in names if name.endswith(endings)]
 
 
 def is_compiled(kernel: ModuleType) -> bool:
@@ -158,8 +158,8 @@ def _discard_damaged(path: Path) -> None:
 
 
 def _discard_compiled(path: Path) -> None:
-    """Remove all of numba's files of a kernel: a new index gives the old data's names away."""
-    for file in _compiled(path):
+    """Remove a kernel's bytecode, and all numba's files: a new index gives old names away."""
+    for file in _compiled(path, (".nbi", ".nbc", ".pyc")):
         file.unlink(missing_ok=True)
 
 
