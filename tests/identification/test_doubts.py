@@ -19,6 +19,7 @@ from flexid.identification.estimation.doubts import (
     gauge_scale,
     lag,
     looks_like_a_term,
+    scales_apart,
 )
 
 VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 20.0, "beta1": 3.0}
@@ -26,13 +27,14 @@ DELAY = 5e-4  # s
 NAMES = (*VALUES, INPUT)
 
 
-def doubted(unit: str = "N m", by_gauge: Any = None) -> Doubted:
+def doubted(unit: str = "N m", by_gauge: Any = None, apart: float = 0.0) -> Doubted:
     """A fit of a joint with a late input, of whose accelerations a tenth is unexplained."""
     values = np.array([*VALUES.values(), DELAY])
     structure = SimpleNamespace(timing=Timing("zero", sought=(INPUT,)))
     fitted = SimpleNamespace(
         names=NAMES,
         values=values,
+        data=SimpleNamespace(scales_apart=apart),
         structure=structure,
         by_name=dict(zip(NAMES, values.tolist(), strict=True)),
     )
@@ -105,6 +107,14 @@ def test_two_encoders_err_once_per_turn():
     """Assert that gravity is doubted by what 0.5 mrad of deflection pulls."""
     assert deviation(eccentric_encoders, "theta1", doubted()) == pytest.approx(5e-4 * 100.0)
     assert not np.any(gauge_scale(doubted()))
+
+
+def test_scales_that_differ_pull_like_gravity():
+    """Assert that gravity is doubted by what the spring makes of the share, the rest by it."""
+    found = doubted(apart=0.02)
+    assert deviation(scales_apart, "theta1", found) == pytest.approx(0.02 * (5.0 + 100.0))
+    assert deviation(scales_apart, "theta2", found) == pytest.approx(0.02 * 100.0)
+    assert not np.any(scales_apart(doubted()))
 
 
 def test_what_is_unexplained_may_look_like_a_term():

@@ -14,6 +14,7 @@ from flexid.identification.preparation.recordings import prepare
 from flexid.library.logs import read_log
 from flexid.recording import Log
 from flexid.recording.caution import Rank, rank_of
+from flexid.recording.slow_motion import scales_apart
 
 STEP = 2e-3  # s
 COUNT = 6000
@@ -98,6 +99,13 @@ def test_a_scale_that_is_wrong(link: float, motor: float, said: str):
         assert f"the link moves {said}" in warning
         assert "gear ratio" in warning
         assert rank_of(warning) == Rank.SCALE
+
+
+@pytest.mark.parametrize(("scale", "share"), [(1.02, -0.02), (1.0, 0.0)])
+def test_the_share_by_which_scales_differ(scale: float, share: float):
+    """Assert that gravity and inertia, which bend the joint as well, have no part in it."""
+    found = changed(motor=times(scale)).recordings[0]
+    assert scales_apart(found)[0] == pytest.approx(share, abs=1e-3)
 
 
 def test_a_scale_in_a_small_motion_is_left_open():

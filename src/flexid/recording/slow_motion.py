@@ -46,9 +46,8 @@ def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
     """Warn of scales and units of angles that the motion contradicts."""
     motor, link = recording.motor_position, recording.link_position
     sensed = motor if link is None else link
-    width = float(max(best_half_window(motor), best_half_window(sensed)))
-    smoothed = _Smoothing(width, recording.sample_time)
-    if len(motor) - smoothed.length < _FEWEST * width or not np.ptp(sensed):
+    smoothed = _smoothing(recording)
+    if smoothed is None:
         return
     acts = recording.input
     moved = recording.deflection if acts is None else acts
@@ -71,9 +70,9 @@ def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
             f"it is read, as gravity does for {wrong}: check the unit",
             Rank.SCALE,
         )
-    elif link is not None and np.ptp(motor) > _WIDE:
-        share, error = _own_share(smoothed, link, motor)
-        if _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error:
+    else:
+        share, error = scales_apart(recording)
+        if share:
             yield Caution(
                 f"{place}: the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as "
                 f"the motor, beyond what gravity and inertia bend the joint by: check the scales "
@@ -81,6 +80,29 @@ def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
                 f"gear_ratio divided by it, would agree)",
                 Rank.SCALE,
             )
+
+
+def scales_apart(recording: Recording) -> tuple[float, float]:
+    """By how much more the link moves than the motor than mechanics allow, and its error; or 0."""
+    motor, link = recording.motor_position, recording.link_position
+    if link is None or np.ptp(motor) <= _WIDE:
+        return 0.0, 0.0
+    smoothed = _smoothing(recording)
+    if smoothed is None:
+        return 0.0, 0.0
+    share, error = _own_share(smoothed, link, motor)
+    named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
+    return (share, error) if named else (0.0, 0.0)
+
+
+def _smoothing(recording: Recording) -> _Smoothing | None:
+    """What smooths the noise of both encoders; None where a recording is too short for it."""
+    motor, link = recording.motor_position, recording.link_position
+    sensed = motor if link is None else link
+    width = float(max(best_half_window(motor), best_half_window(sensed)))
+    smoothed = _Smoothing(width, recording.sample_time)
+    enough = len(motor) - smoothed.length >= _FEWEST * width and np.ptp(sensed) > 0.0
+    return smoothed if enough else None
 
 
 class _Smoothing:

@@ -20,7 +20,12 @@ from flexid.identification.estimation.disturbed import (
     fit_disturbed_to,
     follower,
 )
-from flexid.identification.estimation.doubts import OF_A_VOLTAGE, Doubted, covariance_of
+from flexid.identification.estimation.doubts import (
+    OF_A_VOLTAGE,
+    OF_AN_EXACT_FIT,
+    Doubted,
+    covariance_of,
+)
 from flexid.identification.estimation.final_fits import (
     FILTER_RATE,
     FinalFits,
@@ -158,9 +163,9 @@ def _exact(
     fits = final_fits(choice, whole, recordings, job.settings.filter_rate, thresholds)
     progress("what the model does without")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
-    if job.input_unit == "V":
-        doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
-        estimate = estimate.widened(covariance_of(OF_A_VOLTAGE, doubted))
+    doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
+    doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
+    estimate = estimate.widened(covariance_of(doubts, doubted))
     return Answer(fits, validation, estimate)
 
 

@@ -30,6 +30,7 @@ LIKE_A_TERM = 0.8
 LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
+_MOTOR_GRAVITY = frozenset({"gamma1", "gamma_cosine"})
 _SPRINGS = frozenset({"theta2", "alpha1"})
 _VISCOUS = frozenset({"alpha2", "gamma_viscous"})
 
@@ -89,6 +90,15 @@ def eccentric_encoders(doubted: Doubted) -> FloatArray:
         return np.zeros((len(doubted.fitted.names), 0))
     pull = _ECCENTRICITY * abs(doubted.fitted.by_name.get("theta2", 0.0))
     return doubted.diagonal(lambda name, _: pull * (name in _LINK_GRAVITY))
+
+
+def scales_apart(doubted: Doubted) -> FloatArray:
+    """Where the scales of two encoders differ, the spring pulls the link back as gravity does."""
+    share = doubted.fitted.data.scales_apart
+    spring = doubted.fitted.by_name
+    pull = {name: spring.get("theta2", 0.0) for name in _LINK_GRAVITY}
+    pull |= {name: spring.get("alpha1", 0.0) for name in _MOTOR_GRAVITY}
+    return doubted.diagonal(lambda name, value: share * (abs(value) + abs(pull.get(name, 0.0))))
 
 
 def gauge_scale(doubted: Doubted) -> FloatArray:
@@ -156,6 +166,7 @@ DOUBTS: tuple[Doubt, ...] = (
     further_modes,
     cable,
     eccentric_encoders,
+    scales_apart,
     gauge_scale,
     coil_lag,
     lag,
@@ -163,6 +174,9 @@ DOUBTS: tuple[Doubt, ...] = (
     looks_like_a_term,
 )
 """Of a fit with disturbances."""
+
+OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart,)
+"""Of an exact fit, in which gravity makes up for a scale that is wrong by little."""
 
 OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, lag, dead_zone)
 """Of an exact fit of a voltage: an amplifier's errors hide in the noise of two encoders."""

@@ -19,6 +19,7 @@ from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import Joint
 from flexid.recording.recording import Recording
+from flexid.recording.slow_motion import scales_apart
 from flexid.recording.velocities import position_noise
 
 LINK = "link_delay"
@@ -41,6 +42,7 @@ class Data:
     noise: FloatArray  # (n_rows,): standard deviation of each position's noise
     # rows whose position was measured relative to another row's, or to an input
     relative_to: Mapping[str, str] = field(default_factory=dict)
+    scales_apart: float = 0.0  # share by which the scales of two encoders contradict each other
     refinement: int = 1  # how many times as many integration steps as usual a fit takes at its end
 
     @cached_property
@@ -78,7 +80,8 @@ def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]
     if joint.kind != "rigid" and recordings[0].link_from_deflection:
         # The link alone has the motor's position as its first input.
         relative = {"link": "motor" if joint.kind == "flexible" else joint.system.inputs[0]}
-    return Data(samples, tuple(groups), np.maximum(noise, _FINEST * largest), relative)
+    apart = max(abs(scales_apart(recording)[0]) for recording in recordings)
+    return Data(samples, tuple(groups), np.maximum(noise, _FINEST * largest), relative, apart)
 
 
 @dataclass(frozen=True, eq=False)
