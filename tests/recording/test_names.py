@@ -10,19 +10,43 @@ from hypothesis import given
 from hypothesis import strategies as st
 from joint_log import joint_columns, read_columns, refused, without
 
+from flexid.recording import Log
 from flexid.recording.names import usual_channel
 from flexid.recording.units import EXAMPLES, UnitError, is_usual, scale_to_si
 
 USUAL = {
-    "time": ("t", "t_s", "Time_ms", "timestamp", "tout", "Zeit [s]", "Temps"),
+    "time": (
+        *("t", "t_s", "Time_ms", "timestamp", "tout", "Zeit [s]", "Temps", "TIME_MS", "timeMs"),
+        *("elapsed_time_s", "millis", "seconds", "Zeitstempel", "Zeit in s", "时间(s)"),
+    ),
     "link_position": (
         *("q_l", "theta_link", "LoadAngle", "link angle", "q_link_deg", "q_link {deg}"),
         *("Winkel Abtrieb [°]", "Position charge (deg)", "posizione_carico", "Link [deg]"),
+        *("Abtriebswinkel / °", "θ_l", "posição carga (rad)", "负载角度", "fuzai_jiaodu", "ql"),
+        *("position (link) [deg]", "[deg] link_position", "link_counts", "LINK_POS_MDEG"),
+        *("link position <deg>", "link_pos:deg", "link position, deg", "负载位置（度）"),
     ),
     "motor_position": ("q_m", "theta_m", "motor_pos", "qMotor", "pos_motor_deg", "rotor angle"),
     "motor_velocity": ("qd_m", "motor_speed_rpm", "omega_m"),
-    "motor_torque": ("tau", "tau_m", "torque", "tau_Nm", "Drehmoment", "Couple moteur (N·m)"),
-    "motor_current": ("i_m_A", "motor_current", "Motor (mA)", "current_mA"),
+    "motor_torque": (
+        "tau",
+        "tau_m",
+        "torque",
+        "tau_Nm",
+        "Drehmoment",
+        "Couple moteur (N·m)",
+        *("motor-torque-nm", "MotorTorqueNm", "torque_pct", "Motordrehmoment [Nm]", "tau_inlb"),
+    ),
+    "torque": ("joint_torque", "torque_sensor_Nm"),
+    "motor_current": (
+        "i_m_A",
+        "i_q [A]",
+        "iq",
+        "Iststrom [A]",
+        "motor_current",
+        "Motor (mA)",
+        "current_mA",
+    ),
     "motor_voltage": ("u_V", "voltage"),
     "position": ("position", "angle", "q"),
     "velocity": ("velocity", "speed_rpm"),
@@ -42,6 +66,17 @@ STRANGE = (
         "torque_cmd",
     ),
     *("position_desired", "motor_link_angle", "q_dot_dot", "position[0]", "pot_V", ""),
+    *(
+        "torque ²",
+        "Winkel * 2",
+        "q̇_m",
+        "-tau",
+        "tau*1000",
+        "last_position",
+        "position error",
+        "τ̇",
+        "tension",
+    ),
 )
 
 
@@ -89,6 +124,64 @@ def test_own_names_come_first() -> None:
     np.testing.assert_array_equal(log.recordings[0].input, tau)
     np.testing.assert_array_equal(log.recordings[0].motor_position, motor)
     assert "'tau', 'current', 'theta_m' not used" in log.warnings[0]
+
+
+def of_names(**names: str) -> Log:
+    """The log with other names of its columns."""
+    columns = without(joint_columns(), "velocity")
+    return read_columns({names.get(name, name): values for name, values in columns.items()})
+
+
+def test_a_position_beside_the_motors_is_the_links() -> None:
+    """Assert that a name without a side is of the other side, with a warning."""
+    log = of_names(link_position="q", motor_position="theta_m")
+    np.testing.assert_array_equal(log.recordings[0].link_position, joint_columns()["link_position"])
+    assert "'q' for link_position in rad" in log.warnings[0]
+
+
+def test_a_command_counts_where_nothing_was_measured() -> None:
+    """Assert that it is the input with a warning, and nothing beside a measured current."""
+    log = of_names(motor_torque="torque_cmd")
+    assert log.recordings[0].input_unit == "N m"
+    assert "'torque_cmd' is what the drive was told, not what it did" in log.warnings[1]
+    columns = joint_columns()
+    columns["tau_ref"] = columns.pop("motor_torque")
+    log = read_columns(columns | {"motor_strom": columns["tau_ref"]})
+    assert log.recordings[0].input_unit == "A"
+
+
+def test_the_torque_of_the_joint_is_not_the_motors() -> None:
+    """Assert that the spring's torque, as a sensor in the joint measures it, is not taken."""
+    log = of_names(motor_torque="joint_torque")
+    assert log.recordings[0].input is None
+    assert any("to identify the motor too, name 'joint_torque'" in one for one in log.warnings)
+
+
+def test_joints_with_numbers() -> None:
+    """Assert that the only one is read, and that several are refused with an example."""
+    own = {"link_position": "joint_3_q_l", "motor_position": "joint_3_q_m"}
+    assert of_names(**own, motor_torque="joint_3_tau").recordings[0].input_unit == "N m"
+    other = {"q_l_2": np.sin(joint_columns()["time"])}
+    numbered = {f"{n}_1" if n != "time" else n: v for n, v in joint_columns().items()}
+    message = refused(read_columns, numbered | other)
+    assert "positions with the numbers 1, 2" in message
+    assert "as motor_position = 'motor_position_1'" in message
+
+
+def test_words_of_all_names_say_nothing() -> None:
+    """Assert that the name of a rig before all others is left out, and that of one is not."""
+    names = {name: f"rig_{name}" for name in joint_columns() if name != "time"}
+    assert of_names(**names).recordings[0].input_unit == "N m"
+    assert "no motor_position" in refused(lambda _: of_names(motor_position="rig_q_m"), None)
+
+
+def test_a_time_by_what_it_holds() -> None:
+    """Assert that the only column of time stamps is the time, whatever its name."""
+    columns = without(joint_columns(), "velocity")
+    time = columns.pop("time")
+    stamps = np.datetime64("2024-05-01") + (1e6 * time).astype("timedelta64[us]")
+    log = read_columns({"when": stamps, **columns})
+    assert log.recordings[0].sample_time == pytest.approx(0.005)
 
 
 def test_one_encoder() -> None:

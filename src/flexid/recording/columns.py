@@ -9,18 +9,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexid.errors import RecordingError
 from flexid.recording.channel import INPUTS, SI_UNITS, Channel
-from flexid.recording.clock import Clock
+from flexid.recording.clock import Clock, is_stamp
 from flexid.recording.names import (
     LONGEST,
+    Usual,
+    common_words,
     did_you_mean,
     folded,
     may_be_input,
+    named_channel,
     quoted,
     split_header,
     usual_channel,
 )
 from flexid.recording.si_channels import Recipe, made, recipe_of_map
-from flexid.recording.units import UnitError, scale_to_si
+from flexid.recording.units import UnitError, is_relative, scale_to_si
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -174,34 +177,29 @@ def _canonical_columns(table: Table, named: set[str]) -> dict[str, _Column]:
 
 def _add_usual(table: Table, plan: _Plan) -> None:
     """Add columns that have usual names where no column has the channel's own."""
-    taken = {column.header for column in plan.found.values()}
-    candidates: dict[str, list[_Column]] = {}
-    for header in table.names:
-        usual = None if header in taken else usual_channel(table.short_name(header))
-        if usual is not None:
-            candidates.setdefault(usual[0], []).append(_Column(header, usual[1]))
-    known = set(plan.found) | set(candidates)
-    if not known & {"motor_position", "link_position", "deflection"}:  # a drive with one encoder
-        for quantity in ("position", "velocity"):
-            if f"motor_{quantity}" not in known and quantity in candidates:
-                candidates[f"motor_{quantity}"] = candidates[quantity]
+    candidates = _candidates(table, plan)
     skipped = set(plan.found)
     if skipped & set(INPUTS):
         skipped |= set(INPUTS)
     if "deflection" in skipped:
         skipped.add("link_position")
-    added = {}
+    added: dict[str, _Column] = {}
+    commands = []
     for name in SI_UNITS:
         columns = [] if name in skipped else candidates.get(name, [])
         if len(columns) > 1:
             raise RecordingError(
                 table.file,
                 table.header,
-                f"{quoted(column.header for column in columns)} could each be {name}: rename the "
-                f"one that is, or say in a column map which it is",
+                f"{quoted(column.header for column, _ in columns)} could each be {name}: rename "
+                f"the one that is, or say in a column map which it is",
             )
         if columns:
-            added[name] = columns[0]
+            added[name], usual = columns[0]
+            commands += [added[name].header] if usual.is_command else []
+    if "time" not in {*plan.found, *added}:
+        stamped = [name for name in table.names if _has_stamps(table, name)]
+        added |= {"time": _Column(stamped[0], None)} if len(stamped) == 1 else {}
     plan.found |= added
     if added:
         shown = ", ".join(
@@ -212,6 +210,74 @@ def _add_usual(table: Table, plan: _Plan) -> None:
             f"{table.file}: by its name was taken {shown}: check it, or say in a column map what "
             f"the columns are"
         )
+    if commands:
+        plan.warnings.append(
+            f"{table.file}: {quoted(commands)} is what the drive was told, not what it did: log "
+            f"the measured torque or current, which may be later and smaller"
+        )
+
+
+def _has_stamps(table: Table, name: str) -> bool:
+    """Whether a column begins with a date and a time."""
+    column = table.frame[name]
+    if column.dtype.is_temporal():
+        return True
+    first = column.drop_nulls().head(1).to_list()
+    return bool(first) and isinstance(first[0], str) and is_stamp(first[0].strip())
+
+
+_Candidates = dict[str, list[tuple[_Column, Usual]]]
+
+
+def _candidates(table: Table, plan: _Plan) -> _Candidates:
+    """Columns by the channel that their usual names stand for, of one joint."""
+    taken = {column.header for column in plan.found.values()}
+    names = {header: table.short_name(header) for header in table.names if header not in taken}
+    ignored = common_words(names.values())
+    named = {header: named_channel(name, ignored) for header, name in names.items()}
+    usual = {header: one for header, one in named.items() if one is not None}
+    joint = _joint_of(table, usual, set(plan.found))
+    found: _Candidates = {}
+    for header, one in usual.items():
+        if one.joint in ("", joint):
+            found.setdefault(one.channel, []).append((_Column(header, one.unit), one))
+    found = {name: _best(columns) for name, columns in found.items()}
+    measured = [n for n in INPUTS if n in found and _is_plain(*found[n][0])]
+    if measured:
+        found = {n: columns for n, columns in found.items() if n in measured or n not in INPUTS}
+    known = set(plan.found) | set(found)
+    if not known & {"motor_position", "link_position", "deflection"}:  # a drive with one encoder
+        for quantity in ("position", "velocity", "torque"):
+            if f"motor_{quantity}" not in known and quantity in found:
+                found[f"motor_{quantity}"] = found[quantity]
+    elif not known & {"link_position", "deflection"} and len(found.get("position", ())) == 1:
+        found["link_position"] = found["position"]  # what is not the motor's, as q beside theta_m
+    return found
+
+
+def _best(columns: list[tuple[_Column, Usual]]) -> list[tuple[_Column, Usual]]:
+    """Of several columns those with a measured value in a unit that needs no scale."""
+    return [one for one in columns if _is_plain(*one)] or columns
+
+
+def _is_plain(column: _Column, usual: Usual) -> bool:
+    return not usual.is_command and not is_relative(column.unit or "")
+
+
+def _joint_of(table: Table, usual: Mapping[str, Usual], given: set[str]) -> str:
+    """The number of the only joint whose positions have one, or none; raise where several have."""
+    motors_last = sorted(usual.items(), key=lambda item: item[1].channel == "motor_position")
+    positions = {one.joint: h for h, one in motors_last if one.channel.endswith("position")}
+    if "" in positions or "motor_position" in given or len(positions) <= 1:
+        return next((joint for joint in positions if joint), "")
+    numbers = sorted(positions, key=int)
+    raise RecordingError(
+        table.file,
+        table.header,
+        f"there are positions with the numbers {', '.join(numbers)}, of several joints or of the "
+        f"two sides of one; found {table.listing}: name one joint's columns in a column map, as "
+        f"motor_position = {positions[numbers[0]]!r}",
+    )
 
 
 def _require(table: Table, plan: _Plan) -> None:

@@ -5,62 +5,44 @@ from __future__ import annotations
 import difflib
 import re
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexid.recording.units import quantity_of, unit_of_word
+from flexid.recording.words import CLEAR_SIDES, Words, words_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
-_QUANTITIES = {  # in English, German, French and Italian
-    "position": {
-        *("position", "pos", "angle", "ang", "q", "theta", "phi"),
-        *("winkel", "lage", "posizione", "angolo"),
-    },
-    "velocity": {
-        *("velocity", "vel", "speed", "omega", "qd", "dq", "qdot", "dtheta", "thetadot"),
-        *("drehzahl", "geschwindigkeit", "vitesse", "velocita"),
-    },
-    "torque": {"torque", "tau", "trq", "effort", "drehmoment", "moment", "couple", "coppia"},
-    "current": {"current", "cur", "curr", "i", "iq", "strom", "courant", "corrente"},
-    "voltage": {"voltage", "volt", "u", "spannung", "tension", "tensione"},
-    "time": {"time", "t", "timestamp", "datetime", "clock", "tout", "zeit", "temps", "tempo"},
-}
-_SIDES = {
-    "motor": {"motor", "mot", "m", "rotor", "drive", "moteur", "motore", "antrieb"},
-    "link": {
-        *("link", "load", "l", "arm", "output"),
-        *("last", "abtrieb", "charge", "sortie", "carico", "uscita"),
-    },
-}
-_CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # also as a part of a path, or with a unit
-_FILLERS = {
-    *("meas", "measured", "act", "actual", "enc", "encoder", "side", "sensor", "value", "data"),
-    *("ist", "istwert", "mesure", "de"),
-}
-_OF_TIME = {"date", "stamp"}  # fillers beside the time
-_UNITS = {
-    "s": "s", "sec": "s", "ms": "ms", "us": "us", "rad": "rad", "deg": "deg", "rpm": "rpm",
-    "rad_s": "rad/s", "rad/s": "rad/s", "radps": "rad/s", "rads": "rad/s",
-    "deg_s": "deg/s", "deg/s": "deg/s", "degps": "deg/s", "degs": "deg/s",
-    "Nm": "N m", "N_m": "N m", "mNm": "mN m", "A": "A", "mA": "mA", "V": "V", "mV": "mV",
-}  # fmt: skip
-_BY_UNIT = {
-    **dict.fromkeys(("rad", "deg", "°", "turn"), "position"),
-    **dict.fromkeys(("rad/s", "deg/s", "°/s", "rpm", "1/min"), "velocity"),
-    **dict.fromkeys(("N m", "Nm", "mN m", "mNm"), "torque"),
-    **dict.fromkeys(("A", "mA"), "current"),
-    **dict.fromkeys(("V", "mV"), "voltage"),
-}
 LONGEST = 200  # characters of a name that is looked into
 MOST_TIMES = 3  # in a message
+_TIMES = ("s", "ms", "us", "ns")
+_FEWEST_NAMES = 3  # of quantities, whose common words say nothing
+_SYMBOL = 4  # letters, up to which a unit may be another word
+_NARROW = str.maketrans(
+    "（）［］【】｛｝＜＞", "()[][]{}<>"
+)  # brackets as wide as a Chinese letter
+_SPOKEN_UNIT = re.compile(r"(.*?[^\s/,:])(?:\s+/\s*|\s*,\s*|\s*:\s*|\s+in\s+)([^\s\d][^,:]{0,23})")
+_LAST_WORDS = re.compile(r"[\s_.\-/]+|(?<=[a-z])(?=[A-Z])")
 _PARTING = re.compile(r"[/.](?=[^\s\d])")  # of the parts of a path
 _MOST_PARTS = 8  # of a path that are looked at for its shortest end
 _INPUTS = ("torque", "current", "voltage")
+_JOINT_NUMBER = re.compile(r"(?:(?:joint|jnt|j|axis|axe|achse|asse|gelenk|a) )?(\d{1,2})")
+
+
+class Usual(NamedTuple):
+    """What a column holds by a usual name."""
+
+    channel: str  # without a side, "position", "velocity" or "torque"
+    unit: str | None  # in the name
+    is_command: bool = False  # what is wanted of the drive, not what was measured
+    joint: str = ""  # the number of the joint, where the name has one
+    is_of_joint: bool = False  # of the joint, as such and neither of its sides
 
 
 def split_header(header: str) -> tuple[str, str | None]:
     """Split a header such as ``link_position [deg]`` into its name and its unit.
 
-    A number in brackets is an index.
+    A number in brackets is an index; brackets within the name belong to it.
 
     >>> split_header("link_position [deg]")
     ('link_position', 'deg')
@@ -70,17 +52,28 @@ def split_header(header: str) -> tuple[str, str | None]:
     ('position[0]', None)
     >>> split_header("q(:,2)")
     ('q(:,2)', None)
+    >>> split_header("Winkel / °")
+    ('Winkel', '°')
     """
-    header = header.strip()
-    match = None
-    if len(header) <= LONGEST:
-        match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|\{([^{}]*)\})", header)
-    if match is None:
+    header = header.strip().translate(_NARROW)
+    if len(header) > LONGEST:
         return header, None
-    unit = next(group for group in match.groups()[1:] if group is not None).strip()
-    if re.fullmatch(r"[\d:, ]+", unit):
-        return header, None
-    return match[1].strip(), unit
+    match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|\{([^{}]*)\}|<([^<>]*)>)", header)
+    if match is not None:
+        unit = next(group for group in match.groups()[1:] if group is not None).strip()
+        if re.fullmatch(r"[\d:, ]+", unit) or _is_side(unit):
+            return header, None
+        return match[1].strip(), unit
+    match = _SPOKEN_UNIT.fullmatch(header)
+    if match is not None and unit_of_word(match[2]) is not None:
+        return match[1].strip(), match[2]
+    return header, None
+
+
+def _is_side(text: str) -> bool:
+    """Whether a text in brackets says which side of the joint is meant, or how it was measured."""
+    words = words_of(text)
+    return words is not None and bool(words.all) and not words.others and not words.quantities
 
 
 def folded(name: str) -> str:
@@ -92,74 +85,128 @@ def folded(name: str) -> str:
     return re.sub(r"[\s.\-]+", "_", name.casefold())
 
 
-def usual_channel(header: str) -> tuple[str, str | None] | None:
-    """The channel that a column holds by a usual name, and the unit in that name.
+def usual_channel(header: str) -> Usual | None:
+    """The channel that a column holds by a usual name, as measured in the only joint.
 
     A position or a velocity whose name has no side is that of a drive with one encoder, and is
     returned as ``"position"`` or ``"velocity"``.
 
-    >>> usual_channel("q_link_deg")
+    >>> usual_channel("q_link_deg")[:2]
     ('link_position', 'deg')
-    >>> usual_channel("tau")
+    >>> usual_channel("tau")[:2]
     ('motor_torque', None)
     >>> usual_channel("temperature") is None
     True
     """
+    found = named_channel(header)
+    return None if found is None or found.joint or found.is_command else found
+
+
+def named_channel(header: str, ignored: frozenset[str] = frozenset()) -> Usual | None:
+    """The same, of a joint that has a number, too, and of a command; some words say nothing."""
     if len(header) > LONGEST:
         return None
-    stem, unit = _stem_and_unit(header)
-    words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+|\d+", stem)]
-    quantities = [_kind(word, _QUANTITIES) for word in words]
-    sides = [_kind(word, _SIDES) for word in words]
-    fillers = _FILLERS | (_OF_TIME if "time" in quantities else set())
-    if any(
-        quantity is None and side is None and word not in fillers
-        for word, quantity, side in zip(words, quantities, sides, strict=True)
-    ):
+    for stem, unit in _stems_and_units(header):
+        words = words_of(stem)
+        found = None if words is None else _channel(words, unit, ignored)
+        if found is not None:
+            return found
+    return None
+
+
+def common_words(headers: Iterable[str]) -> frozenset[str]:
+    """Unknown words that stand in the names of all quantities but the time, so say nothing.
+
+    >>> [*common_words(["time", "rig_q_m", "rig_q_l", "rig_tau"])], [*common_words(["a_q", "q_l"])]
+    (['rig'], [])
+    """
+    found = []
+    for header in headers:
+        words = words_of(header) if len(header) <= LONGEST else None
+        if words is not None and {*words.quantities} - {"time"}:
+            found.append({word for word in words.others if not word.isdigit()})
+    return frozenset(set.intersection(*found)) if len(found) >= _FEWEST_NAMES else frozenset()
+
+
+def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual | None:
+    """The channel that words and a unit stand for."""
+    if unit is None and len(words.all) == 1 and len(words.all[0]) > _SYMBOL:  # as seconds
+        named = unit_of_word(words.all[0])
+        if named in _TIMES:
+            return Usual("time", named)
+    others = " ".join(word for word in words.others if word not in ignored)
+    joint = _JOINT_NUMBER.fullmatch(others)
+    if others and joint is None:
         return None
-    found = [quantity for quantity in quantities if quantity is not None]
-    where = {side for side in sides if side is not None}
-    if not found and not _CLEAR_SIDES.isdisjoint(words):  # as Motor [deg]
-        found = [_BY_UNIT[unit]] if unit in _BY_UNIT else []
-    if len(found) != 1 or len(where) > 1:
+    number = joint[1] if joint else ""
+    sides = words.sides - {"joint"}
+    of_joint = "joint" in words.sides and not sides
+    quantities = words.quantities
+    is_encoder = not {"enc", "encoder"}.isdisjoint(words.all)
+    if not quantities and sides and (is_encoder or not CLEAR_SIDES.isdisjoint(words.all)):
+        measured = quantity_of(unit) if unit else "position" if is_encoder else None
+        quantities = (measured,) if measured else ()  # as Motor [deg]
+    if len(quantities) != 1 or len(sides) > 1:
         return None
-    quantity, side = found[0], next(iter(where), None)
-    if {"i", "u"} & set(words) and unit is None:  # as well a row's number, or any input
+    quantity, side = quantities[0], next(iter(sides), None)
+    if words.needs_unit and unit is None:
         return None
     if quantity == "time":
-        return None if side else ("time", unit)
+        return None if side or number or words.is_command else Usual("time", unit)
     if quantity in _INPUTS:
-        return None if side == "link" else (f"motor_{quantity}", unit)
-    return (f"{side}_{quantity}" if side else quantity, unit)
+        if side == "link":
+            return None
+        # What a sensor in the joint measures is the spring's torque, not the motor's.
+        is_apart = quantity == "torque" and (of_joint or "sensor" in words.all) and not number
+        name = "torque" if is_apart else f"motor_{quantity}"
+        return Usual(name, unit, words.is_command, number, of_joint)
+    if words.is_command:
+        return None
+    return Usual(f"{side}_{quantity}" if side else quantity, unit, False, number, of_joint)
 
 
-def _stem_and_unit(header: str) -> tuple[str, str | None]:
-    """A name and the unit behind it, in brackets or behind an underscore."""
+def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:
+    """Ways to part a name from the unit in brackets, behind an underscore, or as its last word."""
     bare, unit = split_header(header)
-    match = None
-    if unit is None:
-        match = re.fullmatch(rf"(.+?)[\s_.\-/]+({'|'.join(map(re.escape, _UNITS))})", bare)
-    return (match[1], _UNITS[match[2]]) if match else (bare, unit)
+    if unit is not None:
+        yield bare, unit
+        return
+    first = re.fullmatch(r"[\[(<{]([^\])>}]+)[\])>}]\s*(.+)", bare)
+    if first is not None:  # [deg] link_position
+        yield first[2], first[1]
+        return
+    for match in _LAST_WORDS.finditer(bare):
+        found = _unit_at_end(bare, match.end())
+        if match.start() and found is not None:
+            yield bare[: match.start()], found
+    yield bare, None
+
+
+def _unit_at_end(name: str, start: int) -> str | None:
+    """The unit that the end of a name is: of capitals in small ones, as of a word in camel case."""
+    word = name[start:]
+    spellings = [word]
+    if name.isupper():
+        spellings.append(word.lower())
+    elif start and name[start - 1].islower():
+        spellings.append(word[0].lower() + word[1:])
+    return next((unit for one in spellings if (unit := unit_of_word(one)) is not None), None)
 
 
 def may_be_input(header: str) -> bool:
-    """Whether a column may hold what drives the motor, by its name or its unit.
+    """Whether a column may hold what drives the motor, by a word of its name or its unit.
 
     >>> [may_be_input(header) for header in ("tau", "M_Nm", "load torque [Nm]", "temperature")]
     [True, True, False, False]
     """
-    usual = usual_channel(header)
-    if usual is not None:
-        return usual[0].removeprefix("motor_") in _INPUTS
     if len(header) > LONGEST:
         return False
-    stem, unit = _stem_and_unit(header)
-    is_of_link = any(_kind(word, _SIDES) == "link" for word in re.findall("[a-z]+", stem.lower()))
-    return not is_of_link and _BY_UNIT.get(unit or "") in _INPUTS
-
-
-def _kind(word: str, kinds: dict[str, set[str]]) -> str | None:
-    return next((kind for kind, words in kinds.items() if word in words), None)
+    for stem, unit in _stems_and_units(header):
+        words = words_of(stem)
+        kinds = {quantity_of(unit or "")} | {*(words.quantities if words else ())}
+        if kinds & {*_INPUTS}:
+            return words is None or "link" not in words.sides
+    return False
 
 
 def shortest_ends(paths: Iterable[str]) -> dict[str, str]:
@@ -185,7 +232,7 @@ def shortest_ends(paths: Iterable[str]) -> dict[str, str]:
 
 def _names_side(part: str) -> bool:
     """Whether a part of a path is of one side of the joint."""
-    return not _CLEAR_SIDES.isdisjoint(re.findall("[a-z]+", part.casefold()))
+    return not CLEAR_SIDES.isdisjoint(re.findall("[a-z]+", part.casefold()))
 
 
 def _has_no_side(end: str) -> bool:

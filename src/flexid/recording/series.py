@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from flexid.recording.column_map import MapSource
 
 TIME = "time [s]"
+_TEMPORAL = {"Datetime": "Datetime", "Time": "Time"}  # types of Polars that may be a clock's
 
 
 def table_of_file(path: Path, columns: MapSource | None) -> Table:
@@ -67,7 +68,8 @@ def names_of(reading: Reading) -> Table:
         )
     check_cells(file, 1, len(series))
     if reading.is_table:
-        frame = pl.DataFrame(schema=dict.fromkeys((one.path for one in series), pl.Float64))
+        kinds = {one.path: _TEMPORAL.get(one.kind.partition("(")[0], "Float64") for one in series}
+        frame = pl.DataFrame(schema={path: getattr(pl, kind) for path, kind in kinds.items()})
         return Table(file, "", 1, "row", frame, reading.sha256)
     short = shortest_ends(map(_header, series))
     headers = list(short)

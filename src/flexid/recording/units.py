@@ -21,21 +21,37 @@ EXAMPLES = {
 LONGEST_UNIT = 24
 _SMALLEST, _LARGEST = 1e-12, 1e4  # in SI, of a unit in a log: Pint knows the attosecond
 _SPELLED = {  # by a unit of Pint's, how else people write it, in small letters
-    "s": ("s", "sec", "secs", "second", "seconds", "sek"),
-    "ms": ("msec", "msecs", "millisecond", "milliseconds"),
-    "us": ("usec", "usecs", "microsecond", "microseconds"),
-    "rad": ("rad", "radian", "radians"),
-    "deg": ("deg", "degs", "degree", "degrees"),
-    "turn": ("turn", "turns", "rev", "revs", "revolution", "revolutions", "umdr"),
-    "rad/s": ("rad/s", "rad/sec", "radians/s", "rad s-1", "rad.s-1"),
-    "deg/s": ("deg/s", "deg/sec", "degrees/s", "degree/s"),
-    "rpm": ("rpm", "1/min", "min-1", "min^-1", "u/min", "rev/min", "r/min", "tr/min", "giri/min"),
-    "N*m": ("nm", "n.m", "n-m", "newton meter", "newton meters", "newton metre", "newton metres"),
-    "N*mm": ("nmm", "n*mm", "n mm"),
-    "V": ("v", "volt", "volts"),
-    "A": ("a", "amp", "amps", "ampere", "amperes"),
+    "s": "s|sec|secs|second|seconds|sek|秒",
+    "ms": "ms|msec|msecs|millis|millisecond|milliseconds|毫秒",
+    "us": "us|µs|μs|usec|usecs|micros|microsecond|microseconds|微秒",
+    "ns": "ns|nsec|nsecs|nanosec|nanoseconds",
+    "rad": "rad|radian|radians|弧度",
+    "mrad": "mrad",
+    "deg": "deg|°|º|degree|degrees|gradi|grados|度",
+    "mdeg": "mdeg",
+    "turn": "turn|turns|rev|revs|revolution|revolutions|umdr|圈",
+    "rad/s": "rad/s|rad_s|radps|rad/sec|radians/s|rad s-1|rad.s-1",
+    "deg/s": "deg/s|°/s|º/s|deg_s|degps|dps|deg/sec|degrees/s|degree/s",
+    "rpm": "rpm|1/min|min-1|min^-1|u/min|rev/min|r/min|tr/min|giri/min|转/分",
+    "N*m": (
+        "nm|n m|n*m|n·m|n.m|n-m|n_m|newton meter|newton meters|newton metre|newton metres|牛米"
+    ),
+    "mN*m": "mnm|mn m|mn*m|mn·m|mn_m",
+    "uN*m": "unm|µnm|μnm|un m",
+    "N*mm": "nmm|n*mm|n mm",
+    "N*cm": "ncm|n*cm|n cm",
+    "kN*m": "knm|kn m|kn*m|kn·m",
+    "kgf*m": "kgfm|kgf m|kgf*m|kgf-m",
+    "kgf*cm": "kgfcm|kgf cm|kgf*cm|kgf-cm",
+    "lbf*ft": "ft-lb|ft-lbf|ft lb|ftlb|lb-ft|lbf-ft|lbf ft|lbft",
+    "lbf*in": "in-lb|in-lbf|in lb|inlb|lb-in|lbf-in|lbf in|lbin",
+    "ozf*in": "oz-in|oz in|ozin|in-oz|ozf in",
+    "V": "v|volt|volts",
+    "mV": "mv",
+    "A": "a|amp|amps|ampere|amperes|arms|a_rms|a rms|apk|a_pk|a pk|安",
+    "mA": "ma|milliamp|milliamps",
 }
-_BY_SPELLING = {word: unit for unit, words in _SPELLED.items() for word in words}
+_BY_SPELLING = {word: unit for unit, words in _SPELLED.items() for word in words.split("|")}
 _USUAL = {  # exactly so, what else stands in a row of units
     *(
         "s",
@@ -57,8 +73,22 @@ _USUAL = {  # exactly so, what else stands in a row of units
     *("rad/s2", "N m", "N*m", "N·m", "mN m", "mNm", "kNm", "mV", "mA", "Arms", "W"),
     *("Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
 }
-_COUNTS = {"count", "counts", "inc", "incs", "increments", "tick", "ticks", "lsb"}
-_SHARES = {"%", "‰", "percent", "permille"}
+_PER_SECOND = {"rads": "rad/s", "degs": "deg/s"}  # of a velocity
+_MILLI = ("ms", "mrad", "mdeg", "mN*m", "mV", "mA")  # whose first letter is small, as M is mega
+_SYMBOLS = {"s", "V", "A", "°", "º"}  # of one character, which stand as they are
+_COUNTS = {
+    *("count", "counts", "cnt", "cnts", "inc", "incs", "increments", "tick", "ticks", "lsb"),
+    *("pulse", "pulses", "digit", "digits"),
+}
+_MEASURED = {
+    "position": ("rad", "mrad", "deg", "mdeg", "turn", *_COUNTS),
+    "velocity": ("rad/s", "deg/s", "rpm"),
+    "torque": ("N*m", "mN*m", "uN*m", "N*mm", "N*cm", "kN*m"),
+    "current": ("A", "mA"),
+    "voltage": ("V", "mV"),
+}
+_SHARES = {"%", "‰", "percent", "permille", "pct", "promille"}
+_RATED = re.compile(r"\s*[%‰]|.*\b(rated|nominal|nenn\w*)\b", re.IGNORECASE)
 _GRAD = {"grad", "gon"}
 DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
 
@@ -74,7 +104,40 @@ def examples(si_unit: str) -> str:
 
 def is_usual(text: str) -> bool:
     """Whether a text is a unit as loggers write them, of whatever quantity."""
-    return text in _USUAL or (len(text) > 1 and text.lower() in _BY_SPELLING)
+    return text in _USUAL or (len(text) > 1 and _spelled(text) is not None)
+
+
+def unit_of_word(text: str) -> str | None:
+    """The unit that the last word of a name stands for, such as ``deg`` in ``q_link_deg``.
+
+    >>> unit_of_word("Nm"), unit_of_word("counts"), unit_of_word("m"), unit_of_word("v")
+    ('N m', 'counts', None, None)
+    """
+    if is_relative(text) or text.lower() in {*_PER_SECOND, *_GRAD}:
+        return text
+    unit = _spelled(text) if len(text) > 1 or text in _SYMBOLS else None
+    return unit.replace("*", " ") if unit else None
+
+
+def is_relative(unit: str) -> bool:
+    """Whether a unit depends on the encoder or on the drive: counts, or shares of something."""
+    return unit.lower() in _COUNTS or _is_share(unit)
+
+
+def _is_share(unit: str) -> bool:
+    return unit.lower() in _SHARES or _RATED.match(unit) is not None
+
+
+def _spelled(text: str) -> str | None:
+    """The unit of Pint's that a text is a way to write; None where it is none."""
+    unit = _BY_SPELLING.get(text.lower())
+    return None if unit in _MILLI and not text.startswith("m") else unit
+
+
+def quantity_of(unit: str) -> str | None:
+    """What a unit measures, as far as a name may leave that out: ``"position"`` for degrees."""
+    known = _spelled(unit) or unit.lower()
+    return next((kind for kind, units in _MEASURED.items() if known in units), None)
 
 
 @cache
@@ -85,7 +148,7 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
             f"the unit [{text}] depends on the encoder: write unit = 'turn' and scale = '1/4096', "
             f"for 4096 counts in a turn, in a column map"
         )
-    if text.lower() in _SHARES:
+    if _is_share(text):
         raise UnitError(
             f"the unit [{text}] is a share of something: write {_accepted(si_units)} as the unit, "
             f"and a hundredth or a thousandth of the rated value as the scale, in a column map"
@@ -95,6 +158,8 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
             f"the unit [{text}] may mean degrees, or gon of which 400 are a turn: write [deg], or "
             f"unit = 'turn' and scale = '1/400' in a column map"
         )
+    if "rad/s" in si_units:
+        text = _PER_SECOND.get(text.lower(), text)
     if text in si_units:  # as nearly always; Pint takes a third of a second to be ready
         return 1.0, text
     factor, root = _root_unit(text, si_units)
@@ -119,7 +184,7 @@ def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     """
     unknown = UnitError(f"the unit [{text}] is not known: write {_accepted(si_units)}")
     text = re.sub(f"[{DOTS}]", "·", text).replace("º", "°")
-    text = _BY_SPELLING.get(text.lower(), text)
+    text = _spelled(text) or text
     # Exponents and numbers are limited, so that no unit text can ask for a power tower.
     bare = re.sub(r"\^-?[12](?![\d^])|^\s*1\s*(?=/)", "", text)
     legible = all(character.isalpha() or character in " */·°" for character in bare)
