@@ -120,7 +120,7 @@ def _logs() -> dict[str, Callable[[], Target]]:
 
 
 def _descriptions() -> dict[str, Callable[[], Target]]:
-    from flexid.experiment_design.drive_file import read_drive
+    from flexid.experiment_design.drive import read_drive
     from flexid.experiments.experiment_file import read_experiment
     from flexid.models.model_file import read_model
     from flexid.recording.columns import read_channels
@@ -144,11 +144,11 @@ def _descriptions() -> dict[str, Callable[[], Target]]:
 
 def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
     from flexid.comparisons.comparison import compare_estimates
-    from flexid.experiment_design.drive_file import read_drive
+    from flexid.experiment_design.drive import read_drive
     from flexid.recording.frame import table_of_arrays
     from flexid.recording.read import log_of_table
     from flexid.report.comparison import charts, page, parts
-    from flexid.report.page.render import page_html
+    from flexid.report.page.page import page_html
     from flexid.report.terminal import laid_out
     from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
     from flexid.stored_estimates.validate_estimate import validate_estimate

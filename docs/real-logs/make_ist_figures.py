@@ -23,10 +23,9 @@ from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.identification.structure.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
-from flexid.report.charts.figure import draw
+from flexid.report.charts.figure import BLUE, GREY, ORANGE, STYLE, draw, new_figure, save
 from flexid.report.identification import explanation, format_fits, identification_parts
 from flexid.report.identification_charts import fit_chart
-from flexid.report.style import BLUE, GREY, ORANGE, STYLE, new_figure, save
 from flexid.report.terminal import print_parts
 
 ROOT = Path(__file__).parents[2]

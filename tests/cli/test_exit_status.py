@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from flexid.cli.generated import ExitStatus
 from flexid.cli.main import _INTERRUPTED
-from flexid.cli.output import ExitStatus
 from flexid.errors import ConvergenceError
 
 RUN = "from flexid.cli.main import main; main()"

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from flexid.cli.output import (
+from flexid.cli.generated import (
     hand_over,
     print_document,
     print_warnings,

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2, ttest_ind
 
 from flexid.comparisons.comparison import compare_estimates, holm
-from flexid.comparisons.joint_difference import hotelling
+from flexid.comparisons.differences import hotelling
 from flexid.errors import SettingError
 from flexid.identification.judgement.verdict import verdict
 from flexid.identification.preparation.alignment import Alignment, Delay

@@ -13,7 +13,7 @@ from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.experiment_design.design import REFERENCES, design, predict
-from flexid.experiment_design.drive_file import read_drive
+from flexid.experiment_design.drive import read_drive
 from flexid.experiment_design.result import Design, Rehearsed
 from flexid.report.charts.description import Level, Line, Points
 from flexid.report.design import charts, save_command

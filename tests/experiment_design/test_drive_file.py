@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexid.errors import SettingError
-from flexid.experiment_design.drive_file import read_drive
+from flexid.experiment_design.drive import read_drive
 from flexid.models.physical import joint_coefficients, physical_parameters
 from made_estimates import stored_document, stored_value
 

@@ -6,8 +6,7 @@ from drive import compiled, run
 import flexid
 from flexid.errors import SettingError
 from flexid.exports.c99_source import DriveSource
-from flexid.exports.estimator import EstimatorSettings
-from flexid.exports.source import ExportSource
+from flexid.exports.request import EstimatorSettings, ExportSource
 
 SETTINGS = EstimatorSettings(1e-3)
 

@@ -21,10 +21,8 @@ from fmpy.validation import validate_fmu
 
 import flexid
 from flexid.errors import SettingError
-from flexid.exports.estimator import EstimatorSettings
 from flexid.exports.fmu import write_fmu
-from flexid.exports.source import ExportSource
-from flexid.exports.targets import ExportRequest
+from flexid.exports.request import EstimatorSettings, ExportRequest, ExportSource
 from flexid.simulation.free_run import free_run
 
 TRUE = {

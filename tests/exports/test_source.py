@@ -7,7 +7,7 @@ import pytest
 
 import flexid
 from flexid.errors import SettingError
-from flexid.exports.source import source_of_identification
+from flexid.exports.request import source_of_identification
 
 
 @pytest.fixture(scope="module")

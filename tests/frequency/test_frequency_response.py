@@ -7,10 +7,8 @@ import pytest
 
 import flexid
 from flexid.errors import SettingError
-from flexid.frequency.frequency_response import frequency_response
-from flexid.frequency.linear_joint import linear_joint
-from flexid.frequency.response_band import response_band
-from flexid.frequency.spectral_estimate import spectral_estimates
+from flexid.frequency.frequency_response import frequency_response, spectral_estimates
+from flexid.frequency.linear_joint import linear_joint, response_band
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.report.bode_chart import bode_chart
 from flexid.report.charts.description import Line

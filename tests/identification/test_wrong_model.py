@@ -8,8 +8,8 @@ import pytest
 from made_joint import COEFFICIENTS, TRUTH, log, made
 
 from flexid.errors import SettingError
-from flexid.exports.source import source_of_identification
-from flexid.frequency.linear_joint import linear_joint
+from flexid.exports.request import source_of_identification
+from flexid.frequency.frequency_response import linear_joint
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.thresholds import THRESHOLDS

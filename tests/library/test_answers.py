@@ -115,7 +115,7 @@ def test_an_excitation(examples):
 
 def test_a_reproduction(reproduction):
     """Assert that the claims are those of the study, as text and as a document."""
-    from flexid.library.reproduce import PaperReproduction
+    from flexid.library.simulate import PaperReproduction
 
     found = PaperReproduction(reproduction)
     assert found.claims == reproduction.claims

@@ -4,7 +4,7 @@ import pytest
 
 import flexid
 from flexid.errors import ArgumentError, FlexidError, SettingError
-from flexid.library.options import joint_settings
+from flexid.library.arguments import joint_settings
 
 
 def call(name, *arguments, **options):

@@ -9,7 +9,7 @@ import pytest
 
 import flexid
 from flexid.errors import RecordingError
-from flexid.library.entrance import one_thread
+from flexid.library.arguments import one_thread
 
 REPORT = """
 import sys

@@ -8,7 +8,7 @@ import pytest
 
 from flexid.campaigns.store import Manifest
 from flexid.campaigns.summary import Correlation, Result, SobolIndex, Summary
-from flexid.library.campaign import CampaignResult
+from flexid.library.simulate import CampaignResult
 from flexid.report.campaign import charts as campaign_charts
 from flexid.report.campaign import correlation_text, index_text, status_lines
 from flexid.report.charts.description import Level, Line, Points

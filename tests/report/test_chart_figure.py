@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from flexid.report.charts.decimate import kept_samples
 from flexid.report.charts.description import (
     Axis,
     Band,
@@ -16,11 +15,11 @@ from flexid.report.charts.description import (
     Line,
     Panel,
     Points,
+    kept_samples,
     whole_decades,
 )
-from flexid.report.charts.figure import NARROW, draw, laid_out, save_charts
+from flexid.report.charts.figure import COLOURS, NARROW, draw, laid_out, save_charts
 from flexid.report.charts.svg import chart_html, chart_svg
-from flexid.report.style import COLOURS
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([2.0, np.nan, 4.0])

@@ -12,7 +12,7 @@ from browser import serious_faults
 from flexid.comparisons.comparison import compare_estimates
 from flexid.report.comparison import charts
 from flexid.report.comparison import page as comparison_page
-from flexid.report.page.layout import Bullets, Command
+from flexid.report.page.page import Bullets, Command
 from made_estimates import TRUE, exact, with_parameter
 
 STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}

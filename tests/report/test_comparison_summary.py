@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexid.comparisons.comparison import Comparison, compare_estimates
-from flexid.comparisons.number_difference import Outcome
+from flexid.comparisons.differences import Outcome
 from flexid.report.comparison_summary import comparison_summary
 from made_estimates import drawn
 

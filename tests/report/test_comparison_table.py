@@ -8,8 +8,7 @@ import pytest
 
 from flexid.comparisons.comparison import compare_estimates
 from flexid.report.comparison import outcome_texts, parts
-from flexid.report.digits import format_with_interval
-from flexid.report.terminal import laid_out
+from flexid.report.terminal import format_with_interval, laid_out
 from made_estimates import TRUE, drawn
 
 

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from flexid.report.charts.description import Line, Points
-from flexid.report.regions_chart import confidence_region, confidence_regions_chart, most_correlated
+from flexid.report.identification_charts import (
+    confidence_region,
+    confidence_regions_chart,
+    most_correlated,
+)
 
 UNITS = {"a": "1/s^2", "b": "1/s", "c": "rad/s^2"}
 

@@ -20,13 +20,15 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.report.charts.description import Band, Level, Line, Panel, Points
 from flexid.report.free_run_chart import free_run_chart, residual_chart
 from flexid.report.identification_charts import (
+    correlated_pairs,
     estimates_chart,
     excitation_chart,
     fit_chart,
     identification_charts,
     observer_histories,
+    parameter_estimate,
+    regions_chart,
 )
-from flexid.report.regions_chart import correlated_pairs, parameter_estimate, regions_chart
 
 M = TypeVar("M")
 COVARIANCE = np.array([[9.0, 0.05], [0.05, 0.0009]])

@@ -15,9 +15,13 @@ from flexid.analysis.excitation import excitation_of_gram
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.report.identification_charts import identification_charts
-from flexid.report.page.identification_page import identification_page, next_step, trust
-from flexid.report.page.layout import Bullets, Command, Facts
-from flexid.report.page.origin import identification_command
+from flexid.report.page.identification_page import (
+    identification_command,
+    identification_page,
+    next_step,
+    trust,
+)
+from flexid.report.page.page import Bullets, Command, Facts
 
 HOSTILE = "<script>alert(1)<"
 FILE = '"><img src=x onerror=alert(2)>.csv'

@@ -6,8 +6,8 @@ from math import nan
 import pytest
 from made_result import made_result
 
-from flexid.report.digits import format_with_interval
 from flexid.report.identification import identification_parts, prediction_lines
+from flexid.report.terminal import format_with_interval
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexid.recording.recording import Log, Recording
 from flexid.report.charts.description import Line
-from flexid.report.log_charts import log_chart
+from flexid.report.free_run_chart import log_chart
 
 
 def recording(start: float, *, link: bool = True, drive: bool = True) -> Recording:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexid.report.charts.description import Line
-from flexid.report.play_chart import Played, play_chart
+from flexid.report.reproduction_charts import Played, play_chart
 
 
 def played(scale: float) -> Played:

@@ -9,9 +9,17 @@ from hypothesis import strategies as st
 from made_result import made_result
 from rich.text import Text
 
-from flexid.report.digits import format_with_interval
 from flexid.report.identification import explanation, identification_parts
-from flexid.report.terminal import Cell, Column, Table, laid_out, number, spelled, wrapped
+from flexid.report.terminal import (
+    Cell,
+    Column,
+    Table,
+    format_with_interval,
+    laid_out,
+    number,
+    spelled,
+    wrapped,
+)
 
 WIDTHS = st.integers(40, 200)
 ANY = st.floats(allow_nan=False, allow_infinity=False)

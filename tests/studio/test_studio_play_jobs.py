@@ -10,7 +10,7 @@ import pytest
 from flexid.analysis.excitation import excitation
 from flexid.analysis.histories import row_histories
 from flexid.errors import SimulationError
-from flexid.report.play_chart import SYMBOLS
+from flexid.report.reproduction_charts import SYMBOLS
 from flexid.simulation import closed_loop
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop

@@ -8,8 +8,12 @@ from typing import Annotated
 import typer
 
 from flexid.cli.command_table import COMMANDS
-from flexid.cli.generated import register
-from flexid.cli.output import ExitStatus, open_what_is_closed, spell_what_cannot_be_encoded
+from flexid.cli.generated import (
+    ExitStatus,
+    open_what_is_closed,
+    register,
+    spell_what_cannot_be_encoded,
+)
 from flexid.errors import ConvergenceError, FlexidError, SimulationError
 
 _TYPERS_INTERRUPTION = 130
@@ -119,8 +123,45 @@ def run() -> ExitStatus:
 
             traceback.print_exc()
         else:
-            from flexid.cli.defect import defect_message
-
             typer.echo(defect_message(error, sys.argv[1:]), err=True)
         return ExitStatus.DEFECT
     return ExitStatus.DONE
+
+
+def defect_message(error: Exception, arguments: Sequence[str]) -> str:
+    """One paragraph: what happened, and how to report it.
+
+    The traceback goes into a temporary file.
+    """
+    import tempfile
+    from traceback import format_exception
+
+    from flexid.report.terminal import USUAL, wrapped
+
+    command = " ".join(["flexid", *arguments])
+    again = " ".join(["flexid", "--debug", *arguments])
+    said = (
+        f"flexid: this is a defect of flexid, not of your input: {type(error).__name__} "
+        f"({str(error) or 'without a message'}). Please report it where you got flexid from, "
+    )
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="flexid-defect-", suffix=".txt", delete=False, encoding="utf-8"
+        ) as file:
+            file.write(f"{command}\n{_versions()}\n\n{''.join(format_exception(error))}")
+        said += (
+            f"with the file {file.name}: it holds the command, the versions and the traceback, and "
+            f"none of your data. To see the traceback here: {again}"
+        )
+    except OSError:
+        said += f"with what this prints: {again}"
+    return "\n".join(wrapped(said, USUAL))
+
+
+def _versions() -> str:
+    import platform
+    from importlib.metadata import version
+
+    names = ("flexid", "numpy", "scipy", "numba", "polars")
+    found = ", ".join(f"{name} {version(name)}" for name in names)
+    return f"{found}, Python {platform.python_version()}, {sys.platform}"

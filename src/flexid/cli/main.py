@@ -9,7 +9,7 @@ import signal
 import sys
 from types import FrameType
 
-_INTERRUPTED = 3  # as in flexid.cli.output.ExitStatus
+_INTERRUPTED = 3  # as in flexid.cli.generated.ExitStatus
 
 
 class _Interrupted(KeyboardInterrupt):

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from flexid.cli.generated import Command, Options
-from flexid.cli.output import ExitStatus, as_typed, output, print_warnings
+from flexid.cli.generated import Command, ExitStatus, Options, as_typed, output, print_warnings
 from flexid.errors import SettingError
-from flexid.library.entrance import in_one_thread
+from flexid.library.arguments import in_one_thread
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -12,10 +12,22 @@ import numpy as np
 
 import flexid
 from flexid.arms.result import ArmIdentification
-from flexid.comparisons.estimate_origins import Sharing, apart, doubts, shared_logs
-from flexid.comparisons.joint_difference import JointTest, joint_test
-from flexid.comparisons.number_difference import COMPARED, Difference, Outcome, with_numbers
-from flexid.comparisons.shape_widths import reason_of, unlike_width
+from flexid.comparisons.differences import (
+    COMPARED,
+    Difference,
+    JointTest,
+    Outcome,
+    joint_test,
+    with_numbers,
+)
+from flexid.comparisons.estimate_origins import (
+    Sharing,
+    apart,
+    doubts,
+    reason_of,
+    shared_logs,
+    unlike_width,
+)
 from flexid.errors import SettingError
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate

@@ -6,8 +6,7 @@ import numpy as np
 
 import flexid
 from flexid.errors import SettingError, SimulationError
-from flexid.experiment_design.drive import DOUBT, Case, Drive
-from flexid.experiment_design.drive_file import DriveFile
+from flexid.experiment_design.drive import DOUBT, Case, Drive, DriveFile
 from flexid.experiment_design.optimise import Search, deviation
 from flexid.experiment_design.result import (
     CHANNELS,

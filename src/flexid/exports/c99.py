@@ -3,14 +3,20 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from flexid.arrays import FloatArray
 from flexid.derivation.drive_source import comment
+from flexid.errors import SettingError, SimulationError
+from flexid.estimators.online import History, Status
 from flexid.estimators.parametric_observer import ParametricObserver
+from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
+from flexid.estimators.samples import Samples
 from flexid.exports.c99_source import DriveSource
-from flexid.exports.c99_vector import log_samples, made_samples, vector_text
-from flexid.exports.template import filled, template_text
+from flexid.exports.request import filled, template_text
 
 if TYPE_CHECKING:
-    from flexid.exports.targets import ExportRequest
+    from flexid.exports.request import ExportRequest
 
 
 def write_c99(request: "ExportRequest", directory: Path) -> tuple[str, ...]:
@@ -62,3 +68,194 @@ def _readme(drive: DriveSource) -> str:
             "c99/converged_constant.md" if constant else "c99/converged.md"
         ).strip(),
     )
+
+
+_CHECKS = 50
+_AFTER_MEMORY = 1000  # samples
+_SPAN = 40.0  # time constants of the filter
+_MOST_SAMPLES = 50_000  # a file of some megabytes
+_TONES = 3
+_ACCELERATIONS = (10.0, 30.0, 100.0)  # rad/s^2, that the input causes by itself
+_SEED = 12
+_ALLOWED_DOUBLE, _ALLOWED_FLOAT = 1e-11, 1e-4
+_MARGIN = 1000.0  # times what rounding the samples does: sums and their solution are rounded, too,
+# which was seen to do 70 times as much, and in float, where the motion is poor, 600 times
+_SHORTEST_LOG = 100  # samples
+
+
+def made_samples(drive: DriveSource) -> FloatArray:
+    """Samples without a log: the model's motion under sums of sines.
+
+    A coefficient without a value has 1. Of inputs of several sizes, since friction may hold a
+    drive still, the one is taken whose motion determines the coefficients best. Where all diverge,
+    positions are sums of sines, too; they are no motion of the model, and least squares has an
+    answer all the same.
+    """
+    h, rate = drive.settings.sample_time, drive.settings.filter_rate
+    n = min(int(np.ceil(_SPAN / (rate * h))) + _AFTER_MEMORY, _MOST_SAMPLES)
+    time = h * np.arange(n, dtype=np.float64)
+    rng = np.random.default_rng(_SEED)
+    inputs, _ = _sines(time, rate, rng, len(drive.system.inputs))
+    found = []
+    for acceleration in _ACCELERATIONS:
+        try:
+            states, scaled = _motion(drive, inputs, acceleration)
+        except SimulationError:
+            continue
+        samples = drive.twin.pack(Samples(states[:, ::2], states[:, 1::2], scaled, h))
+        found.append((float(_Checks(drive, samples).rounded(np.float64).max()), samples))
+    if found:
+        return min(found, key=lambda one: one[0])[1]
+    positions, velocities = _sines(time, rate, rng, len(drive.system.rows))
+    return drive.twin.pack(Samples(positions, velocities, inputs, h))
+
+
+def _sines(
+    time: FloatArray, rate: float, rng: np.random.Generator, channels: int
+) -> tuple[FloatArray, FloatArray]:
+    """Sums of sines about a rate in 1/s, and their derivatives, shape (n, channels) each."""
+    rates = rng.uniform(0.1, 1.5, (channels, _TONES)) * rate
+    angles = time[:, None, None] * rates + rng.uniform(0.0, 2.0 * np.pi, (channels, _TONES))
+    return np.sin(angles).mean(axis=2), (rates * np.cos(angles)).mean(axis=2)
+
+
+def _motion(
+    drive: DriveSource, inputs: FloatArray, acceleration: float
+) -> tuple[FloatArray, FloatArray]:
+    """States and inputs of a run that begins at rest, with accelerations of a size."""
+    from flexid.simulation.free_run import free_run
+
+    system, settings = drive.system, drive.settings
+    values = {name: settings.start.get(name, 1.0) for name in system.coefficients}
+    rest = np.zeros(len(system.states))
+    h = settings.sample_time
+    step = np.ones_like(inputs[:2])
+    change = free_run(system, values, rest, step, h) - free_run(system, values, rest, 0 * step, h)
+    gain = float(np.abs(change[1, 1::2]).max()) / h
+    scaled = inputs * (acceleration / gain if gain > 0.0 else 1.0)
+    return free_run(system, values, rest, scaled, h, settings.hold), scaled
+
+
+def log_samples(drive: DriveSource, samples: Samples) -> FloatArray:
+    """Samples of a log as the estimator takes them."""
+    system = drive.system
+    if len(samples) < _SHORTEST_LOG:
+        raise SettingError(
+            "log", f"has {len(samples)} samples without a gap: give one of {_SHORTEST_LOG} or more"
+        )
+    found = samples.positions.shape[1], samples.inputs.shape[1]
+    if found != (len(system.rows), len(system.inputs)):
+        raise SettingError(
+            "log",
+            f"has {found[0]} positions and {found[1]} inputs, and the model "
+            f"{len(system.rows)} and {len(system.inputs)}: give a log of this model's drive",
+        )
+    return drive.twin.pack(samples)
+
+
+class _Checks:
+    """Estimates that are compared, at samples in which they are determined."""
+
+    def __init__(self, drive: DriveSource, samples: FloatArray) -> None:
+        self._drive, self._samples = drive, samples
+        history = self._replay(samples)
+        first, last = _first_check(drive, history), len(samples) - 1
+        self.places = np.unique(np.linspace(first, last, _CHECKS).astype(int))
+        self.estimates = history.coefficients[self.places]
+        scale = np.abs(self.estimates).max(axis=0)
+        self.scale = np.where(scale > 0.0, scale, 1.0)
+
+    def _replay(self, samples: FloatArray) -> History:
+        twin = self._drive.twin
+        return twin.replay(twin.init(self._drive.settings.start), samples)
+
+    def rounded(self, number: type[np.floating]) -> FloatArray:
+        """By how much each changes, relative to its scale, with samples rounded as sums of them."""
+        last_digit = np.finfo(number).eps * np.abs(self._samples).max(axis=0)
+        signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], self._samples.shape)
+        found = self._replay(self._samples + signs * last_digit).coefficients[self.places]
+        return np.asarray((np.abs(found - self.estimates) / self.scale).max(axis=0))
+
+    def allowed(self, number: type[np.floating], least: float) -> str:
+        """What another way of rounding may do to each of them."""
+        return ", ".join(map(repr, np.maximum(least, _MARGIN * self.rounded(number)).tolist()))
+
+
+def vector_text(drive: DriveSource, samples: FloatArray) -> str:
+    """Text of ``test_vector.h``."""
+    checked = _Checks(drive, samples)
+    n, places, scale = len(samples), checked.places, checked.scale
+    double = checked.allowed(np.float64, _ALLOWED_DOUBLE)
+    single = checked.allowed(np.float32, _ALLOWED_FLOAT)
+    rows = "\n".join(
+        f"    {{{', '.join(f'V({number!r})' for number in sample)}}},"
+        for sample in samples.tolist()
+    )
+    checks = "\n".join(
+        f"    {{{place}U, {{{', '.join(map(repr, estimates))}}}}},"
+        for place, estimates in zip(places.tolist(), checked.estimates.tolist(), strict=True)
+    )
+    return f"""/* test_vector.h: samples, and what flexid in Python makes of them; generated. */
+#ifndef TEST_VECTOR_H
+#define TEST_VECTOR_H
+
+#include "flexid_drive.h"
+
+#define N_SAMPLES {n}U
+#define N_CHECKS {len(places)}U
+
+#if defined(FLEXID_FLOAT)
+#define V(x) (x##f)
+#else
+#define V(x) (x)
+#endif
+
+/* {", ".join(drive.sample_names)} */
+static const flexid_sample SAMPLES[N_SAMPLES] = {{
+{rows}
+}};
+
+/* The largest size of each estimate, that differences are relative to. */
+static const double SCALE[FLEXID_COEFFICIENTS] = {{{", ".join(map(repr, scale.tolist()))}}};
+
+/* How much each may differ, relative to that. More than {_ALLOWED_DOUBLE:g} and
+ * {_ALLOWED_FLOAT:g} only for one that hangs on how the samples are rounded, as one does that is
+ * next to zero. */
+static const double ALLOWED[FLEXID_COEFFICIENTS] = {{
+#if defined(FLEXID_FLOAT)
+    {single}
+#else
+    {double}
+#endif
+}};
+
+/* Estimates after some samples: {", ".join(drive.system.coefficients)} */
+static const struct {{
+    unsigned sample;
+    double values[FLEXID_COEFFICIENTS];
+}} CHECKS[N_CHECKS] = {{
+{checks}
+}};
+
+#endif /* TEST_VECTOR_H */
+"""
+
+
+def _first_check(drive: DriveSource, history: History) -> int:
+    """The first sample whose estimates are compared: one from which on they are determined.
+
+    Before the filter's past is gone, there are more unknowns, and rounding weighs more.
+    """
+    n = len(history.status)
+    if not isinstance(drive.twin, RecursiveLeastSquares):
+        return n // 4
+    open_ = np.flatnonzero(history.status != Status.USED)
+    determined = int(open_[-1]) + 1 if len(open_) else 0
+    settled = 2 * _memory(drive)
+    return min(max(settled, determined if determined < n else 3 * n // 4), n - 1)
+
+
+def _memory(drive: DriveSource) -> int:
+    """Samples after which the filter remembers nothing of the time before the first one."""
+    twin = drive.twin
+    return twin.law.memory if isinstance(twin, RecursiveLeastSquares) else 0

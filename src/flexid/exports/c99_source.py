@@ -8,9 +8,7 @@ from flexid.derivation.drive_source import MACROS, comment, drive_functions
 from flexid.errors import SettingError
 from flexid.estimators.parametric_observer import ParametricObserver
 from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
-from flexid.exports.estimator import EstimatorSettings
-from flexid.exports.source import ExportSource
-from flexid.exports.template import filled, template_text
+from flexid.exports.request import EstimatorSettings, ExportSource, filled, template_text
 from flexid.models.parametric_system import ParametricSystem
 
 LARGEST_SAMPLE = 1e9

@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, Any
 import flexid
 from flexid.errors import SettingError
 from flexid.exports.fmu_model import FmuModel, Variable, estimator_model, plant_model
-from flexid.exports.template import template_text
+from flexid.exports.request import template_text
 from flexid.models.terms import SMOOTHING
 from flexid.recording.names import cut
 
 if TYPE_CHECKING:
-    from flexid.exports.source import ExportSource
-    from flexid.exports.targets import ExportRequest
+    from flexid.exports.request import ExportRequest, ExportSource
 
 VERSIONS = ("2.0", "3.0")
 

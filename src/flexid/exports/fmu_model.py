@@ -12,9 +12,7 @@ import numpy as np
 from flexid.derivation.drive_source import comment, plant_rates
 from flexid.errors import SettingError
 from flexid.exports.c99_source import DriveSource
-from flexid.exports.estimator import EstimatorSettings
-from flexid.exports.source import ExportSource
-from flexid.exports.template import filled
+from flexid.exports.request import EstimatorSettings, ExportSource, filled
 from flexid.kernels.templates.bound import BOUND
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING

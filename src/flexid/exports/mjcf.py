@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 from flexid.errors import SettingError
 from flexid.estimators.channel_timing import INPUT as INPUT_DELAY
 from flexid.exports.mjcf_elements import Side, Spring, scene
-from flexid.exports.targets import ExportRequest
+from flexid.exports.request import ExportRequest
 from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.models.flexible_joint import (
     SHAPE_TERMS,

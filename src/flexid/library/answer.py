@@ -12,15 +12,15 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexid.library.entrance import as_path
+from flexid.library.arguments import as_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from flexid.report.charts.description import Chart
-    from flexid.report.page.layout import Page
-    from flexid.report.presenter import Presenter
+    from flexid.report.documents import Presenter
+    from flexid.report.page.page import Page
     from flexid.report.terminal import Part
 
 _WIDTH = 100  # columns of a text
@@ -129,7 +129,7 @@ class Answer:
         """Write what the command writes: document, time series, figures and page."""
         from flexid.report.charts.figure import save_charts
         from flexid.report.documents import to_json
-        from flexid.report.page.render import save_page
+        from flexid.report.page.page import save_page
 
         (directory / self._file).write_text(to_json(self._document()), encoding="utf-8")
         self._presenter.write_data(*self._shown, directory, csv)
@@ -178,7 +178,7 @@ class ReportedAnswer(Answer):
             If it cannot be written.
         """
         from flexid.report.documents import write_document
-        from flexid.report.page.render import page_html
+        from flexid.report.page.page import page_html
 
         page = self._page()
         assert page is not None

@@ -46,7 +46,7 @@ class EstimatePlots:
     def regions(self, *, level: float = CONFIDENCE, ax: "Axes | None" = None) -> "Figure":
         """Joint confidence regions of the coefficients of each row that correlate most."""
         from flexid.identification.vocabulary.intervals import checked_level
-        from flexid.report.regions_chart import regions_chart
+        from flexid.report.identification_charts import regions_chart
 
         chart = regions_chart(self._result, checked_level(level))
         if chart is None:

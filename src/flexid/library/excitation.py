@@ -1,20 +1,30 @@
-"""What a log can say, and what to add: `flexid.excitation`."""
+"""What a log can say, and a motion that says more: `flexid.excitation` and `flexid.design`."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Unpack
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
+from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import PlottedAnswer
-from flexid.library.entrance import entrance, in_one_thread, options_of
-from flexid.library.identify import identify
-from flexid.library.options import joint_settings
+from flexid.library.answer import PlottedAnswer, TabularAnswer
+from flexid.library.arguments import (
+    as_number,
+    as_path,
+    entrance,
+    in_one_thread,
+    joint_settings,
+    kind_of,
+    options_of,
+)
+from flexid.library.identify import estimate_content, identify
 
 if TYPE_CHECKING:
     from flexid.experiment_design.advice import Advice
     from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
+    from flexid.experiment_design.result import Design
+    from flexid.library.arguments import JointOptions
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
-    from flexid.library.options import JointOptions
 
 
 class LogExcitation(PlottedAnswer):
@@ -111,3 +121,117 @@ def excitation(
 
     settings = joint_settings("excitation", **options)
     return LogExcitation(examine(all_logs("excitation", logs, columns), settings, progress))
+
+
+class ExperimentDesign(TabularAnswer, PlottedAnswer):
+    """An experiment that determines the coefficients within limits, with its predictions.
+
+    As a data frame it is what a drive can play: the columns of ``command.csv``.
+
+    Parameters
+    ----------
+    result : Design
+        What was found.
+    warnings : tuple of str, optional
+        Parts of an estimate that the design does not use, or that are uncertain.
+    """
+
+    _report = "design"
+    _file = "design.json"
+
+    def __init__(self, result: "Design", warnings: tuple[str, ...] = ()) -> None:
+        self.result = result
+        self._warnings = warnings
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Parts of an estimate that the design does not use, or that are uncertain."""
+        return self._warnings
+
+    @property
+    def deviations(self) -> Mapping[str, float]:
+        """Predicted standard deviation of each coefficient over its value."""
+        return self.result.prediction.deviations
+
+    @property
+    def supported(self) -> bool:
+        """Whether every coefficient would be determined to 10 % or better."""
+        return self.result.supported
+
+    def _columns(self) -> Mapping[str, Any]:
+        from flexid.report.design import command_columns
+
+        return command_columns(self.result)
+
+    def __repr__(self) -> str:
+        wanted = self.result.drive.experiment
+        worst = 100 * self.result.prediction.worst
+        return (
+            f"<ExperimentDesign: {wanted.kind} of {wanted.duration:g} s, "
+            f"worst coefficient within {worst:.2g} %>"
+        )
+
+
+@entrance
+@in_one_thread
+def design(
+    drive: "str | PathLike[str]",
+    *,
+    kind: Literal["multisine", "trajectory"] | None = None,
+    criterion: Literal["E", "D"] | None = None,
+    duration: float | None = None,
+    estimate: "JointEstimate | str | PathLike[str] | None" = None,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> ExperimentDesign:
+    """Design a motion that determines the parameters.
+
+    It keeps to the drive's limits, and is checked on drives that are wrong by 30 %.
+
+    Parameters
+    ----------
+    drive : path
+        A TOML file with parameters, limits and sensors of the drive.
+    kind : {"multisine", "trajectory"}, optional
+        A torque to play, or a motor position to follow; as the file says if not given.
+    criterion : {"E", "D"}, optional
+        Make the worst direction small, or the volume; as the file says if not given.
+    duration : float, optional
+        Seconds that the experiment lasts; as the file says if not given.
+    estimate : JointEstimate or path, optional
+        An estimate.json of flexid identify, whose values replace the file's parameters. Or what
+        `flexid.identify` returned.
+    seed : int, optional
+        Seed of the search's random starts.
+    progress : callable, optional
+        Called with the name of each step that is done.
+
+    Returns
+    -------
+    ExperimentDesign
+        The experiment, what it would determine, and how close it comes to the limits.
+
+    Raises
+    ------
+    SettingError
+        If a file cannot be used, or the limits leave no motion.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.experiment_design.design import design as run
+    from flexid.experiment_design.drive import read_drive
+
+    if isinstance(seed, bool) or not isinstance(seed, int):
+        raise ArgumentError("design", "seed", f"is {kind_of(seed)}: give a whole number")
+    if seed < 0:
+        raise SettingError("seed", "give a whole number, 0 or more")
+    given = {"kind": kind, "criterion": criterion}
+    for name, value in given.items():
+        if value is not None and not isinstance(value, str):
+            raise ArgumentError("design", name, f"is {kind_of(value)}: give a name")
+    choices: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    if duration is not None:
+        choices["duration"] = as_number("design", "duration", duration)
+    earlier = None if estimate is None else estimate_content("design", "estimate", estimate)
+    file = read_drive(as_path("design", "drive", drive), earlier, choices)
+    return ExperimentDesign(run(file, seed, progress), file.warnings)

@@ -1,6 +1,6 @@
-"""Estimates and models as code and files for other tools: `flexid.export`."""
+"""Models as equations, estimates as code for other tools: `flexid.derive`, `flexid.export`."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from math import isfinite
 from os import PathLike
@@ -8,18 +8,120 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from flexid.errors import ArgumentError, SettingError, did_you_mean
-from flexid.library.derive import SHIPPED, declared
-from flexid.library.entrance import as_path, entrance, in_one_thread, kind_of
-from flexid.library.estimates import estimated, identified
+from flexid.library.arguments import as_names, as_path, entrance, in_one_thread, kind_of
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification
+    from flexid.derivation.observer import SymbolicObserver
     from flexid.estimators.samples import Samples
-    from flexid.exports.estimator import EstimatorSettings
-    from flexid.exports.source import ExportSource
+    from flexid.exports.request import EstimatorSettings, ExportSource
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, OneLog
+
+
+SHIPPED = "flexible-joint"
+"""Name of the model that needs no file."""
+
+
+class ObserverText(str):
+    """Equations as text, with what to know of them."""
+
+    notes: tuple[str, ...]
+
+    def __new__(cls, text: str, notes: tuple[str, ...] = ()) -> "ObserverText":
+        """The text with its notes."""
+        made = super().__new__(cls, text)
+        made.notes = notes
+        return made
+
+
+@entrance
+def derive(
+    model: "ParametricSystem | str | PathLike[str]",
+    *,
+    to: Literal["latex", "python", "c"] = "latex",
+    terms: Iterable[str] | None = None,
+    unknown_input_gain: bool = False,
+) -> ObserverText:
+    """Derive a model's observer as LaTeX, Python or C.
+
+    The observer estimates the model's coefficients while the machine runs (Huang, 2003).
+
+    Parameters
+    ----------
+    model : ParametricSystem or path
+        A TOML model file, or flexible-joint. Or a `ParametricSystem`.
+    to : {"latex", "python", "c"}, optional
+        What the equations are printed as.
+    terms : iterable of str, optional
+        Terms of flexible-joint; those of the paper if not given.
+    unknown_input_gain : bool, optional
+        Estimate beta1 of flexible-joint as well.
+
+    Returns
+    -------
+    str
+        The equations as LaTeX, a Python module, or a C99 file. Its `notes` are sentences on what is
+        integrated numerically, and on rates of inputs that the observer needs.
+
+    Raises
+    ------
+    ModelError
+        If the model file cannot be used.
+    AccelerationError
+        If the observer would need an acceleration.
+    SettingError
+        If an option does not suit the model.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.derivation.observer import derive_observer
+    from flexid.derivation.printing_c import c_observer
+    from flexid.derivation.printing_latex import latex_observer
+    from flexid.derivation.printing_python import python_observer
+
+    printers = {"latex": latex_observer, "python": python_observer, "c": c_observer}
+    if to not in printers:
+        raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), printers)}")
+    observer = derive_observer(declared(model, terms, unknown_input_gain))
+    return ObserverText(printers[to](observer), tuple(_notes(observer)))
+
+
+def _notes(observer: "SymbolicObserver") -> Iterator[str]:
+    if observer.quadratures:
+        yield (
+            f"no sound closed form for the immersion of {', '.join(observer.quadratures)}; "
+            f"integrated numerically"
+        )
+    if observer.input_rates:
+        rates = ", ".join(map(str, observer.input_rates))
+        yield (
+            f"the observer needs the input's rate of change: {rates}; least squares (flexid "
+            f"identify) does not"
+        )
+
+
+def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) -> ParametricSystem:
+    """The model that is meant."""
+    if isinstance(model, str) and model == SHIPPED:
+        from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
+
+        # The equations hold for every value of a known beta1, which stays a symbol in them.
+        known = None if unknown_input_gain else {"beta1": 1.0}
+        return flexible_joint(
+            PAPER_TERMS if terms is None else as_names("derive", terms), known=known
+        )
+    if terms is not None or unknown_input_gain:
+        raise SettingError(
+            "unknown-input-gain" if terms is None else "terms",
+            f"belongs to {SHIPPED}; a model states its own terms",
+        )
+    if isinstance(model, ParametricSystem):
+        return model
+    from flexid.models.model_file import read_model
+
+    return read_model(as_path("derive", "model", model))
 
 
 class ExportedFiles(NamedTuple):
@@ -107,7 +209,7 @@ def export(
     ArgumentError
         If an option is unknown or of a wrong type.
     """
-    from flexid.exports.targets import TARGETS, ExportRequest, export_arm, export_to
+    from flexid.exports.request import TARGETS, ExportRequest, export_arm, export_to
     from flexid.report.documents import output_directory
 
     if to not in TARGETS:
@@ -141,6 +243,8 @@ def _arm_of(what: Any) -> "ArmIdentification | None":
     """The arm whose stored estimate is meant."""
     if not _is_estimate(what):
         return None
+    from flexid.library.identify import estimated
+
     stored, _ = estimated("export", "what", what)
     return stored if stored.model == "arm" else None
 
@@ -154,13 +258,15 @@ def export_source(
     what: Any, terms: Iterable[str] | None = None, *, with_memory: bool = False
 ) -> "ExportSource":
     """The model that is meant, with what is known of it."""
-    from flexid.exports.source import ExportSource, source_of_identification
+    from flexid.exports.request import ExportSource, source_of_identification
     from flexid.library.joint_estimate import JointEstimate
 
     if isinstance(what, JointEstimate):
         return source_of_identification(what.result, with_memory=with_memory)
     is_path = isinstance(what, str | PathLike) and what != SHIPPED
     if _is_estimate(what):
+        from flexid.library.identify import identified
+
         stored, _ = identified("export", "what", what)
         return source_of_identification(stored, with_memory=with_memory)
     if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):
@@ -184,7 +290,7 @@ def estimator_settings(
     given: Mapping[str, Any],
 ) -> "EstimatorSettings | None":
     """Settings of the estimator: what is given, else as identified; None if none is meant."""
-    from flexid.exports.estimator import EstimatorSettings
+    from flexid.exports.request import EstimatorSettings
 
     if sample_time is None and samples is None:
         if given:

@@ -1,20 +1,25 @@
-"""The main job: `flexid.identify`, and `flexid.load` for what it found earlier."""
+"""The main job: `flexid.identify`, `flexid.load`, and estimates in every form that users give."""
 
 import os
+from collections.abc import Callable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.entrance import as_path, entrance, in_one_thread
-from flexid.library.options import joint_settings
+from flexid.library.answer import ReportedAnswer
+from flexid.library.arguments import as_path, entrance, in_one_thread, joint_settings, kind_of
 
 if TYPE_CHECKING:
+    from flexid.arms.result import ArmIdentification
     from flexid.identification.preparation.settings import Settings
+    from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.thresholds import Thresholds
+    from flexid.library.arguments import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
-    from flexid.library.options import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
+    from flexid.stored_estimates.estimate_file import EstimateFile
 
 
 @entrance
@@ -180,3 +185,80 @@ def load(path: "str | os.PathLike[str]") -> "JointEstimate":
 
     file = read_estimate(Path(as_path("load", "path", path)))
     return JointEstimate(stored_identification(file), file.content)
+
+
+def estimate_content(function: str, argument: str, estimate: Any) -> Path | Mapping[str, Any]:
+    """A file, or the content of one; an `ArgumentError` for what holds no estimate."""
+    from flexid.library.joint_estimate import JointEstimate
+
+    if isinstance(estimate, JointEstimate):
+        return estimate.document
+    if isinstance(estimate, Mapping):
+        return estimate
+    if isinstance(estimate, str | PathLike):
+        return as_path(function, argument, estimate)
+    raise ArgumentError(
+        function,
+        argument,
+        f"is {kind_of(estimate)}: give what flexid.identify returned, or the path of an "
+        f"estimate.json",
+    )
+
+
+def identified(function: str, argument: str, estimate: Any) -> "tuple[Identification, str]":
+    """The identification of one joint that is meant, and its file, if it is from one."""
+    from flexid.stored_estimates.estimate_file import stored_identification
+
+    return _read(function, argument, estimate, stored_identification)
+
+
+def estimated(
+    function: str, argument: str, estimate: Any
+) -> "tuple[Identification | ArmIdentification, str]":
+    """The same, of one joint or an arm."""
+    from flexid.stored_estimates.estimate_file import stored_estimate
+
+    return _read(function, argument, estimate, stored_estimate)
+
+
+def _read(
+    function: str, argument: str, estimate: Any, stored: "Callable[[EstimateFile], Any]"
+) -> tuple[Any, str]:
+    from flexid.library.joint_estimate import JointEstimate
+    from flexid.stored_estimates.estimate_file import read_estimate
+
+    if isinstance(estimate, JointEstimate):
+        return estimate.result, ""
+    content = estimate_content(function, argument, estimate)
+    file = read_estimate(content)
+    return stored(file), "" if isinstance(content, Mapping) else file.name
+
+
+class ArmEstimate(ReportedAnswer):
+    """Parameters of each joint of an arm, with intervals and verdicts."""
+
+    _report = "arm"
+    _file = "estimate.json"
+
+    def __init__(self, result: "ArmIdentification") -> None:
+        self.result = result
+
+    def supports(self, *, strict: bool = False) -> bool:
+        """Whether every parameter is determined or weak; if strict, determined."""
+        return self.result.supports(strict=strict)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What one should know before trusting the numbers."""
+        return self.result.warnings
+
+
+@in_one_thread
+def identify_arm(
+    log: Path, arm: Path, columns: Path | None = None, progress: Progress = silent
+) -> ArmEstimate:
+    """Parameters of the arm that a TOML file describes, from one log."""
+    from flexid.arms.identify import identify_arm as run
+    from flexid.models.arm_file import read_arm
+
+    return ArmEstimate(run(log, read_arm(arm), columns, progress))

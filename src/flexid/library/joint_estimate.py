@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from flexid.library.validation import EstimateValidation, Prediction
     from flexid.recording.recording import Log
     from flexid.report.charts.description import Chart
-    from flexid.report.page.layout import Page
+    from flexid.report.page.page import Page
 
 
 class JointEstimate(ReportedAnswer):

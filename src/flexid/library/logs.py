@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from flexid.errors import ArgumentError
-from flexid.library.entrance import as_path, entrance, kind_of
+from flexid.library.arguments import as_path, entrance, kind_of
 from flexid.recording.recording import CHANNELS, Log, Recording
 
 if TYPE_CHECKING:

@@ -1,13 +1,13 @@
-"""Models, controllers and estimators for python-control: ``flexid.plant_io_system`` and others."""
+"""Other simulators: systems of python-control, and logs of joints that MuJoCo simulates."""
 
 from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING
 
 from flexid.errors import ArgumentError
+from flexid.exports import mujoco_log as mujoco
 from flexid.exports import python_control as worker
-from flexid.library.entrance import as_path, entrance, kind_of
-from flexid.library.options import as_mapping
+from flexid.library.arguments import as_mapping, as_path, entrance, kind_of
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.simulate import SimulatedRun
     from flexid.models.parametric_system import ParametricSystem
+
 
 controller_io_system = entrance(worker.controller_io_system)
 observer_io_system = entrance(worker.observer_io_system)
@@ -134,3 +135,6 @@ def loop_io_system(experiment: "SimulatedRun | str | PathLike[str]") -> "LoopSys
         return worker.closed_loop(experiment.experiment.loop)
     path = as_path("loop_io_system", "experiment", experiment)
     return worker.closed_loop(read_experiment(path).loop)
+
+
+mujoco_log = entrance(mujoco.mujoco_log)

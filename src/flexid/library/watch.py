@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.answer import Answer
-from flexid.library.entrance import as_path, entrance
+from flexid.library.arguments import as_path, entrance
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from flexid.analysis.excitation import Excitation
     from flexid.arrays import FloatArray
     from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+    from flexid.library.arguments import Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
-    from flexid.library.options import Known, Terms
     from flexid.streaming.commissioned import Commissioned, Departure
     from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
@@ -378,8 +378,8 @@ def watch(
     >>> watch.feed(link_position=0.1, motor_position=0.11, motor_torque=2.0)  # doctest: +SKIP
     >>> watch.health.reason  # doctest: +SKIP
     """
+    from flexid.library.arguments import as_number
     from flexid.library.logs import as_columns
-    from flexid.library.options import as_number
     from flexid.library.watch_arguments import as_chosen, as_commissioned
     from flexid.streaming.follower import Follower
     from flexid.streaming.options import wanted_kind

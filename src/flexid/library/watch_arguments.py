@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexid.errors import ArgumentError
-from flexid.library.entrance import kind_of
-from flexid.library.options import as_known, as_names, as_number
+from flexid.library.arguments import as_known, as_names, as_number, kind_of
 from flexid.recording.channel import INPUTS, SI_UNITS
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ def _terms(terms: Any) -> tuple[str, ...] | None:
 
 def as_commissioned(estimate: Any) -> "Commissioned | None":
     """What a stream is held against, if there is something."""
-    from flexid.library.estimates import identified
+    from flexid.library.identify import identified
     from flexid.streaming.commissioned import commissioned
 
     return None if estimate is None else commissioned(identified("watch", "estimate", estimate)[0])

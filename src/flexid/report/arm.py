@@ -8,10 +8,9 @@ from rich.text import Text
 
 from flexid.arms.result import ArmIdentification
 from flexid.report.charts.description import Chart
-from flexid.report.documents import plain
+from flexid.report.documents import Presenter, plain
 from flexid.report.identification import estimates_table, verdict_reasons
-from flexid.report.page.layout import Answer, Command, Page, Section, Warned
-from flexid.report.presenter import Presenter
+from flexid.report.page.page import Answer, Command, Page, Section, Warned
 from flexid.report.terminal import Column, Part, Table, numbers
 from flexid.stored_estimates.estimate_file import FORMAT_VERSION
 

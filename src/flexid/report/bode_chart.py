@@ -17,7 +17,7 @@ from flexid.report.charts.description import (
     Panel,
     Points,
 )
-from flexid.report.digits import format_with_interval
+from flexid.report.terminal import format_with_interval
 
 _COHERENT = 0.8  # above which the spectral estimate is drawn strongly
 _SIDE = 0.3  # of a decade, left free above and below the magnitudes

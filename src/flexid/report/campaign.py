@@ -23,8 +23,8 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.page.layout import Answer, Bullets, Command, Facts, Page, Section
-from flexid.report.presenter import Presenter
+from flexid.report.documents import Presenter
+from flexid.report.page.page import Answer, Bullets, Command, Facts, Page, Section
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
 DETAILS = ("final_error.", "final_state.")

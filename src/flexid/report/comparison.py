@@ -9,13 +9,12 @@ import numpy as np
 from rich.text import Text
 
 from flexid.comparisons.comparison import Comparison
-from flexid.comparisons.number_difference import Difference, Outcome
+from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.comparison_summary import comparison_summary, largest
-from flexid.report.digits import value_cells
-from flexid.report.documents import plain
-from flexid.report.page.layout import (
+from flexid.report.documents import Presenter, plain
+from flexid.report.page.page import (
     Answer,
     Bullets,
     Command,
@@ -26,8 +25,7 @@ from flexid.report.page.layout import (
     Tone,
     Warned,
 )
-from flexid.report.presenter import Presenter
-from flexid.report.terminal import Cell, Column, Part, Table, numbers
+from flexid.report.terminal import Cell, Column, Part, Table, numbers, value_cells
 
 OUTCOME_COLOURS: dict[Outcome, str] = {
     "changed": "red",

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from flexid.comparisons.comparison import Comparison
-from flexid.comparisons.number_difference import Difference
+from flexid.comparisons.differences import Difference
 from flexid.identification.vocabulary.intervals import CONFIDENCE
-from flexid.report.digits import format_with_interval, listed
+from flexid.report.terminal import format_with_interval, listed
 
 
 def comparison_summary(comparison: Comparison) -> tuple[str, ...]:

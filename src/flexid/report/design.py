@@ -21,7 +21,7 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.presenter import Presenter
+from flexid.report.documents import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}

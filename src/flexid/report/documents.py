@@ -1,4 +1,4 @@
-"""Result objects as plain documents for JSON, and files that appear whole or not at all."""
+"""How results present themselves: documents for JSON, and files that appear whole or not at all."""
 
 import json
 import math
@@ -6,15 +6,20 @@ import os
 import platform
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexid.analysis.excitation import Excitation
 from flexid.atomic import write_atomically
 from flexid.errors import SettingError
+
+if TYPE_CHECKING:
+    from flexid.report.charts.description import Chart
+    from flexid.report.page.page import Page
+    from flexid.report.terminal import Part
 
 
 def excitation_summary(excitation: Excitation) -> dict[str, Any]:
@@ -117,3 +122,15 @@ def _move_all(staging: Path, out: Path) -> None:
             raise SettingError("--out", f"{out / file.name} is a directory: move it away")
     for file in files:
         os.replace(file, out / file.name)
+
+
+@dataclass(frozen=True)
+class Presenter:
+    """What there is to show of a kind of result; each function takes the result first."""
+
+    parts: "Callable[..., Iterable[Part]]"  # tables and sentences
+    document: "Callable[..., Mapping[str, Any]]"  # everything but the time series, for JSON
+    charts: "Callable[..., Sequence[Chart]]" = lambda *_: ()  # the most important one first
+    page: "Callable[..., Page] | None" = None  # takes the charts, the command and its folder too
+    evidence: "Callable[..., Iterable[Part]]" = lambda *_: ()  # what choices rest on
+    write_data: "Callable[..., None]" = lambda *_: None  # into a folder; whether as CSV, too

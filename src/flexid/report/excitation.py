@@ -24,11 +24,9 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.digits import value_cells, verdict_cell
-from flexid.report.documents import excitation_summary
+from flexid.report.documents import Presenter, excitation_summary
 from flexid.report.identification import excitation_lines, verdict_reasons
-from flexid.report.presenter import Presenter
-from flexid.report.terminal import Column, Part, Table
+from flexid.report.terminal import Column, Part, Table, value_cells, verdict_cell
 
 _MANY = 99  # times, beyond which a factor is no more than large
 _LITTLE = 1e-4  # share below which one is no more than small

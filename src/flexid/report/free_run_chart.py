@@ -1,4 +1,4 @@
-"""Measured motion, a model's free run, what is between them, and how that correlates in time."""
+"""Motion over time: a log as read; measured motion, a free run, and what is between them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, isnan
@@ -7,9 +7,20 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
-from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Panel, with_margin
-from flexid.report.digits import listed
+from flexid.recording.recording import Log
+from flexid.report.charts.description import (
+    Axis,
+    Band,
+    Chart,
+    Colour,
+    Level,
+    Line,
+    Mark,
+    Panel,
+    with_margin,
+)
 from flexid.report.identification import format_fit
+from flexid.report.terminal import listed
 
 _MARGIN = 0.15  # of the measured range, above and below it
 _BELOW = 0.5  # height of a panel of residuals over that of the motion above it
@@ -185,3 +196,43 @@ def autocorrelation(values: FloatArray) -> FloatArray:
 def _residual(run: FreeRun, place: int) -> FloatArray:
     residual = run.measured[:, place] - run.simulated[:, place]
     return np.where(np.isfinite(residual), residual, np.nan)
+
+
+def log_chart(log: Log) -> Chart:
+    """Positions, deflection and input of a log over time, cut where the log has gaps."""
+    import numpy as np
+
+    first = log.recordings[0]
+    gap = np.array([np.nan])
+
+    def joined(parts: list[FloatArray]) -> FloatArray:
+        return np.concatenate([piece for part in parts for piece in (part, gap)])
+
+    time = joined([r.time for r in log.recordings])
+
+    def line(label: str, parts: list[FloatArray], colour: Colour) -> Line:
+        return Line(label, time, joined(parts), colour)
+
+    positions: list[Mark] = [line("motor", [r.motor_position for r in log.recordings], "blue")]
+    panels = []
+    if first.link_position is not None:
+        link = [r.needed_link_position for r in log.recordings]
+        positions.append(line("link", link, "orange"))
+        deflection = line("", [r.deflection for r in log.recordings], "green")
+        panels.append(("Deflection: link minus motor", "angle", "rad", (deflection,)))
+    if first.input is not None:
+        drive = line("", [r.needed_input for r in log.recordings], "ink")
+        panels.append(("Input", "input", first.input_unit, (drive,)))
+    return Chart(
+        "log",
+        "The log as read",
+        "Motor and link should move together. The deflection should look like the torque in the "
+        "spring, not like noise. No channel should be flat while the others move.",
+        tuple(
+            Panel(title, Axis("time", "s"), Axis(label, unit), marks)
+            for title, label, unit, marks in [
+                ("Positions", "angle", "rad", tuple(positions)),
+                *panels,
+            ]
+        ),
+    )

@@ -8,7 +8,6 @@ from typing import Any
 from rich.text import Text
 
 from flexid.analysis.excitation import Excitation
-from flexid.comparisons.angles import ANGLES
 from flexid.identification.result.identification import Choices, Identification
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
@@ -17,10 +16,19 @@ from flexid.identification.vocabulary.evidence import (
     Validation,
     ValueEstimate,
 )
-from flexid.report.digits import VERDICT_STYLES, value_cells, verdict_cell
-from flexid.report.documents import excitation_summary, plain
-from flexid.report.presenter import Presenter
-from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
+from flexid.models.parameter_kinds import ANGLES
+from flexid.report.documents import Presenter, excitation_summary, plain
+from flexid.report.terminal import (
+    VERDICT_STYLES,
+    Cell,
+    Column,
+    Part,
+    Table,
+    number,
+    numbers,
+    value_cells,
+    verdict_cell,
+)
 from flexid.stored_estimates.estimate_file import FORMAT_VERSION
 
 

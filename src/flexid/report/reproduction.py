@@ -9,9 +9,8 @@ import flexid
 from flexid.analysis.excitation import Excitation
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.report.charts.description import Chart
-from flexid.report.documents import plain
-from flexid.report.page.layout import Answer, Command, Facts, Page, Section
-from flexid.report.presenter import Presenter
+from flexid.report.documents import Presenter, plain
+from flexid.report.page.page import Answer, Command, Facts, Page, Section
 from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.studies.huang2003.evidence import Claim, Verdict

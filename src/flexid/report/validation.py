@@ -11,9 +11,10 @@ from rich.text import Text
 
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.report.charts.description import Chart
-from flexid.report.documents import plain
+from flexid.report.documents import Presenter, plain
 from flexid.report.free_run_chart import free_run_chart, residual_chart
-from flexid.report.page.layout import (
+from flexid.report.page.identification_page import input_facts
+from flexid.report.page.page import (
     Answer,
     Command,
     Facts,
@@ -23,8 +24,6 @@ from flexid.report.page.layout import (
     Warned,
     drawn,
 )
-from flexid.report.page.origin import input_facts
-from flexid.report.presenter import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 

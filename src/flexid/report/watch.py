@@ -8,11 +8,19 @@ from typing import Any
 
 from rich.text import Text
 
-from flexid.comparisons.angles import ANGLES, difference
-from flexid.report.digits import value_cells, verdict_cell
+from flexid.models.parameter_kinds import ANGLES, difference
+from flexid.report.documents import Presenter
 from flexid.report.identification import negligible
-from flexid.report.presenter import Presenter
-from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
+from flexid.report.terminal import (
+    Cell,
+    Column,
+    Part,
+    Table,
+    encodable,
+    laid_out,
+    value_cells,
+    verdict_cell,
+)
 from flexid.streaming.health import Health
 from flexid.streaming.session import Session, clock_words
 

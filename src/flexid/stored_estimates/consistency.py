@@ -6,10 +6,14 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from flexid.arms.result import ArmIdentification
+from flexid.estimators.channel_timing import INPUT
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
+from flexid.models.arm_file import MOST_JOINTS
 from flexid.models.flexible_joint import RIPPLE_ORIGIN
+from flexid.models.planar_arm import planar_arm
 from flexid.toml_file import Refuse
 
 Setting = float | str | None
@@ -104,7 +108,7 @@ def _of_the_fit(found: Identification) -> Iterator[tuple[str, str]]:
     numbers = {}
     for kind in ("coefficients", "parameters", "removed"):
         numbers |= {f"{kind}.{n}.value": e.value for n, e in getattr(found, kind).items()}
-    yield from fit_complaints(found.fit, numbers)
+    yield from _fit_complaints(found.fit, numbers)
     for kind in ("coefficients", "parameters"):  # what was removed was not fitted
         for name, value in getattr(found, kind).items():
             unknown = value.slopes.keys() - {*found.fit.names}
@@ -112,7 +116,7 @@ def _of_the_fit(found: Identification) -> Iterator[tuple[str, str]]:
                 yield f"{kind}.{name}.slopes", f"it names {min(unknown)!r}, which was not fitted"
 
 
-def fit_complaints(fit: Estimate, numbers: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+def _fit_complaints(fit: Estimate, numbers: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     """What is wrong with the sizes of a fit, and with its values and other numbers by key."""
     count = len(fit.names)
     if not (
@@ -185,3 +189,32 @@ def _of_parameters(found: Identification) -> Iterator[tuple[str, str]]:
                 f"parameters.{parameter.name}.value",
                 f"{made.value:g} is not {follows:g}, which follows from the coefficients",
             )
+
+
+def check_arm(found: ArmIdentification, refuse: Refuse) -> None:
+    """Refuse an arm whose parts contradict each other, by the key that is wrong."""
+    for key, reason in _complaints_of_arm(found):
+        raise refuse(key, f"is wrong, {reason}: correct it")
+
+
+def _complaints_of_arm(found: ArmIdentification) -> Iterator[tuple[str, str]]:
+    arm = found.arm
+    if not 1 <= arm.joints <= MOST_JOINTS:
+        yield "arm.lengths", f"an arm has 1 to {MOST_JOINTS} joints"
+        return
+    if not all(map(isfinite, (*arm.lengths, *arm.gravity))):
+        yield "arm", "lengths and gravity must be numbers"
+    if len(found.input_units) != arm.joints:
+        yield "input_units", f"it must have one entry for each of {arm.joints} joints"
+    values = {name: p.value for name, p in found.parameters.items()}
+    yield from _fit_complaints(found.fit, {f"parameters.{n}.value": v for n, v in values.items()})
+    known = {*planar_arm(arm).coefficients}
+    there = {*found.fit.names, *found.fixed} - {INPUT}
+    if there != known:
+        yield "fit.names", f"with 'fixed' it must name {min(there ^ known)!r} as the arm does"
+    for name, value in found.fit.by_name.items():
+        if name in values and values[name] != value:
+            yield f"parameters.{name}.value", f"{values[name]:g} is not the fit's {value:g}"
+    for name in values.keys() - known:
+        if not name.startswith("stiffness_over_inertia_"):
+            yield f"parameters.{name}", "it is no parameter of this arm"

@@ -121,8 +121,7 @@ def stored_estimate(file: EstimateFile) -> "Identification | ArmIdentification":
     """
     from pydantic import ValidationError
 
-    from flexid.stored_estimates.arm_consistency import check_arm
-    from flexid.stored_estimates.consistency import StoredProvenance, check_consistency
+    from flexid.stored_estimates.consistency import StoredProvenance, check_arm, check_consistency
 
     provenance = file.content.get("provenance", {})
     validated(provenance, StoredProvenance, lambda key, why: file.refuse(f"provenance.{key}", why))

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from math import isfinite, nan
 from typing import TYPE_CHECKING, Literal
 
-from flexid.comparisons.angles import ANGLES, difference
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, SQUARES
+from flexid.models.parameter_kinds import ANGLES, difference
 
 if TYPE_CHECKING:
     from flexid.identification.result.identification import Identification

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flexid.recording.overview import FileOverview
     from flexid.recording.survey import LogSurvey
     from flexid.report.charts.svg import Drawn
-    from flexid.report.page.layout import Answer as PageAnswer
+    from flexid.report.page.page import Answer as PageAnswer
     from flexid.report.terminal import Table
     from flexid.studio.choices import Choices
 
@@ -66,7 +66,7 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
     from flexid.recording.read import read_log
     from flexid.recording.survey import survey
     from flexid.report.charts.svg import drawn
-    from flexid.report.log_charts import log_chart
+    from flexid.report.free_run_chart import log_chart
     from flexid.studio.choices import ALL_TERMS
 
     log = read_log(Path(name), choices.column_map)
@@ -87,7 +87,7 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     from flexid.report.identification import coefficients_table, parameters_table
     from flexid.report.identification_charts import identification_charts
     from flexid.report.page.identification_page import identification_page
-    from flexid.report.page.render import page_html
+    from flexid.report.page.page import page_html
 
     progress("reading the log (the first run on a machine compiles for up to a minute)")
     log = read_log(Path(name), choices.column_map)

@@ -7,7 +7,7 @@ from importlib.resources import files
 from math import log10
 from typing import TYPE_CHECKING, Any
 
-from flexid.report.page.render import drawing_style, page_environment
+from flexid.report.page.page import drawing_style, page_environment
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexid.errors import SimulationError
-from flexid.report.play_chart import SYMBOLS, Played, play_chart
+from flexid.report.reproduction_charts import SYMBOLS, Played, play_chart
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -1,12 +1,15 @@
-"""A chart drawn with Matplotlib."""
+"""A chart drawn with Matplotlib, in one look for all figures."""
 
-from collections.abc import Iterable, Sequence
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import inf, log10
 from pathlib import Path
 from textwrap import fill
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -26,19 +29,94 @@ from matplotlib.ticker import (
 )
 
 from flexid.errors import SettingError
-from flexid.report.charts.decimate import thinned
 from flexid.report.charts.description import (
     Axis,
     Band,
     Chart,
+    Colour,
     Dash,
     Level,
     Line,
     Mark,
     Panel,
     Points,
+    thinned,
 )
-from flexid.report.style import COLOURS, STYLE, new_figure, save
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
+
+INK, BLUE, ORANGE, GREEN, RED, GREY = (
+    "#1b1f24",
+    "#1f6fb4",
+    "#d9730d",
+    "#2e8b57",
+    "#c0392b",
+    "#8a939c",
+)
+GRID = "#e3e6e9"
+
+COLOURS: Mapping[Colour, str] = {
+    "ink": INK,
+    "blue": BLUE,
+    "orange": ORANGE,
+    "green": GREEN,
+    "red": RED,
+    "grey": GREY,
+}
+"""The shade of each colour of a chart."""
+
+STYLE: dict[RcKeyType, Any] = {
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "text.color": INK,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.3,
+    "figure.dpi": 100,
+    "savefig.dpi": 200,
+    "figure.constrained_layout.use": True,
+    "pdf.fonttype": 42,
+}
+
+
+class NotebookFigure(Figure):
+    """A figure that a notebook shows although pyplot does not know it."""
+
+    def _repr_png_(self) -> bytes:
+        with io.BytesIO() as file:
+            self.savefig(file, format="png", dpi=self.dpi)
+            return file.getvalue()
+
+
+def new_figure(width: float = 7.2, height: float = 4.5) -> Figure:
+    """Figure in inches with the common look; needs no display."""
+    with mpl.rc_context(STYLE):
+        return NotebookFigure(figsize=(width, height))
+
+
+def save(figure: Figure, directory: Path, name: str, formats: Sequence[str] = ("png",)) -> None:
+    """Write the figure as ``directory/name.format`` for each format."""
+    with mpl.rc_context(STYLE):
+        for extension in formats:
+            # Without a date the same result gives the same file
+            metadata = {"CreationDate": None} if extension == "pdf" else None
+            figure.savefig(directory / f"{name}.{extension}", metadata=metadata)
+            figure.set_layout_engine("none")  # laid out once, the same for every format
+
 
 WIDTH = 7.2  # inches, of a figure in a file: that of a printed page
 NARROW = 3.7  # inches: that of a telephone, with one panel in a row

@@ -17,8 +17,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 
 from flexid.report.charts.description import Chart
-from flexid.report.charts.figure import NARROW, WIDTH, laid_out
-from flexid.report.style import COLOURS, GRID, STYLE
+from flexid.report.charts.figure import COLOURS, GRID, NARROW, STYLE, WIDTH, laid_out
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType

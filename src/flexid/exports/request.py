@@ -1,18 +1,29 @@
-"""What is exported: a model with the values that are known of it, from a file or an estimate."""
+"""What is exported: a model with what is known of it, its online estimator, and the target."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
-from typing import TYPE_CHECKING
+from functools import cache
+from importlib import import_module, resources
+from math import inf, isfinite
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from flexid.errors import SettingError
+from flexid.estimators.filter_rate import check_filter_rate
 from flexid.models.flexible_joint import CONSTANT_UNITS, SQUARES
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.terms import SMOOTHING
+from flexid.recording.sampling import check_sample_time
 
 if TYPE_CHECKING:
+    from flexid.arms.result import ArmIdentification
+    from flexid.estimators.parametric_observer import ParametricObserver
+    from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
+    from flexid.estimators.samples import Samples
     from flexid.identification.preparation.joint import Joint
     from flexid.identification.result.identification import Identification
+    from flexid.recording.recording import Hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,3 +132,115 @@ def _with_terms(
     used = {name: v for name, v in every.items() if any(name in text for text in texts)}
     inputs = joint.smooth.inputs
     return ParametricSystem(joint.smooth.name, tuple(rows), inputs, used)
+
+
+MEMORY_TIME = 60.0
+"""s; a drive runs for years, and sums in float do not grow for ever."""
+
+
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """Settings of an online estimator."""
+
+    sample_time: float  # s
+    hold: "Hold" = "zero"  # the input between samples
+    velocities: bool = False  # samples hold measured velocities
+    # by coefficient or row: the paper's observer
+    gains: Mapping[str, float] = field(default_factory=dict)
+    filter_rate: float = 20.0  # 1/s, of the filter that positions pass
+    memory_time: float = MEMORY_TIME  # s, after which a sample weighs 1/e as much
+    start: Mapping[str, float] = field(default_factory=dict)  # 0 where no value is given
+
+    def __post_init__(self) -> None:
+        if self.gains and not self.velocities:
+            raise SettingError(
+                "gain", "a constant gain takes measured velocities: add --velocities, or leave it"
+            )
+        check_sample_time(self.sample_time)
+        if not self.velocities:
+            check_filter_rate(self.filter_rate, self.sample_time)
+
+    def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":
+        """The same estimator in Python."""
+        from flexid.estimators.parametric_observer import parametric_observer
+        from flexid.estimators.recursive_least_squares import recursive_least_squares
+
+        h, hold, memory = self.sample_time, self.hold, self.memory_time
+        if self.gains:
+            return parametric_observer(system, self.gains, h, hold)
+        return recursive_least_squares(system, h, self.filter_rate, hold, memory, self.velocities)
+
+    @property
+    def summary(self) -> str:
+        """What is estimated from what, in a line."""
+        if self.gains:
+            return "Constant gain, from positions, velocities and inputs."
+        if self.velocities:
+            return f"Least-squares gain{self._fading}, from positions, velocities and inputs."
+        return (
+            f"Least-squares gain{self._fading}, from positions and inputs "
+            f"through a filter of {self.filter_rate:g} 1/s."
+        )
+
+    @property
+    def _fading(self) -> str:
+        return "" if self.memory_time == inf else f", memory {self.memory_time:g} s"
+
+
+@dataclass(frozen=True, eq=False)
+class ExportRequest:
+    """What is to be exported."""
+
+    source: "ExportSource"
+    settings: "EstimatorSettings | None" = None  # of the online estimator
+    samples: "Samples | None" = None  # motion to test it with
+
+
+class Target(NamedTuple):
+    """A kind of files."""
+
+    summary: str  # for the help
+    # whether the settings of an online estimator belong to it
+    estimator: Literal["needed", "possible", "none"]
+    with_memory: bool = False  # it holds friction that remembers its path
+
+
+TARGETS = {
+    "c99": Target("the online estimator in C99, for a drive", "needed"),
+    "mjcf": Target("the joint or arm as a MuJoCo scene", "none", with_memory=True),
+    "fmu": Target("plant and online estimator for simulators, FMI 2.0 and 3.0", "possible"),
+}
+"""By name, which is that of a module here."""
+
+
+def export_to(target: str, request: ExportRequest, directory: Path) -> tuple[str, ...]:
+    """Write the files of a target into an empty directory; return what they do not hold."""
+    chosen = TARGETS[target]
+    if request.settings is None and chosen.estimator == "needed":
+        raise SettingError("sample-time", "is missing: give the seconds between samples, or a log")
+    if request.settings is not None and chosen.estimator == "none":
+        raise SettingError(target, "has no estimator: leave out the options of one")
+    module = import_module(f"flexid.exports.{target}")
+    return tuple(vars(module)[f"write_{target}"](request, directory))
+
+
+def export_arm(target: str, arm: "ArmIdentification", directory: Path) -> tuple[str, ...]:
+    """Write the files of a target for an arm; return what they do not hold."""
+    if target != "mjcf":
+        raise SettingError(
+            target, "is for one joint, and the estimate is of an arm: export it to mjcf"
+        )
+    from flexid.exports.mjcf_arm import write_arm
+
+    return write_arm(arm, directory)
+
+
+@cache
+def template_text(name: str) -> str:
+    """Text of a template, such as ``"c99/drive.h"``."""
+    return resources.files("flexid.exports").joinpath("templates", name).read_text("utf-8")
+
+
+def filled(name: str, **values: str) -> str:
+    """A template with its placeholders filled."""
+    return Template(template_text(name)).substitute(values)

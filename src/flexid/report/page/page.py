@@ -1,33 +1,120 @@
-"""A page as one HTML file, in which everything from outside is text and nothing is fetched."""
+"""A page: an answer first, then sections; one HTML file in which nothing is fetched.
+
+Everything from outside is text.
+"""
 
 from __future__ import annotations
 
 import base64
 import hashlib
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import flexid
 from flexid.report.charts.description import Chart
-from flexid.report.charts.svg import chart_html
-from flexid.report.page.layout import Bullets, Command, Facts, Folded, Link, Page, Warned
-from flexid.report.style import GREEN, ORANGE, RED
-from flexid.report.terminal import Table
+from flexid.report.terminal import Part, Table
 
 if TYPE_CHECKING:
     from jinja2 import BaseLoader, Environment
+
+
+Tone = Literal["", "good", "fair", "bad"]
+"""What a word means for whoever reads it; shown as a sign and a colour."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A line for a terminal."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """Sentences below each other."""
+
+    lines: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names with what they stand for."""
+
+    entries: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Warned:
+    """What one should know before trusting the numbers."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Link:
+    """A way to another section of the page."""
+
+    text: str  # what it says
+    section: str  # the section's name
+
+
+@dataclass(frozen=True)
+class Folded:
+    """What is shown when asked for."""
+
+    summary: str  # what it is
+    content: Sequence[Item]  # what it holds
+
+
+Item = Part | Chart | Command | Bullets | Facts | Warned | Link | Folded
+
+
+def drawn(charts: Sequence[Chart], name: str) -> list[Chart]:
+    """The chart of a name, where there is one."""
+    return [chart for chart in charts if chart.name == name]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer to a question that a reader has at first."""
+
+    question: str  # the question
+    word: str  # the answer in a word or two
+    tone: Tone  # what that means
+    content: Sequence[Item]  # what it rests on
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page with a heading."""
+
+    name: str  # its address within the page
+    title: str  # its heading
+    content: Sequence[Item]  # what it holds
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of an answer."""
+
+    kind: str  # what was done: "identification"
+    title: str  # what of
+    subject: str  # what from
+    lead: Table  # the table that one looks for
+    answers: Sequence[Answer]  # to what one asks next
+    sections: Sequence[Section]  # all else
+    notes: Sequence[str] = field(default_factory=tuple)  # what the words of the table mean
+
 
 NAME = "report.html"
 
 _HERE = Path(__file__).parent
 
-_TONES = {
-    **dict.fromkeys(("green", GREEN), "good"),
-    **dict.fromkeys(("yellow", ORANGE), "fair"),
-    **dict.fromkeys(("red", RED), "bad"),
-}
+_TONES = {"green": "good", "yellow": "fair", "red": "bad"}
 _TESTS = {
     "table_part": Table,
     "chart": Chart,
@@ -69,6 +156,8 @@ def save_page(page: Page, directory: Path) -> None:
 def _environment() -> Environment:
     from jinja2 import FileSystemLoader
     from markupsafe import Markup
+
+    from flexid.report.charts.svg import chart_html
 
     environment = page_environment(FileSystemLoader(_HERE / "templates"))
     environment.filters["drawn"] = lambda chart: Markup(chart_html(chart))
