@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flexid.exports.source import source_of_identification
+from flexid.exports.request import source_of_identification
 from made_joint import log, made
 
 from flexid.errors import SettingError
