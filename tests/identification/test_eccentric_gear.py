@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flexid.exports.request import source_of_identification
 from made_joint import log, made
 
 from flexid.errors import SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.unknowns import Unknowns
+from flexid.exports.request import source_of_identification
 from flexid.identification.full_model.model import Structure, data_of
 from flexid.identification.full_model.starting import smooth_unknowns
 from flexid.identification.identify import identify
