@@ -11,18 +11,23 @@ from benchmarks.arms.log import Motion, simulate
 from test_identify_arm import MADE
 from two_links import ARM, TRUTH
 
-from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed, values_of
+from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed
 from flexid.arms.doubts import Doubted, noise_of_the_inputs, other_minima, with_doubts
-from flexid.arms.fitting import ArmFit, exact_fits
+from flexid.arms.fitting import exact_fits
+from flexid.arms.log import arm_data
 from flexid.arms.prediction import disturbed_run
 from flexid.estimators.balance_motion import balance_columns
-from flexid.estimators.channel_timing import INPUT
+from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
+from flexid.identification.full_model.model import Structure
+from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.planar_arm import PlanarArm, planar_arm
 
 KNOWN = PlanarArm((0.4, 0.3), (9.81, 0.0))
 NOISE = 0.03  # of the torque's root mean square
 FIXED = {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
+STRUCTURE = Structure(ElasticArm(planar_arm(KNOWN)), frozenset(), Timing("zero"), FIXED)
 
 
 @cache
@@ -39,52 +44,50 @@ def recording() -> Samples:
 def disturbed() -> DisturbedFit:
     """The fit of that log, begun 20 % off."""
     start = {name: 1.2 * value for name, value in MADE.truth().items()}
-    return fit_disturbed(planar_arm(KNOWN), [recording()], FIXED, (start,))
+    return fit_disturbed(STRUCTURE, arm_data([recording()]), (start,))
 
 
 @cache
-def doubted() -> ArmFit:
+def doubted() -> Estimate:
     """The same with all doubts."""
     return with_doubts(disturbed())[0]
 
 
 def test_intervals_hold_the_truth_where_the_torque_is_noisy():
     """Assert that nine of ten values lie within two standard deviations, stiffnesses within 5 %."""
-    fit, truth = doubted(), MADE.truth()
-    deviations = np.sqrt(np.diag(fit.covariance))
-    errors = np.array([value - truth[name] for name, value in fit.values.items()])
-    assert np.mean(np.abs(errors) < 2.0 * deviations) >= 0.9
+    estimate, truth = doubted(), MADE.truth()
+    errors = np.array([value - truth[name] for name, value in estimate.by_name.items()])
+    assert np.mean(np.abs(errors) < 2.0 * estimate.deviations) >= 0.9
     for joint in (1, 2):
         name = f"joint_stiffness_{joint}"
-        assert fit.values[name] == pytest.approx(truth[name], rel=0.05)
+        assert estimate.by_name[name] == pytest.approx(truth[name], rel=0.05)
 
 
 def test_noise_of_the_inputs_is_what_was_added():
     """Assert that the noise that the log of the torque holds is found to a fifth."""
     truth = NOISE * np.sqrt(np.mean(recording().inputs ** 2, axis=0))
-    assert Doubted(disturbed(), disturbed().fit).input_noise == pytest.approx(truth, rel=0.2)
+    assert Doubted(disturbed()).input_noise == pytest.approx(truth, rel=0.2)
 
 
 def test_noise_of_the_inputs_makes_inertias_look_larger():
     """Assert that the bias that is expected has the sign of attenuation."""
-    made = Doubted(disturbed(), disturbed().fit)
-    moved = dict(zip(made.fit.problem.names, noise_of_the_inputs(made)[:, 0], strict=True))
+    made = Doubted(disturbed())
+    moved = dict(zip(made.fitted.names, noise_of_the_inputs(made)[:, 0], strict=True))
     assert moved["motor_inertia_2"] > 0.0
 
 
 def test_a_rival_as_likely_is_doubted_and_one_less_likely_is_not():
     """Assert that another minimum counts by its likelihood."""
-    fit, found = disturbed(), disturbed().found
+    fit, best = disturbed(), disturbed().best
     for worse, columns in ((1.0, 1), (1e3, 0)):
-        rival = replace(found, cost=found.cost + worse)
-        own = replace(fit, rivals=(rival,))
-        assert other_minima(Doubted(own, fit.fit)).shape == (len(values_of(found)), columns)
+        own = replace(fit, rivals=(replace(best, cost=best.cost + worse),))
+        assert other_minima(Doubted(own)).shape == (len(best.fitted.names), columns)
 
 
 def test_an_observer_predicts_the_deflections():
     """Assert that parameters of the first two thirds predict the last over a resonance's period."""
     shares, periods = disturbed_run(disturbed())
-    assert min(shares[f"link_{joint}"] for joint in (1, 2)) > 50.0
+    assert min(shares[f"link_position_{joint}"] for joint in (1, 2)) > 50.0
     assert min(periods.values()) > 50.0
 
 
@@ -110,7 +113,7 @@ def test_a_physical_start_moves_a_stiff_joint_as_before():
 
 def test_noise_of_the_torque_ends_exact_fits_early():
     """Assert that short segments show that no exact fit will do, and that the reason is said."""
-    found = exact_fits(planar_arm(KNOWN), [recording()], FIXED, lambda _: None)
+    found = exact_fits(STRUCTURE, arm_data([recording()]), lambda _: None)
     assert len(found.found) < 4
     assert "residuals exceed" in found.hopeless
 
@@ -125,6 +128,6 @@ def test_a_delay_of_the_torque_is_no_disturbance():
     late = Samples(np.ascontiguousarray(positions[:-3]), None, log.torque[3:], 2e-3)
     early = Samples(np.ascontiguousarray(positions[3:]), None, log.torque[:-3], 2e-3)
     for samples, delay in ((late, 6e-3), (early, -6e-3)):
-        found = exact_fits(planar_arm(KNOWN), [samples], FIXED, lambda _: None)
+        found = exact_fits(STRUCTURE, arm_data([samples]), lambda _: None)
         assert found.hopeless == ""
-        assert found.best().values[INPUT] == pytest.approx(delay, abs=1e-4)
+        assert found.best()[0].by_name[INPUT] == pytest.approx(delay, abs=1e-4)

@@ -14,6 +14,9 @@ from benchmarks.arms.log import Motion, save, simulate
 
 from flexid.arms.fitting import exact_fits
 from flexid.arms.log import read_arm_log
+from flexid.estimators.channel_timing import Timing
+from flexid.identification.full_model.model import Structure
+from flexid.identification.preparation.arm import ElasticArm
 from flexid.library.identify import identify
 from flexid.models.planar_arm import PlanarArm, planar_arm
 
@@ -107,7 +110,8 @@ def test_one_joint_as_the_core_for_one_joint(examples: Path):
     kept |= {"link_inertia_1", "link_moment_along_1"}
     fixed = {name: 0.0 for name in balance.coefficients if name not in kept}
     fixed |= {"torque_constant_1": 1.0}
-    values = exact_fits(balance, log.recordings, fixed, lambda _: None).best().values
+    structure = Structure(ElasticArm(balance), frozenset(), Timing("zero"), fixed)
+    values = exact_fits(structure, log.data, lambda _: None).best()[0].by_name
     values["gravity_torque_1"] = 9.81 * values["link_moment_along_1"]
     estimate = identify(examples / "flexible_joint.csv")
     for name, parameter in estimate.parameters.items():

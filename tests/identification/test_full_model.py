@@ -165,7 +165,7 @@ def test_a_climb_ends_where_a_length_cannot_be_fitted(monkeypatch, ends, kept):
             by_name={},
         )
 
-    monkeypatch.setattr(fitting, "_fit_segments", fitted_over)
+    monkeypatch.setattr(fitting, "fit_segments", fitted_over)
     divisions, nothing = cast(Any, [range(count) for count in counts]), cast(Any, None)
     if kept is None:
         with pytest.raises(ConvergenceError):

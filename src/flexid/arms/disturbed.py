@@ -8,88 +8,71 @@ most of them at values that no arm has: see `as_physical`.
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from flexid.arms.fitting import ArmFit, noise_of, with_covariance
+from flexid.arms.fitting import FittedArm, estimate_of
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.balance_motion import balance_columns, balance_motion, balance_unknowns
+from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.estimators.gauss_newton import Minimum, minimise
-from flexid.estimators.innovations import Innovations, Sizes, fit_innovations
-from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.estimators.segments import divide
-from flexid.identification.estimation.band import SPRING_SHARE, factor_of, thinned_samples
+from flexid.identification.estimation.band import (
+    SPRING_SHARE,
+    factor_of,
+    thinned,
+    thinned_samples,
+)
+from flexid.identification.estimation.in_band import FitInBand, InBand
+from flexid.identification.full_model.model import Data, Structure, encoder_noise
+from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.torque_balance import TorqueBalance
 
-_SUBSTEPS = 0.3  # of those of a fit without disturbances, which are exact to 1e-6 of the phase
+_COARSER = 0.3  # substeps over those of a fit without disturbances, exact to 1e-6 of the phase
 _MOST_SUBSTEPS = 12  # per sample
 _SEGMENT = 5.0  # s: long against what an observer remembers, and work for several cores
-_FINE = 1e-2  # standard deviations that the last step is shorter than
-_STEPS = 10  # with gains that are held
 RIVAL = 30.0  # of twice the negative logarithm of the likelihood, by which another minimum is worse
 _LIKELIER = 5.0  # the same, by which it is better, and its sizes are sought
 _SAME = 0.1  # standard deviations, by which values of one minimum may differ
 _DELAY_FALL = 25.0  # of twice the negative logarithm of the likelihood, that a delay brings
+
+ArmInBand = FitInBand[ElasticArm]
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
     """What is fitted with disturbances."""
 
-    balance: TorqueBalance
-    recordings: Sequence[Samples]  # as they were logged
-    fixed: Mapping[str, float]  # what is not sought
+    structure: Structure[ElasticArm]
+    data: Data  # as it was logged
     slowest: float  # in 1/s, of a disturbance
     factor: int  # of so many samples one is fitted
-    delayed: bool = False  # whether the inputs' delay is sought
 
     @classmethod
-    def of(
-        cls,
-        balance: TorqueBalance,
-        recordings: Sequence[Samples],
-        fixed: Mapping[str, float],
-        start: Mapping[str, float],
-    ) -> "Job":
+    def of(cls, structure: Structure[ElasticArm], data: Data, start: Mapping[str, float]) -> "Job":
         """The job in the band of the fastest joint."""
-        found = resonances(balance, {**fixed, **start})
+        found = resonances(structure.joint.balance, {**structure.fixed, **start})
         slowest = SPRING_SHARE * float(np.exp(np.mean(np.log(found))))
-        sample_time = max(recording.sample_time for recording in recordings)
-        factor = factor_of(float(found.max()), sample_time, min(map(len, recordings)))
-        return cls(balance, recordings, fixed, slowest, factor)
+        sample_time = max(recording.sample_time for recording in data.samples)
+        factor = factor_of(float(found.max()), sample_time, min(map(len, data.samples)))
+        return cls(structure, data, slowest, factor)
 
-    def thinned(self, recording: Samples) -> Samples:
-        """A recording in the band."""
-        return thinned_samples(recording, self.factor, held=True)
+    @property
+    def balance(self) -> TorqueBalance:
+        """That of the arm."""
+        return self.structure.joint.balance
 
-    def problem(self, start: Mapping[str, float]) -> tuple[SegmentedMotion, Point]:
-        """The motion over recordings in the band, and where it begins."""
-        own = [self.thinned(recording) for recording in self.recordings]
-        segments = divide(own, _SEGMENT)
+    @cached_property
+    def in_band(self) -> InBand[ElasticArm]:
+        """The log in the band; friction follows from the motion, and no data direct it."""
+        own = thinned(self.data, self.factor, held=True)
+        own = replace(own, noise=encoder_noise(own.samples))
         hold = "zero" if self.factor == 1 else "cubic"
-        timing = Timing(hold, {}, (INPUT,) if self.delayed else ())
-        unknowns = balance_unknowns(self.balance, dict(self.fixed))
-        problem = balance_motion(self.balance, segments, timing, unknowns)
-        values = np.array([start.get(name, 0.0) for name in problem.names])
-        point = Point(values, problem.start_states)
-        problem = problem.at(point, 1.0 / noise_of(own))
-        steps = int(np.ceil(_SUBSTEPS * problem.substeps))
-        return replace(problem, substeps=min(steps, _MOST_SUBSTEPS)), point
-
-    def fit(self, start: Mapping[str, float], sizes: Sizes | None = None) -> Innovations:
-        """Values and sizes from a start, in turn; no data direct friction."""
-        problem, point = self.problem(start)
+        structure = replace(self.structure, timing=replace(self.structure.timing, hold=hold))
         undirected = np.zeros((0, len(self.balance.rows)))
-        return fit_innovations(problem, point, undirected, self.slowest, sizes)
-
-    def with_gains_of(self, found: Innovations, start: Mapping[str, float]) -> Minimum:
-        """Values alone, with the observer of another fit."""
-        problem, point = self.problem(start)
-        problem = replace(problem, observer=found.problem.observer, weights=found.problem.weights)
-        return minimise(problem, point, _FINE, insist=False, iterations=_STEPS)
+        rest = self.slowest, own.noise, _SEGMENT, _COARSER, _MOST_SUBSTEPS
+        return InBand(structure, own, undirected, *rest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,22 +80,26 @@ class DisturbedFit:
     """The likeliest fit of an arm with disturbances."""
 
     job: Job
-    found: Innovations
-    rivals: tuple[Innovations, ...]  # where other starts led
+    best: ArmInBand
+    rivals: tuple[ArmInBand, ...]  # where other starts led
+
+    @property
+    def fitted(self) -> FittedArm:
+        """The best of the fits."""
+        return self.best.fitted
 
     @property
     def values(self) -> dict[str, float]:
         """All parameters by name, with those that were not sought."""
-        return {**self.job.fixed, **values_of(self.found)}
+        return {**self.job.structure.fixed, **self.fitted.by_name}
 
-    @property
-    def fit(self) -> ArmFit:
-        """The same as fits of an arm are reported; no value better known than by white noise."""
-        own = [self.job.thinned(recording) for recording in self.job.recordings]
-        made = with_covariance(self.found.problem, self.found.minimum, noise_of(own))
-        least, now = np.diag(self.found.minimum.reduced.inverse), np.diag(made.covariance)
-        grown = np.sqrt(np.maximum(np.divide(least, now, out=np.ones_like(now), where=now > 0), 1))
-        return replace(made, covariance=made.covariance * np.outer(grown, grown))
+    @cached_property
+    def estimate(self) -> Estimate:
+        """What was sought; no value better known than by white noise."""
+        estimate = estimate_of(self.fitted)
+        least, now = np.diag(self.fitted.minimum.reduced.inverse), np.diag(estimate.covariance)
+        grown = np.divide(least, now, out=np.ones_like(now), where=now > 0)
+        return estimate.scaled(np.sqrt(np.maximum(grown, 1.0)))
 
     def disturbing_torques(self) -> FloatArray:
         """Root mean square torque in each balance that no term describes."""
@@ -122,38 +109,36 @@ class DisturbedFit:
         inputs = np.zeros((1 + rows, self.job.balance.joints))
         pi = np.array([self.values[name] for name in self.job.balance.coefficients])
         torques = balance_columns(self.job.balance, signals, inputs) @ pi
-        return np.abs(np.diag(torques[1:] - torques[0])) * self.found.sizes.disturbances
+        return np.abs(np.diag(torques[1:] - torques[0])) * self.best.sizes.disturbances
 
     def shares(self) -> dict[str, float]:
         """What each balance leaves unexplained over its acceleration, root mean squares."""
         squares, count = np.zeros(len(self.job.balance.rows)), 0
         for samples in (
-            thinned_samples(r, 2 * self.job.factor, held=True) for r in self.job.recordings
+            thinned_samples(r, 2 * self.job.factor, held=True) for r in self.job.data.samples
         ):
             rates = np.diff(samples.positions, 2, axis=0) / samples.sample_time**2
             squares, count = squares + np.sum(rates**2, axis=0), count + len(rates)
         accelerations = np.sqrt(np.maximum(squares / count, np.finfo(float).tiny))
-        shares = np.minimum(self.found.sizes.disturbances / accelerations, 1.0)
+        shares = np.minimum(self.best.sizes.disturbances / accelerations, 1.0)
         names = (row.name for row in self.job.balance.rows)
         return dict(zip(names, shares.tolist(), strict=True))
 
 
 def fit_disturbed(
-    balance: TorqueBalance,
-    recordings: Sequence[Samples],
-    fixed: Mapping[str, float],
-    starts: Sequence[Mapping[str, float]],
+    structure: Structure[ElasticArm], data: Data, starts: Sequence[Mapping[str, float]]
 ) -> DisturbedFit:
     """The likeliest of the fits from some starts, with a delay of the inputs if there is one."""
-    job = Job.of(balance, recordings, fixed, starts[0])
-    ends: list[Innovations] = []
+    structure = replace(structure, timing=Timing("zero"))
+    job = Job.of(structure, data, starts[0])
+    ends: list[ArmInBand] = []
 
     for start in starts:
         with suppress(ConvergenceError):
-            _go_on(job, as_physical(balance, start), ends)
+            _go_on(job, as_physical(job.balance, start), ends)
     if ends:
         with suppress(ConvergenceError):
-            _go_on(job, as_physical(balance, values_of(ends[0])), ends)
+            _go_on(job, as_physical(job.balance, ends[0].fitted.by_name), ends)
     if not ends:
         raise ConvergenceError(
             "arm",
@@ -161,18 +146,24 @@ def fit_disturbed(
             "of the torques and angles, the order of the joints, and the lengths",
         )
     best, *rivals = ends
-    late = replace(job, delayed=True)
-    start = values_of(best)
+    late = replace(job, structure=replace(structure, timing=Timing("zero", {}, (INPUT,))))
+    start = best.fitted.by_name
     with suppress(ConvergenceError):
-        fall = best.minimum.equations.cost - late.with_gains_of(best, start).equations.cost
-        if fall > _DELAY_FALL:
-            later = late.fit(start, best.sizes)
+        if (
+            _squares(best.fitted) - _squares(late.in_band.with_gains_of(best.fitted, start))
+            > _DELAY_FALL
+        ):
+            later = late.in_band.fit(start, best.sizes)
             if later.cost < best.cost - _DELAY_FALL:
                 return DisturbedFit(late, later, ())
     return DisturbedFit(job, best, tuple(rivals))
 
 
-def _go_on(job: Job, start: Mapping[str, float], ends: list[Innovations]) -> None:
+def _squares(fitted: FittedArm) -> float:
+    return fitted.minimum.equations.cost
+
+
+def _go_on(job: Job, start: Mapping[str, float], ends: list[ArmInBand]) -> None:
     """Add the end that a start leads to, if it may be as likely as the best so far.
 
     Sizes are sought once more only where the values are likelier with those of the best.
@@ -180,26 +171,22 @@ def _go_on(job: Job, start: Mapping[str, float], ends: list[Innovations]) -> Non
     sizes = None
     if ends:
         best = ends[0]
-        near = job.with_gains_of(best, start)
-        more = near.equations.cost - best.minimum.equations.cost
-        if more > RIVAL or _is_same(near, best):
+        near = job.in_band.with_gains_of(best.fitted, start)
+        more = _squares(near) - _squares(best.fitted)
+        if more > RIVAL or _is_same(near, best.fitted):
             return
         if more > -_LIKELIER:
-            ends.append(replace(best, minimum=near, cost=best.cost + more))
+            ends.append(FitInBand(near, best.sizes, best.cost + more))
             return
-        start = dict(zip(best.problem.names, near.point.values.tolist(), strict=True))
-        sizes = best.sizes
-    found = job.fit(start, sizes)
-    if np.isfinite(found.cost):
-        ends.append(found)
-        ends.sort(key=lambda end: end.cost)
+        start, sizes = near.by_name, best.sizes
+    ends.append(job.in_band.fit(start, sizes))
+    ends.sort(key=lambda end: end.cost)
 
 
-def _is_same(near: Minimum, best: Innovations) -> bool:
+def _is_same(near: FittedArm, best: FittedArm) -> bool:
     """Whether a start led to the minimum that is known already."""
-    spread = np.sqrt(np.diag(best.minimum.reduced.inverse))
-    moved = np.abs(near.point.values - best.minimum.point.values)
-    return bool((moved <= _SAME * spread).all())
+    moved = np.abs(near.values - best.values)
+    return bool((moved <= _SAME * best.unit_deviations).all())
 
 
 def as_physical(balance: TorqueBalance, start: Mapping[str, float]) -> dict[str, float]:
@@ -223,11 +210,6 @@ def as_physical(balance: TorqueBalance, start: Mapping[str, float]) -> dict[str,
             moved[f"link_inertia_{joint}"] -= more
             moved[f"link_inertia_{joint - 1}"] += more
     return moved
-
-
-def values_of(found: Innovations) -> dict[str, float]:
-    """What was sought, by name."""
-    return dict(zip(found.problem.names, found.minimum.point.values.tolist(), strict=True))
 
 
 def resonances(balance: TorqueBalance, values: Mapping[str, float]) -> FloatArray:

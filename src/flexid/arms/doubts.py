@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.arms.disturbed import RIVAL, DisturbedFit, Job, values_of
-from flexid.arms.fitting import ArmFit, effect_sizes
+from flexid.arms.disturbed import RIVAL, DisturbedFit, Job
+from flexid.arms.fitting import FittedArm, effect_sizes
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.threads import cores
@@ -23,6 +23,7 @@ from flexid.identification.estimation.doubts import (
     LIKE_A_FRICTION,
     LIKE_A_TERM,
 )
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import JointTerm
 from flexid.recording.velocities import position_noise
@@ -36,38 +37,32 @@ class Doubted:
     """A fit, and what the doubts look at."""
 
     disturbed: DisturbedFit
-    fit: ArmFit  # the same, with its covariance
 
     @property
     def job(self) -> Job:
         """What was fitted."""
         return self.disturbed.job
 
-    @cached_property
-    def values(self) -> FloatArray:
-        """What was sought, shape (k,)."""
-        return self.fit.minimum.point.values
+    @property
+    def fitted(self) -> FittedArm:
+        """The fit."""
+        return self.disturbed.fitted
 
     @property
-    def variances(self) -> FloatArray:
-        """Of these, shape (k,)."""
-        return np.diag(self.fit.covariance)
+    def values(self) -> FloatArray:
+        """What was sought, shape (k,)."""
+        return self.fitted.values
 
-    def again(self, job: Job) -> tuple[FloatArray, FloatArray] | None:
-        """Values and variances of a fit to another log; None where it fails."""
-        found = self.disturbed.found
-        try:
-            other = job.fit(values_of(found), found.sizes)
-        except ConvergenceError:
-            return None
-        own = DisturbedFit(job, other, ()).fit
-        return own.minimum.point.values, np.diag(own.covariance)
+    @property
+    def estimate(self) -> Estimate:
+        """The same with its covariance."""
+        return self.disturbed.estimate
 
     @cached_property
     def white_noise(self) -> FloatArray:
         """Noise of each input that its motor's disturbance would be, shape (n_joints,)."""
-        sizes, values = self.disturbed.found.sizes, self.disturbed.values
-        sample_time = max(recording.sample_time for recording in self.job.recordings)
+        sizes, values = self.disturbed.best.sizes, self.disturbed.values
+        sample_time = max(recording.sample_time for recording in self.job.data.samples)
         joints = range(1, self.job.balance.joints + 1)
         gains = np.array([abs(values[f"torque_constant_{joint}"]) for joint in joints])
         torques = self.disturbed.disturbing_torques()[1::2]
@@ -77,7 +72,7 @@ class Doubted:
     @cached_property
     def input_noise(self) -> FloatArray:
         """Noise of each input that may be in the log alone, shape (n_joints,)."""
-        logged = [[position_noise(c) for c in r.inputs.T] for r in self.job.recordings]
+        logged = [[position_noise(c) for c in r.inputs.T] for r in self.job.data.samples]
         return np.minimum(np.max(logged, axis=0), self.white_noise)
 
 
@@ -95,49 +90,53 @@ def noise_of_the_inputs(doubted: Doubted) -> FloatArray:
     Noise of both signs is added, so that the mean change is the bias alone (simulation and
     extrapolation: Cook and Stefanski, J. American Statistical Association 89, 1994).
     """
-    job, rng = doubted.job, np.random.default_rng(_SEED)
-    found = doubted.disturbed.found
-    drawn = [doubted.input_noise * rng.standard_normal(r.inputs.shape) for r in job.recordings]
+    job, fitted = doubted.job, doubted.fitted
+    rng = np.random.default_rng(_SEED)
+    samples = job.data.samples
+    drawn = [doubted.input_noise * rng.standard_normal(r.inputs.shape) for r in samples]
     moved = -doubted.values
     for sign in (1.0, -1.0):
-        noisy = [
+        noisy = tuple(
             replace(r, inputs=r.inputs + sign * noise)
-            for r, noise in zip(job.recordings, drawn, strict=True)
-        ]
-        with_noise = replace(job, recordings=noisy).with_gains_of(found, values_of(found))
-        moved = moved + 0.5 * with_noise.point.values
+            for r, noise in zip(samples, drawn, strict=True)
+        )
+        other = replace(job, data=replace(job.data, samples=noisy)).in_band
+        moved = moved + 0.5 * other.with_gains_of(fitted, fitted.by_name).values
     return moved[:, None]
 
 
 def halves_of_the_log(doubted: Doubted) -> FloatArray:
     """What is not random differs between the halves of the log."""
-    job = doubted.job
-    ends = []
+    job, fitted = doubted.job, doubted.fitted
+    ends: list[FittedArm] = []
     for second in (False, True):
-        halves = replace(job, recordings=[half_of(r, second=second) for r in job.recordings])
-        found = halves.with_gains_of(doubted.disturbed.found, values_of(doubted.disturbed.found))
-        ends.append((found.point.values, np.diag(found.reduced.inverse)))
-    (a, of_a), (b, of_b) = ends
-    return beyond_chance(0.5 * (a - b), 0.25 * (of_a + of_b))[:, None]
+        part = tuple(half_of(r, second=second) for r in job.data.samples)
+        half = replace(job, data=replace(job.data, samples=part)).in_band
+        ends.append(half.with_gains_of(fitted, fitted.by_name))
+    of_a, of_b = (end.unit_deviations**2 for end in ends)
+    difference = 0.5 * (ends[0].values - ends[1].values)
+    return beyond_chance(difference, 0.25 * (of_a + of_b))[:, None]
 
 
 def another_band(doubted: Doubted) -> FloatArray:
     """What is not random differs between bands."""
-    other = doubted.again(replace(doubted.job, factor=2 * doubted.job.factor))
-    if other is None:
+    job, best = doubted.job, doubted.disturbed.best
+    try:
+        other = replace(job, factor=2 * job.factor)
+        found = DisturbedFit(other, other.in_band.fit(best.fitted.by_name, best.sizes), ())
+    except ConvergenceError:
         return np.zeros((len(doubted.values), 0))
-    values, variances = other
-    by_chance = np.abs(variances - doubted.variances)
-    return beyond_chance(values - doubted.values, by_chance)[:, None]
+    variances, own = (np.diag(e.covariance) for e in (found.estimate, doubted.estimate))
+    with np.errstate(invalid="ignore"):  # of what neither knows
+        by_chance = np.abs(variances - own)
+    return beyond_chance(found.fitted.values - doubted.values, by_chance)[:, None]
 
 
 def other_minima(doubted: Doubted) -> FloatArray:
     """Another minimum that is hardly less likely may be the right one."""
-    found, rivals = doubted.disturbed.found, doubted.disturbed.rivals
-    near = [
-        r for r in rivals if r.cost < found.cost + RIVAL and r.problem.names == found.problem.names
-    ]
-    moved = [rival.minimum.point.values - doubted.values for rival in near]
+    best, rivals = doubted.disturbed.best, doubted.disturbed.rivals
+    near = [r.fitted for r in rivals if r.cost < best.cost + RIVAL]
+    moved = [rival.values - doubted.values for rival in near]
     return (
         np.array(moved).reshape(len(moved), -1).T if moved else np.zeros((len(doubted.values), 0))
     )
@@ -145,9 +144,9 @@ def other_minima(doubted: Doubted) -> FloatArray:
 
 def negative_values(doubted: Doubted) -> FloatArray:
     """A friction that drives has the part of something else: it may be zero as well."""
-    covariance = doubted.fit.covariance
+    covariance = doubted.estimate.covariance
     found = []
-    for place, name in enumerate(doubted.fit.problem.names):
+    for place, name in enumerate(doubted.fitted.names):
         variance, value = covariance[place, place], doubted.values[place]
         least = -THRESHOLDS.friction_sign * np.sqrt(variance)
         positive = any(word in name for word in _NEVER_NEGATIVE)
@@ -167,7 +166,7 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
     shares = np.array([*doubted.disturbed.shares().values()])
     for each in (torques, shares):
         each[1::2] *= np.sqrt(1.0 - noise**2)
-    sizes = effect_sizes(job.balance, job.recordings)
+    sizes = effect_sizes(job.balance, job.data.samples)
     deviations = {}
     for place, (name, _, term) in enumerate(job.balance.placed()):
         seen = sizes[:, place] > 0.0
@@ -175,7 +174,7 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
         part = np.full(len(shares), LIKE_A_FRICTION) if friction else LIKE_A_TERM * shares
         if seen.any():  # where it stands in two balances, the better one tells
             deviations[name] = float(((part * torques)[seen] / sizes[seen, place]).min())
-    return np.diag([deviations.get(name, 0.0) for name in doubted.fit.problem.names])
+    return np.diag([deviations.get(name, 0.0) for name in doubted.fitted.names])
 
 
 DOUBTS: tuple[tuple[Doubt, str], ...] = (
@@ -193,21 +192,24 @@ DOUBTS: tuple[tuple[Doubt, str], ...] = (
 """Each doubt, and what is said where it makes most of an interval."""
 
 
-def with_doubts(disturbed: DisturbedFit) -> tuple[ArmFit, dict[str, str]]:
-    """The fit with all doubts in its covariance, and which made most of each value's variance."""
-    doubted = Doubted(disturbed, disturbed.fit)
+def with_doubts(disturbed: DisturbedFit) -> tuple[Estimate, dict[str, str]]:
+    """The estimate with all doubts in its covariance, and which made most of each variance."""
+    doubted = Doubted(disturbed)
     with ThreadPoolExecutor(cores()) as pool:
         found = [*pool.map(lambda each: _directions(each[0], doubted), DOUBTS)]
-    covariance = doubted.fit.covariance + sum(own @ own.T for own in found)
-    said = [""] * len(covariance)
+    estimate = doubted.estimate
+    for directions in found:
+        estimate = estimate.widened(directions @ directions.T)
+    said = [""] * len(estimate.names)
     for directions, (_, words) in zip(found, DOUBTS, strict=True):
         variances = np.sum(directions**2, axis=1)
         said = [
             words if 0.5 * whole < variance < np.inf else before
-            for variance, whole, before in zip(variances, np.diag(covariance), said, strict=True)
+            for variance, whole, before in zip(
+                variances, np.diag(estimate.covariance), said, strict=True
+            )
         ]
-    names = doubted.fit.problem.names
-    return replace(doubted.fit, covariance=covariance), dict(zip(names, said, strict=True))
+    return estimate, dict(zip(estimate.names, said, strict=True))
 
 
 def _directions(doubt: Doubt, doubted: Doubted) -> FloatArray:

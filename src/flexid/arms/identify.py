@@ -10,22 +10,25 @@ import numpy as np
 import flexid
 from flexid.arms.disturbed import fit_disturbed
 from flexid.arms.doubts import with_doubts
-from flexid.arms.fitting import ArmFit, effect_sizes, exact_fits
+from flexid.arms.fitting import FittedArm, effect_sizes, exact_fits, explains, residual_excess
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, joint_of_name
-from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.channel_timing import INPUT
+from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED
+from flexid.identification.full_model.model import Structure
 from flexid.identification.judgement.compliance import WEAK_FIT
+from flexid.identification.judgement.estimates import judged_value
 from flexid.identification.judgement.verdict import verdict
+from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.result.warnings import model_warnings
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import Disturbances, ModelError, ParameterEstimate
-from flexid.identification.vocabulary.intervals import interval
+from flexid.identification.vocabulary.intervals import propagated
+from flexid.models.parameter_kinds import Quotient
 from flexid.models.planar_arm import PlanarArm, planar_arm
-from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
+from flexid.models.torque_balance import BodyTerm, JointTerm
 from flexid.recording.caution import Caution, Rank, ranked
 
 REFERENCE = "torque_constant_1"
@@ -47,17 +50,19 @@ def identify_arm(
 ) -> ArmIdentification:
     """Identify an arm from its log."""
     log = read_arm_log(path, arm.joints, columns)
-    balance = planar_arm(arm)
     fixed = fixed_parameters(arm, log.input_units)
-    found = _found(balance, log, fixed, progress)
-    return _result(arm, balance, log, found, fixed)
+    found = _found(
+        Structure(ElasticArm(planar_arm(arm)), frozenset(), Timing("zero"), fixed), log, progress
+    )
+    return _result(arm, log, found)
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
     """A fit, and what is known beyond its numbers."""
 
-    fit: ArmFit
+    fitted: FittedArm
+    estimate: Estimate
     free_run: Mapping[str, float]
     periods: Mapping[int, float]  # per cent of each deflection that is predicted over a period
     shares: Mapping[str, float] | None = None  # what disturbs each balance; None of an exact fit
@@ -66,30 +71,28 @@ class _Found:
 
 
 def _found(
-    balance: TorqueBalance,
-    log: ArmLog,
-    fixed: dict[str, float],
-    progress: Callable[[str], None],
+    structure: Structure[ElasticArm], log: ArmLog, progress: Callable[[str], None]
 ) -> _Found:
     """The exact fit; where that does not explain the log, the fit with disturbances."""
-    exact = exact_fits(balance, log.recordings, fixed, progress)
-    fit, reason = None, exact.hopeless
+    exact = exact_fits(structure, log.data, progress)
+    best, reason = None, exact.hopeless
     if not reason:
         progress("intervals")
-        fit = exact.best()
-        reason = "" if fit.explains else "residuals exceed the encoders' noise"
-    if fit is None or reason:
+        best = exact.best()
+        reason = "" if explains(best[0]) else "residuals exceed the encoders' noise"
+    if best is None or reason:
         progress("what disturbs the arm")
         with suppress(ConvergenceError):
-            disturbed = fit_disturbed(balance, log.recordings, fixed, exact.starts)
+            disturbed = fit_disturbed(structure, log.data, exact.starts)
             progress("what may be wrong with it")
             doubted, widest = with_doubts(disturbed)
-            if not doubted.degrees_of_freedom.any():
+            if not any(doubted.degrees_of_freedom):
                 raise ConvergenceError("arm", "the fit with disturbances knows nothing")
-            return _Found(doubted, *disturbed_run(disturbed), disturbed.shares(), widest, reason)
+            runs, shares = disturbed_run(disturbed), disturbed.shares()
+            return _Found(disturbed.fitted, doubted, *runs, shares, widest, reason)
     progress("free run")
-    fit = fit or exact.best()
-    return _Found(fit, free_run(balance, log.recordings, fit), {})
+    fitted, estimate = best or exact.best()
+    return _Found(fitted, estimate, free_run(fitted), {})
 
 
 def fixed_parameters(arm: PlanarArm, input_units: tuple[str, ...]) -> dict[str, float]:
@@ -105,27 +108,20 @@ def fixed_parameters(arm: PlanarArm, input_units: tuple[str, ...]) -> dict[str, 
     return fixed
 
 
-def _result(
-    arm: PlanarArm,
-    balance: TorqueBalance,
-    log: ArmLog,
-    found: _Found,
-    fixed: dict[str, float],
-) -> ArmIdentification:
-    fit = found.fit
-    names = fit.problem.names
-    shares = _shares(balance, log, fit, fixed)
+def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
+    fitted, estimate = found.fitted, found.estimate
+    structure = fitted.structure
+    balance, fixed = structure.joint.balance, structure.fixed
     parameters: dict[str, ParameterEstimate] = {}
+    shares = _shares(fitted, log)
     for name, joint, term in balance.placed():
-        if name in names:
-            unit = _unit(term, log.input_units, joint)
-            share, why = shares.get(name, 0.0), found.widest.get(name, "")
-            parameters[name] = _judged(name, unit, fit, share, why)
+        if name in fitted.names:
+            parameters[name] = _judged(name, _unit(term, log.input_units, joint), found, shares)
     for joint in range(1, arm.joints + 1):
-        ratio = _ratio(arm, joint, fit, fixed)
+        ratio = _ratio(arm, joint, {**fixed, **fitted.by_name}, estimate)
         parameters[ratio.name] = ratio
     rows = (row.name for row in balance.rows)
-    excess = dict(zip(rows, fit.excess.tolist(), strict=True))
+    excess = dict(zip(rows, residual_excess(fitted).tolist(), strict=True))
     doubts = _doubts(found, parameters, excess)
     for names_doubted, doubt in doubts:
         for name in names_doubted & parameters.keys():
@@ -134,12 +130,7 @@ def _result(
         model="arm",
         arm=arm,
         parameters=parameters,
-        fit=Estimate(
-            names,
-            fit.minimum.point.values,
-            fit.covariance,
-            tuple(fit.degrees_of_freedom.tolist()),
-        ),
+        fit=estimate,
         fixed=fixed,
         input_units=log.input_units,
         free_run_percent=found.free_run,
@@ -147,10 +138,10 @@ def _result(
         disturbed_because=found.reason,
         residual_excess=excess,
         # An input that is low-passed to the arm's band is smooth; it was held all the same.
-        hold=fit.problem.timing.hold if found.shares is None else "zero",
-        input_delay=fit.values.get(INPUT, 0.0),
-        segment_duration=fit.duration,
-        condition_number=_condition(fit),
+        hold=structure.timing.hold if found.shares is None else "zero",
+        input_delay=fitted.delays[INPUT],
+        segment_duration=fitted.problem.segments.mean_duration,
+        condition_number=_condition(fitted),
         warnings=ranked(
             (*log.warnings, *(doubt for _, doubt in doubts), *_warnings(parameters, found, excess))
         ),
@@ -158,26 +149,26 @@ def _result(
     )
 
 
-def _judged(name: str, unit: str, fit: ArmFit, share: float, why: str) -> ParameterEstimate:
-    place = fit.problem.names.index(name)
-    value = fit.values[name]
-    freedom = float(fit.degrees_of_freedom[place])
-    std = float(np.sqrt(fit.covariance[place, place])) if freedom > 0.0 else np.inf
-    ends = interval(value, std, freedom)
-    effect = share * 0.5 * (ends[1] - ends[0])
-    word, reason = verdict(value, ends, effect if np.isfinite(effect) else np.inf)
-    if word != "determined":
-        reason = "; ".join(filter(None, (reason, why, _confusion(place, fit))))
-    slopes = {name: 1.0}
-    return ParameterEstimate(
-        name, unit, value, std, ends, word, reason, degrees_of_freedom=freedom, slopes=slopes
+def _judged(name: str, unit: str, found: _Found, shares: Mapping[str, float]) -> ParameterEstimate:
+    estimate, place = found.estimate, found.fitted.names.index(name)
+    made = judged_value(
+        ParameterEstimate,
+        name,
+        unit,
+        float(estimate.values[place]),
+        float(estimate.deviations[place]),
+        estimate.degrees_of_freedom[place],
+        shares.get(name, 0.0),
     )
+    if made.verdict == "determined":
+        return made
+    why = made.reason, found.widest.get(name, ""), _confusion(place, found.fitted)
+    return replace(made, reason="; ".join(filter(None, why)))
 
 
-def _confusion(place: int, fit: ArmFit) -> str:
+def _confusion(place: int, fitted: FittedArm) -> str:
     """Which other parameter the motion does not separate one from."""
-    inverse = fit.minimum.reduced.inverse
-    spread = np.sqrt(np.diag(inverse))
+    inverse, spread = fitted.minimum.reduced.inverse, fitted.unit_deviations
     if spread[place] == 0.0:
         return ""
     scale = np.where(spread > 0.0, spread, 1.0)
@@ -187,7 +178,7 @@ def _confusion(place: int, fit: ArmFit) -> str:
     if correlation[other] < _CONFUSED:
         return ""
     return (
-        f"the motion hardly separates it from {fit.problem.names[other]} "
+        f"the motion hardly separates it from {fitted.names[other]} "
         f"(correlation {correlation[other]:.3f})"
     )
 
@@ -248,35 +239,25 @@ def _unit(term: JointTerm | BodyTerm, input_units: tuple[str, ...], joint: int) 
     )
 
 
-def _ratio(arm: PlanarArm, joint: int, fit: ArmFit, fixed: dict[str, float]) -> ParameterEstimate:
+def _ratio(
+    arm: PlanarArm, joint: int, values: Mapping[str, float], estimate: Estimate
+) -> ParameterEstimate:
     """Stiffness over the inertia that a joint turns where the arm is straight and motors stand.
 
     It is the square of the antiresonance with all other joints locked, and needs no scale.
     """
-    names, values = fit.problem.names, {**fixed, **fit.values}
-    carried = carried_inertia(arm, joint)
-    inertia = sum(weight * values[name] for name, weight in carried.items())
-    stiffness = f"joint_stiffness_{joint}"
-    value = values[stiffness] / inertia if inertia else np.inf
-    slopes = {stiffness: 1.0 / inertia if inertia else np.inf}
-    slopes |= {name: -value * weight / inertia for name, weight in carried.items() if inertia}
-    places = [names.index(name) for name in slopes if name in names]
-    gradient = np.array([slopes[names[place]] for place in places])
-    freedom = float(fit.degrees_of_freedom[places].min())
-    square = float(gradient @ fit.covariance[np.ix_(places, places)] @ gradient)
-    std = np.sqrt(square) if freedom > 0.0 and np.isfinite(square) else np.inf
-    ends = interval(value, std, freedom)
-    word, reason = verdict(value, ends)
+    name, stiffness = f"stiffness_over_inertia_{joint}", f"joint_stiffness_{joint}"
+    ratio = Quotient(name, "1/s^2", stiffness, carried_inertia(arm, joint))
+    found = propagated(ratio, values, estimate)
     return ParameterEstimate(
-        f"stiffness_over_inertia_{joint}",
-        "1/s^2",
-        value,
-        float(std),
-        ends,
-        word,
-        reason,
-        degrees_of_freedom=freedom,
-        slopes={name: slope for name, slope in slopes.items() if name in names},
+        name,
+        ratio.unit,
+        found.value,
+        found.std,
+        found.interval,
+        *verdict(found.value, found.interval),
+        degrees_of_freedom=found.degrees_of_freedom,
+        slopes=found.slopes,
     )
 
 
@@ -289,11 +270,10 @@ def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:
     return found
 
 
-def _shares(
-    balance: TorqueBalance, log: ArmLog, fit: ArmFit, fixed: dict[str, float]
-) -> dict[str, float]:
+def _shares(fitted: FittedArm, log: ArmLog) -> dict[str, float]:
     """Share of the largest torque of its balance that one unit of each parameter makes."""
-    values = {**fixed, **fit.values}
+    balance = fitted.structure.joint.balance
+    values = {**fitted.structure.fixed, **fitted.by_name}
     sizes = effect_sizes(balance, log.recordings)
     own = np.array([abs(values[name]) for name in balance.coefficients])
     largest = (sizes * own).max(axis=1)
@@ -303,9 +283,9 @@ def _shares(
     )
 
 
-def _condition(fit: ArmFit) -> float:
+def _condition(fitted: FittedArm) -> float:
     """Condition number of the information, each parameter scaled to a unit diagonal."""
-    information: FloatArray = fit.minimum.reduced.information
+    information = fitted.information
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     if not (scale > 0.0).all():
         return np.inf
@@ -324,7 +304,7 @@ def _warnings(
             Rank.MOTION,
         )
     if found.shares is not None:
-        disturbances = Disturbances(found.shares, found.fit.problem.segments.sample_times[0])
+        disturbances = Disturbances(found.shares, found.fitted.data.samples[0].sample_time)
         yield from model_warnings(ModelError(0.0, 0.0, 0.0), "flexible", 0.0, disturbances)
         return
     poor = {name: share for name, share in found.free_run.items() if share < WEAK_FIT}

@@ -1,6 +1,8 @@
 """The log of an arm: each joint's channels read and checked as those of one joint are."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 from flexid.errors import RecordingError
 from flexid.estimators.samples import Samples
 from flexid.files import shown
+from flexid.identification.full_model.model import Data, encoder_noise
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS, SI_UNITS
@@ -34,6 +37,11 @@ class ArmLog:
     warnings: tuple[str, ...]  # a sentence each
     provenance: dict[str, Any]  # file, digest, and the columns of each joint
 
+    @cached_property
+    def data(self) -> Data:
+        """What is fitted."""
+        return arm_data(self.recordings)
+
     @property
     def source(self) -> str:
         """The file."""
@@ -43,6 +51,12 @@ class ArmLog:
     def sha256(self) -> str:
         """Of the file."""
         return self.provenance["sha256"]
+
+
+def arm_data(recordings: Sequence[Samples]) -> Data:
+    """Recordings as fits take them; no channel is thought to be late but the inputs."""
+    groups = tuple(0 for _ in recordings)
+    return Data(tuple(recordings), groups, encoder_noise(recordings), largest_delay=0.0)
 
 
 def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog:

@@ -21,7 +21,7 @@ class ArmIdentification:
     fixed: Mapping[str, float]  # what was not sought
     input_units: tuple[str, ...]  # of each joint
     # share of each channel's motion, in per cent, that a free run over the last third explains with
-    # parameters from the first two; ``motor_1``, ``link_1``, ``deflection_1``,
+    # parameters from the first two; such as ``motor_position_1`` and ``deflection_1``
     free_run_percent: Mapping[str, float]
     # share of each balance's acceleration that no term describes; None where the model explains all
     disturbances: Mapping[str, float] | None

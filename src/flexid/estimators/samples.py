@@ -41,6 +41,17 @@ class Samples:
         """Time of every sample, shape (n,), in s."""
         return self.start_time + self.sample_time * np.arange(len(self), dtype=np.float64)
 
+    def window(self, first: int, last: int) -> "Samples":
+        """The samples from one to another, which does not belong to them."""
+        part = slice(first, last)
+        return Samples(
+            self.positions[part],
+            None if self.velocities is None else self.velocities[part],
+            self.inputs[part],
+            self.sample_time,
+            self.start_time + first * self.sample_time,
+        )
+
 
 def samples_of_recording(recording: Recording) -> Samples:
     """Arrays of a recording for the rows link and motor of the flexible joint."""

@@ -44,6 +44,11 @@ class Segments:
         return len(self.starts)
 
     @property
+    def mean_duration(self) -> float:
+        """Mean length of a segment in s."""
+        return float(np.mean(self.lengths * self.sample_times))
+
+    @property
     def can_be_halved(self) -> bool:
         """Whether each is long enough to be cut in two."""
         return bool(self.lengths.min() >= 2 * FEWEST_SAMPLES)

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from math import atan2, hypot, nan, pi, prod
+from math import atan2, hypot, inf, nan, pi, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +121,41 @@ class Directional(Pair):
         return first + self.sign * second, 1.0, self.sign
 
 
-PhysicalParameter = Product | Pair
+@dataclass(frozen=True)
+class Quotient:
+    """A coefficient over a weighted sum of others."""
+
+    name: str
+    unit: str
+    numerator: str
+    weights: Mapping[str, float]  # of the sum, by coefficient
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients it depends on."""
+        return (self.numerator, *self.weights)
+
+    def value(self, coefficients: Mapping[str, float]) -> float:
+        """Value of the parameter; infinite where the sum is zero."""
+        total = self._total(coefficients)
+        return coefficients[self.numerator] / total if total else inf
+
+    def gradient(
+        self, coefficients: Mapping[str, float], names: Collection[str]
+    ) -> NDArray[np.float64]:
+        """Derivative by the named coefficients, shape (n_names,); infinite as the value."""
+        total, value = self._total(coefficients), self.value(coefficients)
+        if not total:
+            return np.full(len(names), inf)
+        return np.array(
+            [((n == self.numerator) - value * self.weights.get(n, 0.0)) / total for n in names]
+        )
+
+    def _total(self, coefficients: Mapping[str, float]) -> float:
+        return sum(weight * coefficients[name] for name, weight in self.weights.items())
+
+
+PhysicalParameter = Product | Pair | Quotient
 """A function of some coefficients."""
 
 

@@ -36,7 +36,8 @@ def free_run_table(result: ArmIdentification) -> Table:
     table = Table(title, (Column("joint"), *numbers("motor", "link", "deflection")))
     for joint in range(1, result.arm.joints + 1):
         shares = (
-            result.free_run_percent.get(f"{c}_{joint}") for c in ("motor", "link", "deflection")
+            result.free_run_percent.get(f"{channel}_{joint}")
+            for channel in ("motor_position", "link_position", "deflection")
         )
         table.add(str(joint), *("not tested" if s is None else f"{s:.2f}" for s in shares))
     return table

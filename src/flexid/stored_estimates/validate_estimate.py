@@ -10,17 +10,17 @@ from typing import Any, Literal
 import numpy as np
 
 import flexid
-from flexid.arms.fitting import noise_of
-from flexid.arms.log import ArmLog, read_arm_log
+from flexid.arms.log import ArmLog, arm_data, read_arm_log
 from flexid.arms.result import ArmIdentification
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.balance_motion import balance_motion, balance_unknowns
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
-from flexid.identification.full_model.model import Data, data_of
+from flexid.identification.full_model.fitting import motion_at
+from flexid.identification.full_model.model import Data, Structure, data_of
+from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.preparation.joint import Joint, Kind
 from flexid.identification.preparation.recordings import Source, check_distinct, common_input_unit
 from flexid.identification.result.identification import Identification
@@ -242,25 +242,6 @@ def _doubts(stored: Identification) -> Iterator[str]:
         )
 
 
-@dataclass(frozen=True)
-class ArmChannels:
-    """Both positions of each joint, and its deflection."""
-
-    joints: int
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Their names."""
-        kinds = ("link_position", "motor_position", "deflection")
-        return tuple(f"{kind}_{joint}" for joint in range(1, self.joints + 1) for kind in kinds)
-
-    def channels_of(self, positions: FloatArray, inputs: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Channels, shape (n, 3 n_joints), in rad."""
-        links, motors = positions[:, ::2], positions[:, 1::2]
-        stacked = np.stack((links, motors, links - motors), axis=2)
-        return stacked.reshape(len(positions), -1)
-
-
 def validate_arm(
     file: EstimateFile, stored: ArmIdentification, paths: Sequence[Path], columns: Path | None
 ) -> EstimateValidation:
@@ -275,27 +256,17 @@ def validate_arm(
                 f"is in {', '.join(log.input_units)}, and {file.name} was made with inputs in "
                 f"{', '.join(stored.input_units)}: give logs of the same inputs",
             )
-    samples = _long_enough(logs)
-    channels = ArmChannels(stored.arm.joints)
-    noise = noise_of(samples)
-    spread = noise.reshape(-1, 2)
+    data = arm_data(_long_enough(logs))
+    arm, samples = ElasticArm(planar_arm(stored.arm)), data.samples
+    spread = data.noise.reshape(-1, 2)
     by_channel = np.column_stack((spread, np.hypot(*spread.T))).ravel().tolist()
-    balance = planar_arm(stored.arm)
-    values = {**stored.fit.by_name, **stored.fixed}
     delays = {INPUT: stored.input_delay} if stored.input_delay else {}
-    unknowns = balance_unknowns(balance, dict(stored.fixed))
     timing = Timing(stored.hold, delays)
-    problem = balance_motion(balance, divide(samples, _SEGMENT), timing, unknowns)
-    sought = np.array([values[name] for name in problem.names])
-    problem = problem.at(Point(sought, problem.start_states), 1.0 / noise)
-    tested = Tested(
-        "arm",
-        channels,
-        problem,
-        sought,
-        samples,
-        dict(zip(channels.channels, by_channel, strict=True)),
-    )
+    structure = Structure(arm, frozenset(), timing, stored.fixed)
+    segments, values = divide(samples, _SEGMENT), stored.fit.by_name
+    problem, point = motion_at(structure, data, segments, values, None)
+    noise = dict(zip(arm.channels, by_channel, strict=True))
+    tested = Tested("arm", arm, problem, point.values, samples, noise)
     doubts = cautions(Rank.MODEL, [*common_doubts(stored, stored.parameters, logs)])
     return predicted(file, tested, logs, (*(w for log in logs for w in log.warnings), *doubts))
 

@@ -8,20 +8,18 @@ log shows, is a matter of named doubts (`flexid.identification.estimation.doubts
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.innovations import Innovations, Sizes, fit_innovations, predicting
+from flexid.estimators.innovations import Sizes
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.estimators.segments import Segments, divide
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimation.band import (
     PER_PERIOD,
@@ -32,8 +30,9 @@ from flexid.identification.estimation.band import (
 )
 from flexid.identification.estimation.doubts import DOUBTS, Doubted, covariance_of
 from flexid.identification.estimation.excitations import row_sizes
+from flexid.identification.estimation.in_band import FitInBand, InBand, observer_following
 from flexid.identification.estimation.skew import shifted, skew
-from flexid.identification.full_model.fitting import lengths, motion_at
+from flexid.identification.full_model.fitting import lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
@@ -80,44 +79,39 @@ def fit_disturbed(
         if skewed.makes_the_deflection:  # and a spring may be anything
             structure = replace(structure, timing=_given(structure.timing, skewed.delay))
     factor = thinning(data, _start(structure, data))
-    found: list[tuple[float, Fitted, Sizes]] = []
+    found: list[FitInBand] = []
     # A low-passed input has no steps; how it runs between samples and its delay look alike.
     tried: Sequence[Hold] = holds if factor == 1 else holds[:1]
     for hold in tried:
         held = replace(structure, timing=replace(structure.timing, hold=hold))
         for start in _starts(held, thinned(data, factor, held=hold == "zero")):
-            try:
-                fitted, own = _fit(held, data, factor, start)
-            except ConvergenceError:
-                continue
-            found.append((own.cost, fitted, own.sizes))
+            with suppress(ConvergenceError):
+                found.append(_fit(held, data, factor, start))
     if not found:
         raise ConvergenceError(
             "prediction error",
             "the model follows this log from no start: check the channels, their units and signs",
         )
-    _, full, sizes = min(found, key=lambda each: each[0])
-    fitted, evidence = full, ()
+    full = best = min(found, key=lambda each: each.cost)
+    evidence = ()
     strict = replace(thresholds, friction_sign=np.inf)
     for _ in range(_ROUNDS):
-        leaner, own = eliminate(fitted, kept, strict)
+        leaner, own = eliminate(best.fitted, kept, strict)
         evidence = latest(evidence, own)
-        unchanged = leaner.absent == fitted.structure.absent
-        if unchanged and leaner.timing.sought == fitted.structure.timing.sought:
+        before = best.fitted.structure
+        if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
             break
-        fitted, innovations = _fit(leaner, data, factor, fitted.by_name, sizes)
-        sizes = innovations.sizes
-    return Disturbed(fitted, full, evidence, sizes, _shares(fitted, sizes), factor)
+        best = _fit(leaner, data, factor, best.fitted.by_name, best.sizes)
+    shares = _shares(best.fitted, best.sizes)
+    return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, factor)
 
 
 def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     """The same structures fitted to other data of the same drive."""
-    fitted, own = _fit(
-        found.fitted.structure, data, found.factor, found.fitted.by_name, found.sizes
-    )
-    full, _ = _fit(found.full.structure, data, found.factor, found.full.by_name, own.sizes)
-    shares = _shares(fitted, own.sizes)
-    return replace(found, fitted=fitted, full=full, sizes=own.sizes, shares=shares)
+    own = _fit(found.fitted.structure, data, found.factor, found.fitted.by_name, found.sizes)
+    full = _fit(found.full.structure, data, found.factor, found.full.by_name, own.sizes).fitted
+    shares = _shares(own.fitted, own.sizes)
+    return replace(found, fitted=own.fitted, full=full, sizes=own.sizes, shares=shares)
 
 
 def follower(found: Disturbed, data: Data) -> Follower:
@@ -125,14 +119,7 @@ def follower(found: Disturbed, data: Data) -> Follower:
     directed = directions(data.samples, 1)
     sizes = replace(found.sizes, sensors=found.sizes.sensors * np.sqrt(found.factor))
 
-    def follow(
-        model: SegmentedMotion, values: FloatArray, windows: Segments, warm: NDArray[np.int64]
-    ) -> tuple[SegmentedMotion, FloatArray]:
-        problem = replace(model, segments=windows)
-        point = Point(values, problem.start_states)
-        return predicting(problem, point, directed, sizes, warm), point.initial_states
-
-    return follow
+    return observer_following(directed, sizes)
 
 
 def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimate:
@@ -227,7 +214,7 @@ def _halves(found: Disturbed, data: Data) -> tuple[Fitted, Fitted] | None:
 def _again(found: Disturbed, data: Data, factor: int) -> Fitted | None:
     fitted = found.fitted
     try:
-        other, _ = _fit(fitted.structure, data, factor, fitted.by_name, found.sizes)
+        other = _fit(fitted.structure, data, factor, fitted.by_name, found.sizes).fitted
     except ConvergenceError:
         return None
     # A channel that is moved out of the log leaves nothing to compare.
@@ -238,15 +225,7 @@ def _again(found: Disturbed, data: Data, factor: int) -> Fitted | None:
 def half_of(samples: Samples, *, second: bool) -> Samples:
     """One half of a recording."""
     middle = len(samples) // 2
-    part = slice(middle, None) if second else slice(0, middle)
-    velocities = None if samples.velocities is None else samples.velocities[part]
-    return replace(
-        samples,
-        positions=samples.positions[part],
-        velocities=velocities,
-        inputs=samples.inputs[part],
-        start_time=samples.start_time + second * middle * samples.sample_time,
-    )
+    return samples.window(middle, len(samples)) if second else samples.window(0, middle)
 
 
 def _fit(
@@ -255,32 +234,32 @@ def _fit(
     factor: int,
     start: Mapping[str, float],
     sizes: Sizes | None = None,
-) -> tuple[Fitted, Innovations]:
+) -> FitInBand:
     """A structure fitted to a log in its band, within bounds."""
     own = thinned(data, factor, held=structure.timing.hold == "zero")
-    directed = directions(data.samples, factor)
     timing = structure.timing if factor == 1 else replace(structure.timing, hold="cubic")
-    segments = divide(own.samples, own.duration, margin=own.margin)
-    slowest = slowest_disturbance(own, rigid=structure.joint.kind == "rigid")
-    last: list[Innovations] = []
+    in_band = InBand(
+        replace(structure, timing=timing),
+        own,
+        directions(data.samples, factor),
+        slowest_disturbance(own, rigid=structure.joint.kind == "rigid"),
+        _sensor_noise(own),
+        own.duration,
+    )
+    last: list[FitInBand] = []
 
     def fit_with(unknowns: Unknowns) -> Fitted:
         fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
-        timed = replace(structure, timing=timing, fixed={**structure.fixed, **fixed})
-        problem, point = motion_at(timed, own, segments, start, None)
-        problem = replace(problem, weights=1.0 / _sensor_noise(own))
-        last.append(fit_innovations(problem, point, directed, slowest, sizes))
-        found = last[-1]
-        if not np.isfinite(found.minimum.equations.cost):
-            raise ConvergenceError("prediction error", "the disturbed motion diverges")
-        return Fitted(structure, own, found.problem, found.minimum, own.duration)
+        bounded = replace(in_band.structure, fixed={**structure.fixed, **fixed})
+        last.append(replace(in_band, structure=bounded).fit(start, sizes))
+        return last[-1].fitted
 
     unknowns = structure.unknowns(data.groups)
     bounds = {c: b for c, b in structure.bounds.items() if c not in structure.absent}
     fitted, at_bound = (
         bounded_fit(fit_with, unknowns, bounds) if bounds else (fit_with(unknowns), {})
     )
-    return replace(fitted, at_bound=at_bound), last[-1]
+    return replace(last[-1], fitted=replace(fitted, structure=structure, at_bound=at_bound))
 
 
 def _sensor_noise(data: Data) -> FloatArray:

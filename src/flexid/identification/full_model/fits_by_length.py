@@ -63,7 +63,7 @@ def fit_full_model(
     """Fit the full model over segments of growing length."""
     divisions = lengths(data, *durations)
     progress("the full model")
-    short = [s for s in divisions if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
+    short = [s for s in divisions if s.mean_duration <= _SHORT]
     short = short or divisions[:1]
     found = first_fits([_with_hold(base, hold) for hold in holds], data, short, thresholds)
     if found[-1].excess > thresholds.sensor_excess:

@@ -5,7 +5,7 @@ before it ended, with its states.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -16,10 +16,10 @@ from flexid.estimators.gauss_newton import ITERATIONS, NEARLY_NOISE, Minimum, mi
 from flexid.estimators.integration_error import MOST, refinement
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import least_with
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide
 from flexid.estimators.unknowns import Unknowns
-from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, Structure
+from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, M, Structure
 
 SHORTEST = 0.1
 """Length in s of the segments that a fit begins with: any start is good enough for these."""
@@ -28,14 +28,24 @@ LONGEST = 10.0
 """Length in s beyond which segments hold hardly more information."""
 
 
+@dataclass(frozen=True)
+class Steps:
+    """How a fit takes its steps, and what ends them."""
+
+    tolerance: float = ROUGH  # standard deviations, that the last step is shorter than
+    insist: bool = True  # on convergence
+    iterations: int = ITERATIONS  # at most
+    enough: float = 0.0  # variance of the residuals, up to which convergence is not insisted on
+    most_substeps: float = np.inf  # of integration per sample
+
+
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
     """The data cut into segments of growing length, each of two of the length before."""
     first = divide(data.samples, min(longest, data.duration), margin=data.margin)
     found = [first]
     while True:
         last = found[-1]
-        mean = float(np.mean(last.lengths * last.sample_times))
-        if mean < 1.5 * shortest or not last.can_be_halved:
+        if last.mean_duration < 1.5 * shortest or not last.can_be_halved:
             return found[::-1]
         found.append(last.halved())
 
@@ -54,8 +64,8 @@ def fit_by_length(
     They end at the length at which the fit fails. One whose steps do not end is kept where
     its residuals are nearly those of the noise, and leads on.
     """
-    how = {"insist": insist, "iterations": iterations, "enough": NEARLY_NOISE}
-    first = _fit_segments(structure, data, divisions[0], start, states, ROUGH, **how)
+    steps = Steps(insist=insist, iterations=iterations, enough=NEARLY_NOISE)
+    first = fit_segments(structure, data, divisions[0], start, states, steps)
     return [first, *longer_fits(first, divisions[1:])]
 
 
@@ -67,15 +77,20 @@ def longer_fits(first: Fitted, divisions: Sequence[Segments]) -> list[Fitted]:
     """
     last, found = first, []
     for segments in (longer for longer in divisions if len(longer) < len(first.problem.segments)):
-        before = last.minimum.point.initial_states
-        states = before[:: len(before) // len(segments)]
-        rest = (segments, last.by_name, states, ROUGH)
         try:
-            last = _fit_segments(first.structure, first.data, *rest, enough=NEARLY_NOISE)
+            last = over_longer(last, segments, Steps(enough=NEARLY_NOISE))
         except ConvergenceError:
             break
         found.append(last)
     return found
+
+
+def over_longer(fitted: Fitted[M], segments: Segments, steps: Steps) -> Fitted[M]:
+    """The same fit over longer segments, from where it ended."""
+    before = fitted.minimum.point.initial_states
+    states = before[:: len(before) // len(segments)]
+    start = fitted.by_name
+    return fit_segments(fitted.structure, fitted.data, segments, start, states, steps)
 
 
 def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
@@ -124,7 +139,7 @@ def expanded(structure: Structure, fitted: Fitted) -> Fitted:
     """A wider structure about the values of a fit, not fitted itself: its quadratic form there."""
     unknowns = structure.unknowns(fitted.data.groups)
     problem = replace(
-        segmented_motion(unknowns.system, fitted.problem.segments, fitted.problem.timing, unknowns),
+        structure.joint.motion(fitted.problem.segments, fitted.problem.timing, unknowns),
         timing=replace(fitted.problem.timing, sought=structure.timing.sought),
         substeps=fitted.problem.substeps,
         weights=fitted.problem.weights,
@@ -160,13 +175,13 @@ def refit(
     def fit_with(unknowns: Unknowns) -> Fitted:
         # What ended at a bound is fixed there.
         fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
-        found = _fit_segments(
+        found = fit_segments(
             replace(structure, fixed={**structure.fixed, **fixed}),
             data,
             segments,
             start,
             states,
-            tolerance,
+            Steps(tolerance),
         )
         if not found.has_partners:
             raise ConvergenceError(
@@ -211,7 +226,7 @@ def _following(structure: Structure, fitted: Fitted) -> Iterator[dict[str, float
 
 
 def motion_at(
-    structure: Structure,
+    structure: Structure[M],
     data: Data,
     segments: Segments,
     start: Mapping[str, float],
@@ -223,9 +238,8 @@ def motion_at(
     Without states, of all segments, it begins near the measured positions. The refinement is how
     many times as many steps as usual it takes.
     """
-    unknowns = structure.unknowns(data.groups)
     timing = replace(structure.timing, relative_to=data.relative_to)
-    problem = segmented_motion(unknowns.system, segments, timing, unknowns)
+    problem = structure.joint.motion(segments, timing, structure.unknowns(data.groups))
     if states is None or len(states) != len(segments):
         states = problem.start_states
     grips = dict.fromkeys(structure.joint.grips.values(), structure.joint.first_grip)
@@ -236,20 +250,24 @@ def motion_at(
     return problem.at(point, 1.0 / data.noise, refinement), point
 
 
-def _fit_segments(
-    structure: Structure,
+def fit_segments(
+    structure: Structure[M],
     data: Data,
     segments: Segments,
     start: Mapping[str, float],
     states: FloatArray | None,
-    tolerance: float,
-    *,
-    insist: bool = True,
-    iterations: int = ITERATIONS,
-    enough: float = 0.0,
-) -> Fitted:
-    steps = data.refinement if tolerance <= FINE else 1
-    problem, point = motion_at(structure, data, segments, start, states, steps)
-    found = minimise(problem, point, tolerance, insist=insist, iterations=iterations, enough=enough)
-    duration = float(np.mean(segments.lengths * segments.sample_times))
-    return Fitted(structure, data, problem, found, duration)
+    steps: Steps,
+) -> Fitted[M]:
+    """Fit over given segments, without bounds."""
+    finer = data.refinement if steps.tolerance <= FINE else 1
+    problem, point = motion_at(structure, data, segments, start, states, finer)
+    problem = replace(problem, substeps=int(min(problem.substeps, steps.most_substeps)))
+    found = minimise(
+        problem,
+        point,
+        steps.tolerance,
+        insist=steps.insist,
+        iterations=steps.iterations,
+        enough=steps.enough,
+    )
+    return Fitted(structure, data, problem, found, segments.mean_duration)

@@ -7,8 +7,10 @@ of its channels.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Generic
 
 import numpy as np
+from typing_extensions import TypeVar
 
 from flexid.estimators.bounded import Bounds
 from flexid.estimators.channel_timing import Timing
@@ -17,6 +19,7 @@ from flexid.estimators.prediction_error import PredictionErrorFit, described
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Unknowns
+from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.preparation.joint import Joint
 from flexid.recording.recording import Recording
 from flexid.recording.slow_motion import scales_apart
@@ -28,28 +31,38 @@ LINK = "link_delay"
 ROUGH, FINE = 1.0, 1e-2
 """Length of a step, in standard deviations, that ends an iteration: on the way, and at its end."""
 
-_MARGIN = 0.03  # s at both ends of a recording in which late channels have no partner
+_MARGIN = 0.03  # s
 _LARGEST_MARGIN = 0.05  # of a recording
 _FINEST = 1e-9  # noise over the largest position that still counts as some
+
+
+M = TypeVar("M", bound=Joint | ElasticArm, default=Joint)
+"""A drive with all its terms."""
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
     """What a model is fitted to."""
 
-    samples: tuple[Samples, ...]  # recordings with velocities
+    samples: tuple[Samples, ...]  # recordings; of a joint, with velocities
     groups: tuple[int, ...]  # the log of each
     noise: FloatArray  # (n_rows,): standard deviation of each position's noise
     # rows whose position was measured relative to another row's, or to an input
     relative_to: Mapping[str, str] = field(default_factory=dict)
     scales_apart: float = 0.0  # share by which the scales of two encoders contradict each other
     refinement: int = 1  # how many times as many integration steps as usual a fit takes at its end
+    # s at both ends of a recording, where late channels lack partners
+    largest_delay: float = _MARGIN
 
     @cached_property
     def margin(self) -> float:
         """Seconds at both ends of each recording that belong to no segment."""
-        shortest = min(len(recording) * recording.sample_time for recording in self.samples)
-        return min(_MARGIN, _LARGEST_MARGIN * shortest)
+        return min(self.largest_delay, _LARGEST_MARGIN * self.shortest)
+
+    @cached_property
+    def shortest(self) -> float:
+        """Length of the shortest recording in s."""
+        return min(len(recording) * recording.sample_time for recording in self.samples)
 
     @cached_property
     def duration(self) -> float:
@@ -73,22 +86,27 @@ class Data:
 def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]) -> Data:
     """Recordings with velocities as a joint's fits take them."""
     samples = tuple(joint.samples(recording) for recording in recordings)
-    longest = max(samples, key=len)
-    largest = max(float(np.abs(own.positions).max()) for own in samples)
-    noise = np.array([position_noise(position) for position in longest.positions.T])
     relative = {}
     if joint.kind != "rigid" and recordings[0].link_from_deflection:
         # The link alone has the motor's position as its first input.
         relative = {"link": "motor" if joint.kind == "flexible" else joint.system.inputs[0]}
     apart = max(abs(scales_apart(recording)[0]) for recording in recordings)
-    return Data(samples, tuple(groups), np.maximum(noise, _FINEST * largest), relative, apart)
+    return Data(samples, tuple(groups), encoder_noise(samples), relative, apart)
+
+
+def encoder_noise(samples: Sequence[Samples]) -> FloatArray:
+    """Standard deviation of each position's noise, shape (n_rows,)."""
+    longest = max(samples, key=len)
+    largest = max(float(np.abs(own.positions).max()) for own in samples)
+    noise = np.array([position_noise(position) for position in longest.positions.T])
+    return np.maximum(noise, _FINEST * largest)
 
 
 @dataclass(frozen=True, eq=False)
-class Structure:
+class Structure(Generic[M]):
     """A model with the choices made about it."""
 
-    joint: Joint  # with all its terms
+    joint: M  # with all its terms
     absent: frozenset[str]  # coefficients that are zero: terms that are off, or found to be
     timing: Timing  # hold of the input, and the delays
     fixed: Mapping[str, float] = field(default_factory=dict)  # coefficients whose value is given
@@ -108,7 +126,7 @@ class Structure:
             if not {*names} - follows <= self.absent
         )
 
-    def without(self, names: Iterable[str]) -> "Structure":
+    def without(self, names: Iterable[str]) -> "Structure[M]":
         """The same with some coefficients and delays zero, and what follows from them."""
         gone = {name.partition("[")[0] for name in names}
         gone |= {c for c, (source, _, _) in self.joint.ties.items() if source in gone}
@@ -123,10 +141,10 @@ class Structure:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class Fitted(Generic[M]):
     """A structure fitted to data over segments of one length."""
 
-    structure: Structure  # what was fitted
+    structure: Structure[M]  # what was fitted
     data: Data  # to what
     problem: SegmentedMotion  # the motion that was fitted
     minimum: Minimum  # where it ended
@@ -155,7 +173,7 @@ class Fitted:
         return {**self.at_bound, **dict(zip(self.names, self.values.tolist(), strict=True))}
 
     @property
-    def ended(self) -> Structure:
+    def ended(self) -> Structure[M]:
         """The structure with what ended at a bound fixed there."""
         return replace(self.structure, fixed={**self.structure.fixed, **self.at_bound})
 

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,12 +14,15 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     ParameterEstimate,
+    ValueEstimate,
     balance_of,
 )
 from flexid.identification.vocabulary.intervals import POSITIVE, interval, propagated
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import CONSTANT_UNITS
 from flexid.models.parameter_kinds import Product
+
+V = TypeVar("V", bound=ValueEstimate)
 
 
 def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, float]) -> float:
@@ -33,6 +36,23 @@ def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, flo
         return half * min(own, sizes.get(found.name, np.inf))
 
     return max(map(relative, estimates.values()), default=0.0)
+
+
+def judged_value(
+    kind: type[V],
+    name: str,
+    unit: str,
+    value: float,
+    std: float,
+    freedom: float,
+    size: float = np.inf,
+    thresholds: Thresholds = THRESHOLDS,
+) -> V:
+    """A number that was fitted, with interval and verdict; `size` is the effect of one unit."""
+    ends = interval(value, std, freedom)
+    effect = 0.5 * (ends[1] - ends[0]) * size
+    judged = verdict(value, ends, effect, thresholds)
+    return kind(name, unit, value, std, ends, *judged, freedom, slopes={name: 1.0})
 
 
 def coefficient_estimates(
@@ -50,17 +70,17 @@ def coefficient_estimates(
     for place, name in enumerate(estimate.names):
         if _base(name) not in joint.units:  # a delay
             continue
-        value, std = float(estimate.values[place]), float(deviations[place])
-        freedom = estimate.degrees_of_freedom[place]
-        ends = interval(value, std, freedom)
-        unit = _unit(joint.units[_base(name)], input_unit)
-        half = 0.5 * (ends[1] - ends[0])
         # Only what may be absent can be determined to be negligible.
-        small = name in sizes and _base(name) in joint.optional
-        effect = half * sizes[name] if small else np.inf
-        judged = verdict(value, ends, effect, thresholds)
-        estimates[name] = CoefficientEstimate(
-            name, unit, value, std, ends, *judged, freedom, slopes={name: 1.0}
+        size = sizes.get(name, np.inf) if _base(name) in joint.optional else np.inf
+        estimates[name] = judged_value(
+            CoefficientEstimate,
+            name,
+            _unit(joint.units[_base(name)], input_unit),
+            float(estimate.values[place]),
+            float(deviations[place]),
+            estimate.degrees_of_freedom[place],
+            size,
+            thresholds,
         )
     for name, (value, reason) in fixed.items():
         unit = _unit(joint.units[_base(name)], input_unit)

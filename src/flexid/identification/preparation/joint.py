@@ -12,12 +12,15 @@ from typing import Literal
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import (
     Samples,
     link_samples,
     rigid_samples,
     samples_of_recording,
 )
+from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
+from flexid.estimators.segments import Segments
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
@@ -192,6 +195,10 @@ class Joint:
             if c not in fixed and c not in absent
         ]
         return Unknowns(system, {**off, **given}, tuple(offsets), tuple(groups), ties)
+
+    def motion(self, segments: Segments, timing: Timing, unknowns: Unknowns) -> SegmentedMotion:
+        """Its motion over segments."""
+        return segmented_motion(unknowns.system, segments, timing, unknowns)
 
     def parameters(
         self, coefficients: Collection[str], input_is_torque: bool

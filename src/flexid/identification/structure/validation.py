@@ -7,7 +7,6 @@ model runs on from there. Nothing of the stretch itself but the input is used.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,8 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
 from flexid.identification.full_model.model import Data, Fitted
+from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.following import following_states
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 
@@ -30,18 +31,8 @@ stretches and their first states.
 """
 
 
-class Channels(Protocol):
-    """What a free run is compared in."""
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Their names."""
-        ...
-
-    def channels_of(self, positions: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Channels, shape (n, n_channels), in rad, of positions and inputs."""
-        ...
-
+Channels = Joint | ElasticArm
+"""What a free run is compared in."""
 
 HORIZONS = (0.05, 0.2, 1.0, 5.0)
 """Seconds after which predictions begin anew."""
@@ -94,8 +85,8 @@ def validate_with(
         if all(origins):
             begin = follow if follow and horizon <= _WARM_UP else from_fitted_states
             predicted = _predictions(joint, problem, values, samples, origins, horizon, begin)
-            fits[horizon] = _percent(joint, predicted, spreads)
-    return Validation(_percent(joint, runs, spreads), tuple(runs), fits)
+            fits[horizon] = percent_explained(joint, predicted, spreads)
+    return Validation(percent_explained(joint, runs, spreads), tuple(runs), fits)
 
 
 def misprediction(validation: Validation) -> float:
@@ -146,7 +137,7 @@ def _predictions(
     """Predicted motion from each origin on, for a horizon in s or to the end of its recording."""
     duration = sum(len(own) * own.sample_time for own in recordings)
     whole = divide(recordings, duration)  # one segment for each recording
-    firsts, warm, total, sources, places = [], [], [], [], []
+    firsts, warm, total, sources = [], [], [], []
     for recording, (samples, own) in enumerate(zip(recordings, origins, strict=True)):
         offset = int(whole.recording_starts[recording])
         for origin in own:
@@ -158,23 +149,34 @@ def _predictions(
             warm.append(origin - first)
             total.append(last - first)
             sources.append(recording)
-            places.append(origin)
     windows = _windows(whole, firsts, total, sources)
-    problem, states = follow(model, values, windows, np.array(warm, dtype=np.int64))
+    return predicted_runs(joint, model, values, windows, np.array(warm, dtype=np.int64), follow)
+
+
+def predicted_runs(
+    joint: Channels,
+    model: SegmentedMotion,
+    values: FloatArray,  # (k,)
+    windows: Segments,
+    warm: NDArray[np.int64],  # (n_windows,): samples that are followed
+    follow: Follower,
+) -> list[FreeRun]:
+    """Predicted motion over the rest of each window, whose first samples are followed."""
+    problem, states = follow(model, values, windows, warm)
     equations = problem.equations(Point(values, states), "nothing")
     measured = problem.timely(values)
     runs = []
-    for s, (first, skipped, length) in enumerate(zip(firsts, warm, total, strict=True)):
+    for s, (first, skipped, length) in enumerate(
+        zip(windows.starts, warm, windows.lengths, strict=True)
+    ):
         part = slice(first + skipped, first + length)
-        seen = measured[part]
         inputs = windows.inputs[part]
-        channels = joint.channels_of(seen, inputs)
-        predicted = joint.channels_of(seen - equations.residuals[part], inputs)
+        channels = joint.channels_of(measured[part], inputs)
+        predicted = joint.channels_of(measured[part] - equations.residuals[part], inputs)
         if equations.diverged[s]:
             predicted = np.full_like(channels, np.inf)
-        samples = recordings[sources[s]]
-        time = samples.time[places[s] : places[s] + len(seen)]
-        runs.append(FreeRun(time, channels, predicted))
+        after = windows.sample_times[s] * np.arange(skipped, length)
+        runs.append(FreeRun(windows.start_times[s] + after, channels, predicted))
     return runs
 
 
@@ -190,13 +192,14 @@ def _windows(
     whole: Segments, firsts: Sequence[int], spans: Sequence[int], recordings: Sequence[int]
 ) -> Segments:
     """Stretches of recordings as segments; `whole` has one segment for each recording."""
-    own = np.array(recordings, dtype=np.int64)
+    own, starts = np.array(recordings, dtype=np.int64), np.array(firsts, dtype=np.int64)
+    after = whole.sample_times[own] * (starts - whole.recording_starts[own])
     return replace(
         whole,
-        starts=np.array(firsts, dtype=np.int64),
+        starts=starts,
         lengths=np.array(spans, dtype=np.int64),
         sample_times=whole.sample_times[own],
-        start_times=whole.start_times[own],
+        start_times=whole.start_times[own] + after,
         recordings=own,
     )
 
@@ -214,7 +217,12 @@ def _spread(stretches: Sequence[FloatArray]) -> FloatArray:
     return np.sqrt(np.asarray(squares) / sum(map(len, stretches)))
 
 
-def _percent(joint: Channels, runs: Sequence[FreeRun], spreads: FloatArray) -> dict[str, float]:
+def percent_explained(
+    joint: Channels,
+    runs: Sequence[FreeRun],
+    spreads: FloatArray,  # (n_channels,)
+) -> dict[str, float]:
+    """Per cent of each channel that runs predict, of root mean squares."""
     squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in runs)
     error = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in runs))
     with np.errstate(invalid="ignore"):

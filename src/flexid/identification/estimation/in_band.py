@@ -1,0 +1,83 @@
+"""A structure fitted with disturbances to a log in its band (`flexid.estimators.innovations`)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Generic
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
+from flexid.estimators.gauss_newton import Minimum, minimise
+from flexid.estimators.innovations import Sizes, fit_innovations, predicting
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segments import Segments, divide
+from flexid.identification.full_model.fitting import motion_at
+from flexid.identification.full_model.model import FINE, Data, Fitted, M, Structure
+from flexid.identification.structure.validation import Follower
+
+_STEPS = 10  # with gains that are held
+
+
+@dataclass(frozen=True, eq=False)
+class FitInBand(Generic[M]):
+    """A fit with disturbances."""
+
+    fitted: Fitted[M]  # its residuals are innovations
+    sizes: Sizes  # of noise and disturbances
+    cost: float  # twice the negative logarithm of the likelihood, but for a constant
+
+
+@dataclass(frozen=True, eq=False)
+class InBand(Generic[M]):
+    """A structure and a log in its band, to be fitted with disturbances."""
+
+    structure: Structure[M]
+    data: Data  # low-passed and thinned out
+    directions: FloatArray  # (n_samples, n_rows): of friction; with no samples, it is set-valued
+    slowest: float  # in 1/s, of a disturbance
+    noise: FloatArray  # (n_rows,): standard deviation of each sensor's, to begin with
+    segment: float  # in s: longer than what an observer remembers
+    # steps of integration, over those of a fit without disturbances, and their largest number
+    coarser: float = 1.0
+    most_substeps: float = np.inf  # per sample
+
+    def fit(self, start: Mapping[str, float], sizes: Sizes | None = None) -> FitInBand[M]:
+        """Values and sizes from a start, in turn."""
+        problem, point = self._problem(start)
+        found = fit_innovations(problem, point, self.directions, self.slowest, sizes)
+        if not np.isfinite(found.cost):
+            raise ConvergenceError("prediction error", "the disturbed motion diverges")
+        fitted = self._fitted(found.problem, found.minimum)
+        return FitInBand(fitted, found.sizes, found.cost)
+
+    def with_gains_of(self, other: Fitted[M], start: Mapping[str, float]) -> Fitted[M]:
+        """Values alone, with the observer of another fit."""
+        problem, point = self._problem(start)
+        observer, weights = other.problem.observer, other.problem.weights
+        problem = replace(problem, observer=observer, weights=weights)
+        found = minimise(problem, point, FINE, insist=False, iterations=_STEPS)
+        return self._fitted(problem, found)
+
+    def _problem(self, start: Mapping[str, float]) -> tuple[SegmentedMotion, Point]:
+        segments = divide(self.data.samples, self.segment, margin=self.data.margin)
+        problem, point = motion_at(self.structure, self.data, segments, start, None)
+        substeps = int(min(np.ceil(self.coarser * problem.substeps), self.most_substeps))
+        return replace(problem, weights=1.0 / self.noise, substeps=substeps), point
+
+    def _fitted(self, problem: SegmentedMotion, minimum: Minimum) -> Fitted[M]:
+        return Fitted(self.structure, self.data, problem, minimum, self.segment)
+
+
+def observer_following(directions: FloatArray, sizes: Sizes) -> Follower:
+    """Predictions from where an observer has got to that knows the sizes of disturbances."""
+
+    def follow(
+        model: SegmentedMotion, values: FloatArray, windows: Segments, warm: NDArray[np.int64]
+    ) -> tuple[SegmentedMotion, FloatArray]:
+        problem = replace(model, segments=windows)
+        point = Point(values, problem.start_states)
+        return predicting(problem, point, directions, sizes, warm), point.initial_states
+
+    return follow
