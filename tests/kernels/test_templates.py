@@ -11,6 +11,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 from numba.core import config
+from numba.core.ccallback import CFunc
 
 from flexid.arrays import FloatArray
 from flexid.control.loop import LoopDeclaration
@@ -20,7 +21,7 @@ from flexid.control.robust import robust_law
 from flexid.derivation.closed_loop import compose_loop
 from flexid.derivation.loop_source import lane_loop_source, stiff_loop_source
 from flexid.derivation.model_functions import model_functions
-from flexid.derivation.regressor_classes import filter_functions
+from flexid.derivation.regressor_classes import compiled_signals
 from flexid.derivation.sampled_loop import sampled_loop_source
 from flexid.derivation.sensitivities import sensitivity_functions
 from flexid.estimators.channel_timing import Timing
@@ -104,7 +105,8 @@ def equations() -> None:
         problem.equations(Point(np.array(sought), start), by)
 
 
-ROWS = {"status", "block_scores", "least_squares_gain", "online"}
+LEAST_SQUARES = {"compiled", "arrays", "status", "block_scores"}
+LEAST_SQUARES |= {"least_squares_rows", "least_squares"}
 LOOP = {"run_status", "loop_measures", "loop_outputs"}
 
 CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
@@ -135,11 +137,11 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
     ),
     "recursive least squares": (
         lambda: estimate(recursive_least_squares(JOINT, H)),
-        ROWS | {"filtered_rows"},
+        LEAST_SQUARES,
     ),
     "least-squares observer": (
         lambda: estimate(recursive_least_squares(JOINT, H, velocities=True)),
-        ROWS | {"velocity_rows"},
+        LEAST_SQUARES,
     ),
     "guard of a stream": (watch_a_stream, {"encoder_turns", "limits", "stream_guard"}),
 }
@@ -157,8 +159,9 @@ def uncompiled(
         exec(compile(path.read_text("utf-8"), str(path), "exec"), plain)
     plain["call"] = lambda address, *arguments: models[int(address)](*arguments)
     plain["part"] = lambda numbers, first, size: numbers[first : first + size]
-    if "MODEL" in plain:
-        models[int(vars(kernel)["MODEL"][0])] = plain["run"]
+    for name, value in vars(kernel).items():
+        if isinstance(value, CFunc):
+            models[int(value.address or 0)] = plain[name]
     return plain
 
 
@@ -245,7 +248,7 @@ def test_stub_has_the_arguments_that_are_generated() -> None:
     law = compose_loop(declaration)
     sources = [
         model_functions(JOINT, "Test"),
-        filter_functions(JOINT, "Test"),
+        compiled_signals(JOINT),
         sensitivity_functions(JOINT, "Test"),
         sampled_loop_source(declaration),
         stiff_loop_source(law),

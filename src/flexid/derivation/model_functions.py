@@ -57,15 +57,9 @@ def right_hand_side_function(symbolic: SymbolicSystem) -> str:
 
 
 def model_functions(system: ParametricSystem, purpose: str) -> str:
-    """Header, regressors and right-hand side: the common front of a kernel's source."""
-    symbolic = symbolic_system(system)
-    return "\n\n".join(
-        (
-            module_header(system, purpose),
-            regressor_function(symbolic),
-            right_hand_side_function(symbolic),
-        )
-    )
+    """Header and right-hand side: the common front of a kernel's source."""
+    rates = right_hand_side_function(symbolic_system(system))
+    return "\n\n".join((module_header(system, purpose), rates))
 
 
 def unpack_variables(symbolic: SymbolicSystem) -> str:

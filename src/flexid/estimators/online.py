@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
@@ -65,6 +66,7 @@ class OnlineEstimator:
     needs_velocities: bool  # whether samples hold velocities, or coordinates and inputs alone
     _kernel: ModuleType
     _settings: FloatArray
+    _layout: tuple[NDArray[np.int64], ...]  # of a model that the kernel was not compiled for
     _first_state: FloatArray
     _first_coefficient: ClassVar[int] = 0
 
@@ -100,7 +102,7 @@ class OnlineEstimator:
         sample : array
             One row of what `pack` makes.
         """
-        return self._kernel.step(state, sample, self._settings)
+        return self._kernel.step(state, sample, self._settings, *self._layout)
 
     def replay(self, state: FloatArray, samples: FloatArray) -> History:
         """Take in many samples, exactly as `step` would one by one.
@@ -115,7 +117,8 @@ class OnlineEstimator:
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         coefficients = np.empty((len(samples), len(self.system.coefficients)))
         infos = np.empty((len(samples), len(self.system.rows) + 1))
-        last = self._kernel.replay(state, samples, self._settings, coefficients, infos)
+        made = coefficients, infos
+        last = self._kernel.replay(state, samples, self._settings, *self._layout, *made)
         return History(coefficients, infos[:, :-1], infos[:, -1], last)
 
     def coefficients(self, state: FloatArray) -> FloatArray:

@@ -73,7 +73,7 @@ def parametric_observer(
     settings = np.array([h, float(hold == "zero"), *diagonal, *constants])
     kernel = _kernel(system)
     state = np.zeros(kernel.STATE_SIZE)
-    return ParametricObserver(system, h, hold, True, kernel, settings, state, diagonal)
+    return ParametricObserver(system, h, hold, True, kernel, settings, (), state, diagonal)
 
 
 def suggest_gains(

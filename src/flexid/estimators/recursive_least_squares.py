@@ -11,6 +11,7 @@ so that the gain A⁻¹ stays bounded when excitation ends; it draws the estimat
 
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +19,10 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import Blocks
 from flexid.estimators.online import OnlineEstimator, checked_sample_time, fading_factor
+from flexid.estimators.state_variable_filter import signals
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-
-N_BLOCKS = 40
-"""Blocks that are kept for the standard deviations."""
 
 _MEMORY = 20.0  # time constants of the filter after which its past is gone: exp(-20) = 2e-9
 _INDEPENDENCE = 10.0  # time constants of the filter that a block spans at least
@@ -31,6 +30,8 @@ _SETTLED = 5.0  # time constants of the filter before anything is called determi
 _BLOCKS_PER_MEMORY = 8.0  # so that 40 blocks reach back over five memories
 _VELOCITY_WINDOW = 0.25  # half window of the velocity estimate, in time constants of the filter
 _LONGEST_HALF_WINDOW = 25  # samples: the window moves with every sample, at that cost
+# Part of a left-hand side to explain: of filtered noise it is a hundredth; increments are noisy.
+_EXPLAINED, _EXPLAINED_BY_INCREMENTS = 0.5, 0.05
 _SHORTEST_BLOCK = 0.5  # s, where there is no filter to say how long noise is correlated
 
 LEAST_INFORMATION = 1e-4
@@ -62,22 +63,23 @@ class RecursiveLeastSquares(OnlineEstimator):
     The innovations are in the unit of the row's left-hand side, an acceleration.
     """
 
+    _sizes: Any  # of the model, and the places in a state: see the template ``least_squares``
+
     @property
     def law(self) -> Law:
         """The numbers that an update goes by."""
         kernel = self._kernel
         settings = self._settings.tolist()
-        filtered = not self.needs_velocities
         return Law(
             settings[kernel.FORGETTING],
             settings[kernel.LEAST_INFORMATION],
             int(settings[kernel.FEWEST]),
             kernel.RIDGE,
             kernel.LEAST_TOLERANCE,
-            kernel.LEAST_EXPLAINED,
-            int(settings[kernel.MEMORY]) if filtered else 0,
-            settings[kernel.N_LAW_SETTINGS + kernel.POLE] if filtered else 0.0,
-            int(settings[kernel.N_LAW_SETTINGS + kernel.HALF_WINDOW]) if filtered else 0,
+            settings[kernel.LEAST_EXPLAINED],
+            int(settings[kernel.MEMORY]),
+            settings[kernel.POLE],
+            int(settings[kernel.HALF_WINDOW]),
         )
 
     def standard_deviations(self, state: FloatArray) -> FloatArray:
@@ -91,32 +93,30 @@ class RecursiveLeastSquares(OnlineEstimator):
         are long enough to be independent of one another; blocks grow with the record, so that there
         are always between 20 and 40, or eight per memory time.
         """
-        kernel = self._kernel
-        kept, clock, _, span, _, past_gone = state[kernel.COUNTS_AT :][:6]
-        n = int(kept)
-        stored = state[kernel.STORED_AT :][: n * kernel.EQUATIONS_SIZE]
-        ends, lengths = state[kernel.ENDS_AT :][:n], state[kernel.LENGTHS_AT :][:n]
+        at = self._sizes
+        kept, clock, _, span, _, past_gone = state[at.counts : at.power]
+        n, size = int(kept), at.own - at.equations
+        stored = state[at.stored :][: n * size]
+        ends, lengths = state[at.ends :][:n], state[at.lengths :][:n]
         if past_gone and span > 0.0:  # the block that is not full yet
-            stored = np.append(stored, state[kernel.OWN_AT :][: kernel.EQUATIONS_SIZE])
+            stored = np.append(stored, state[at.own : at.ends])
             ends, lengths = np.append(ends, clock), np.append(lengths, span)
-        weights = self._settings[kernel.FORGETTING] ** (clock - ends)
+        weights = self.fading ** (clock - ends)
         blocks = Blocks(lengths, weights, *self._equations(stored))
         rows = [part for _, part in self.system.row_slices()]
         return blocks.covariance(rows, self.coefficients(state))
 
     def information(self, state: FloatArray) -> list[FloatArray]:
         """Σ r rᵀ of each row, faded: what its singular values say of excitation, see (A4)."""
-        kernel = self._kernel
-        matrices, _ = self._equations(state[kernel.EQUATIONS_AT :][: kernel.EQUATIONS_SIZE])
+        matrices, _ = self._equations(state[self._sizes.equations : self._sizes.own])
         sizes = [len(row.coefficients) for row in self.system.rows]
         return [matrix[:k, :k].copy() for matrix, k in zip(matrices[0], sizes, strict=True)]
 
     def powers(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Sums of squares of each row's left-hand sides, faded, and what of them is unexplained."""
-        kernel = self._kernel
-        stored = state[kernel.EQUATIONS_AT :][: kernel.EQUATIONS_SIZE]
-        (matrices,), (vectors,) = self._equations(stored)
-        power = np.maximum(state[kernel.POWER_AT :][: kernel.N_ROWS], 0.0)
+        at = self._sizes
+        (matrices,), (vectors,) = self._equations(state[at.equations : at.own])
+        power = np.maximum(state[at.power : at.past], 0.0)
         values = self.coefficients(state)
         unexplained = power.copy()
         for place, (_, part) in enumerate(self.system.row_slices()):
@@ -131,15 +131,16 @@ class RecursiveLeastSquares(OnlineEstimator):
 
     def equations(self, state: FloatArray) -> int:
         """How many equations each row has had."""
-        return int(state[self._kernel.COUNTS_AT + self._kernel.CLOCK])
+        return int(state[self._sizes.counts + self._kernel.CLOCK])
 
     def _equations(self, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Matrices and vectors of blocks' normal equations, as the state holds them."""
-        kernel = self._kernel
-        width, n_rows = kernel.WIDTH, kernel.N_ROWS
-        blocks = numbers.reshape(-1, kernel.EQUATIONS_SIZE)
-        matrices = blocks[:, : kernel.VECTORS].reshape(-1, n_rows, width, width)
-        return matrices, blocks[:, kernel.VECTORS :].reshape(-1, n_rows, width)
+        at = self._sizes
+        width, n_rows = at.width, at.n_rows
+        blocks = numbers.reshape(-1, at.own - at.equations)
+        vectors = n_rows * width * width
+        matrices = blocks[:, :vectors].reshape(-1, n_rows, width, width)
+        return matrices, blocks[:, vectors:].reshape(-1, n_rows, width)
 
 
 def recursive_least_squares(
@@ -184,56 +185,52 @@ def recursive_least_squares(
         If a setting is out of its range.
     """
     h = checked_sample_time(sample_time)
-    half = 0
+    plain = signals(system)
+    half, pole = 0, 0.0
     if velocities:
-        kernel, rows = _velocity_kernel(system), [h, float(hold == "zero")]
         shortest_block, memory, fewest = _SHORTEST_BLOCK / h, 0.0, np.ceil(_SHORTEST_BLOCK / h)
     else:
         if not (np.isfinite(filter_rate) and filter_rate > 0.0):
             raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
         per_constant = 1.0 / (filter_rate * h)
-        kernel = _filtered_kernel(system)
-        if kernel.VELOCITY_NEEDED:
+        if plain.VELOCITY_NEEDED:
             half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
-        rows = [h, float(hold == "zero"), np.exp(-1.0 / per_constant), float(half)]
+        pole = np.exp(-1.0 / per_constant)
         shortest_block = _INDEPENDENCE * per_constant
         memory, fewest = np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)
     fading = fading_factor(memory_time, h)
     longest_block = max(shortest_block, memory_time / h / _BLOCKS_PER_MEMORY)
-    law = [fading, LEAST_INFORMATION, longest_block, memory, fewest]
-    settings = np.array([*law, *rows, *system.constants.values()], dtype=np.float64)
-    state = np.zeros(kernel.STATE_SIZE + 2 * half * kernel.SAMPLE_SIZE)
-    state[kernel.COUNTS_AT + kernel.BLOCK_LENGTH] = shortest_block
-    return RecursiveLeastSquares(system, h, hold, velocities, kernel, settings, state)
-
-
-def _velocity_kernel(system: ParametricSystem) -> ModuleType:
-    def build() -> str:
-        from flexid.derivation.model_functions import model_functions
-
-        source = model_functions(system, "Parametric observer with least-squares gain")
-        return source + _sizes(system)
-
-    templates = _templates("velocity_rows")
-    return load_kernel("least_squares_observer", [system.digest], build, templates)
-
-
-def _filtered_kernel(system: ParametricSystem) -> ModuleType:
-    def build() -> str:
-        from flexid.derivation.regressor_classes import filter_functions
-
-        source = filter_functions(system, "Recursive least squares on positions")
-        return source + _sizes(system)
-
-    templates = _templates("filtered_rows")
-    return load_kernel("recursive_least_squares", [system.digest], build, templates)
-
-
-def _sizes(system: ParametricSystem) -> str:
-    """Lines of a kernel's source: where the coefficients of each row begin, kept blocks."""
+    least_explained = _EXPLAINED_BY_INCREMENTS if velocities else _EXPLAINED
+    law = [fading, LEAST_INFORMATION, longest_block, memory, fewest, least_explained]
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
+    factors = np.empty((plain.N_SIGNALS, len(system.rows)))
+    plain.velocity_factors(constants, factors)
+    rows = [h, float(hold == "zero"), pole, float(half), *constants]
+    settings = np.array([*law, *rows, *factors.ravel(), *plain.HELD], dtype=np.float64)
+    kernel = _kernel()
     starts = (0, *(part.stop for _, part in system.row_slices()))
-    return f"\n\nROW_STARTS = {starts}\nN_BLOCKS = {N_BLOCKS}\n"
+    address = _compiled_signals(system).sampled_parts.address
+    model = kernel.sizes(address, starts, len(system.inputs), len(constants), not velocities, half)
+    layout = np.array([*model, *starts], dtype=np.int64)
+    state = np.zeros(model.state)
+    state[model.counts + kernel.BLOCK_LENGTH] = shortest_block
+    return RecursiveLeastSquares(
+        system, h, hold, velocities, kernel, settings, (layout,), state, model
+    )
 
 
-def _templates(rows: str) -> tuple[str, ...]:
-    return "status", rows, "block_scores", "least_squares_gain", "online"
+def _kernel() -> ModuleType:
+    """The compiled law, which is the same for all models."""
+    templates = "compiled", "arrays", "status", "block_scores", "least_squares_rows"
+    return load_kernel("least_squares", (), None, (*templates, "least_squares"))
+
+
+def _compiled_signals(system: ParametricSystem) -> ModuleType:
+    """What the law calls of a model."""
+
+    def build() -> str:
+        from flexid.derivation.regressor_classes import compiled_signals
+
+        return compiled_signals(system)
+
+    return load_kernel("sampled_signals", [system.digest], build)

@@ -434,7 +434,7 @@ def segmented_motion(
     return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
 
 
-MOTION = ("sin_cos", "runge_kutta", "model")
+MOTION = ("sin_cos", "runge_kutta", "arrays", "model")
 """Templates by which the kernel of the segments moves a model."""
 
 

@@ -143,7 +143,7 @@ class _SampledModel:
         self._constants = np.array(list(system.constants.values()), dtype=np.float64)
         self._rate = 1.0 / float(samples.sample_time)
         self._n_coefficients = len(system.coefficients)
-        self._functions = _signals(system)
+        self._functions = signals(system)
         self.factors = np.empty((self._functions.N_SIGNALS, len(system.rows)))
         self._functions.velocity_factors(self._constants, self.factors)
 
@@ -209,7 +209,7 @@ def _check_velocities(
     recordings: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns
 ) -> None:
     """Refuse a recording without velocities where a term that is not switched off needs one."""
-    needed = _signals(unknowns.system).VELOCITY_NEEDED
+    needed = signals(unknowns.system).VELOCITY_NEEDED
     for place in usable:
         if recordings[place].velocities is not None:
             continue
@@ -258,7 +258,7 @@ def _sought_signals(
     return regressors, left_hand_sides
 
 
-def _signals(system: ParametricSystem) -> ModuleType:
+def signals(system: ParametricSystem) -> ModuleType:
     """The signals of a model as functions of arrays."""
 
     def build() -> str:

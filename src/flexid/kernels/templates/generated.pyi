@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 _Array = NDArray[np.float64]
 _Numbers = tuple[float, ...]
 
-HELD: tuple[bool, ...]
 LANES: int
-N_BLOCKS: int
 N_COEFFICIENTS: int
 N_CONSTANTS: int
 N_CORNERS: int
@@ -21,7 +19,6 @@ N_MEMORIES: int
 N_OBSERVED: int
 N_PARAMETERS: int
 N_ROWS: int
-N_SIGNALS: int
 N_STATES: int
 ROW_STARTS: tuple[int, ...]
 SAMPLE_SIZE: int
@@ -38,8 +35,6 @@ uncounted: Callable[[Any], Any]
 # Of a model.
 def regressors(_x: _Array, _u: _Array, _c: _Array, _r: _Array, _k: _Array) -> None: ...
 def right_hand_side(_x: _Array, _u: _Array, _p: _Array, _c: _Array, _dx: _Array) -> None: ...
-def sampled_parts(_x: _Array, _u: _Array, _c: _Array, _g: _Array) -> None: ...
-def velocity_factors(_c: _Array, _a: _Array) -> None: ...
 def state_rates(
     _x: _Array, _u: _Array, _m: _Array, _p: _Array, _c: _Array, _dx: _Array
 ) -> None: ...

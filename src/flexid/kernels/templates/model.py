@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import cfunc, types
-from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
 
 if TYPE_CHECKING:
+    from flexid.kernels.templates.arrays import part
     from flexid.kernels.templates.generated import (
         N_COEFFICIENTS,
         N_CONSTANTS,
@@ -75,24 +74,6 @@ STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
 SIZES = (N_STATES, N_ROWS, N_INPUTS, N_COEFFICIENTS, N_CONSTANTS, N_CORNERS, N_EQUATIONS, WIDTH)
 PLACES = (Z, BY_REST, DISTURBED, BY_STATE, X, STEP, ALONE, DRIVE)
 PLACES += (MODES, DRY_ROWS, DISTURBANCE, COEFFICIENTS, CONSTANTS, CORNERS, WORK_SIZE)
-
-
-def _part(_: Any, numbers, first, size):
-    """Numbers from a place on, as an array: without the checks that a slice makes."""
-    array = types.Array(numbers.dtype, 1, "C")
-
-    def code(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        numbers, first, size = arguments
-        found = context.make_array(array)(context, builder)
-        bytes_each = context.get_constant(types.intp, 8)
-        data = builder.gep(numbers, [first])
-        populate_array(found, data, [size], [bytes_each], bytes_each, None)
-        return found._getvalue()
-
-    return array(numbers, first, size), code
-
-
-part: Any = intrinsic(_part)
 
 
 @inlined

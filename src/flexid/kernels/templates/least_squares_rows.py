@@ -1,0 +1,174 @@
+"""Rows of the regression, sample by sample: from filtered positions, or from velocities.
+
+Signals of a model are its regressors, row by row, and then the known part of each row. The model's
+own function computes them from a state and inputs, without the terms that are linear in velocities;
+the factors of those are in the settings. All models share this kernel, which calls that function by
+its address.
+"""
+
+from collections import namedtuple
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.arrays import part
+    from flexid.kernels.templates.compiled import call, rounded
+
+# Places in the settings: of the law, then of the rows. Half a window is the samples on either side
+# that a velocity estimate looks at: 0 where none is needed. After them come the model's constants,
+# the factor of each row's velocity in each signal, and which signals depend on an input.
+FORGETTING, LEAST_INFORMATION, LONGEST_BLOCK, MEMORY, FEWEST, LEAST_EXPLAINED = range(6)
+SAMPLE_TIME, ZERO_ORDER, POLE, HALF_WINDOW, CONSTANTS = range(6, 11)
+
+N_PAST = 2  # sequences of which the filter's memory of earlier times consists
+
+# A model: the address of its signals, its sizes, and what lies where in the state; see `sizes`.
+Sizes = namedtuple(
+    "Sizes",
+    "address n_rows n_inputs n_coefficients n_constants n_past width "
+    "counts power past peaks equations own ends lengths stored rows state",
+)
+
+
+@rounded
+def is_held(signal, settings, model):
+    """Whether a signal depends on an input."""
+    n_signals = model.n_coefficients + model.n_rows
+    return settings[CONSTANTS + model.n_constants + n_signals * model.n_rows + signal] != 0.0
+
+
+@rounded
+def past(memory, settings, regressor, first):
+    """What the filter may remember of the time before it started, at its latest row: z^i, i z^i."""
+    rows = memory[0] - (2.0 * settings[HALF_WINDOW] + 3.0)
+    decayed = settings[POLE] ** rows
+    regressor[first] = decayed
+    regressor[first + 1] = rows * decayed
+
+
+@rounded
+def next_row(memory, sample, settings, model, room):
+    """Take in one sample; return whether there is a row: regressors, then left-hand sides."""
+    memory[0] += 1.0
+    if model.n_past > 0:
+        return filtered_row(memory, sample, settings, model, room)
+    return increment_row(memory, sample, settings, model, room)
+
+
+@rounded
+def middle_of_window(memory, settings, model, x):
+    """Positions in the middle of the window, and the slopes of straight lines fitted about it."""
+    h, half = settings[SAMPLE_TIME], int(settings[HALF_WINDOW])
+    size = model.n_rows + model.n_inputs
+    middle = 1 + (half + 2) * size
+    for j in range(model.n_rows):
+        x[2 * j] = memory[middle + j]
+        x[2 * j + 1] = 0.0
+        if half > 0:
+            slope = 0.0
+            for i in range(1, half + 1):
+                slope += i * (memory[middle + i * size + j] - memory[middle - i * size + j])
+            x[2 * j + 1] = 3.0 * slope / (h * half * (half + 1) * (2 * half + 1))
+    return middle
+
+
+@rounded
+def filtered_row(memory, sample, settings, model, room):
+    """A row from sampled positions: as `filtered_least_squares`, sample by sample.
+
+    Positions and inputs lag by half a window, so that velocities can be slopes about them.
+    """
+    x, now, end_now, signals = room
+    n_rows, size = model.n_rows, model.n_rows + model.n_inputs
+    n_signals = model.n_coefficients + n_rows
+    zero_order, pole = settings[ZERO_ORDER] != 0.0, settings[POLE]
+    half = int(settings[HALF_WINDOW])
+    width = 2 * half + 3  # samples that are kept: a second difference at the middle one
+    for i in range(1, 1 + (width - 1) * size):
+        memory[i] = memory[i + size]
+    for j in range(size):
+        memory[1 + (width - 1) * size + j] = sample[j]
+    count = memory[0]
+    if count < 2 * half + 1:
+        return False
+    middle = middle_of_window(memory, settings, model, x)
+    constants = part(settings, CONSTANTS, model.n_constants)
+    inputs = part(memory, middle + n_rows, model.n_inputs)
+    call(model.address, x, inputs, constants, now)
+    if zero_order and count > 2 * half + 1:
+        inputs = part(memory, middle - size + n_rows, model.n_inputs)
+        call(model.address, x, inputs, constants, end_now)
+    else:
+        for i in range(n_signals):
+            end_now[i] = now[i]
+    kept = 1 + width * size
+    before = part(memory, kept, n_signals)
+    long_before = part(memory, kept + n_signals, n_signals)
+    end_before = part(memory, kept + 2 * n_signals, n_signals)
+    once = part(memory, kept + 3 * n_signals, n_signals)
+    twice = part(memory, kept + 4 * n_signals, n_signals)
+    if count >= width:
+        rate = 1.0 / settings[SAMPLE_TIME]
+        for i in range(n_signals):
+            if is_held(i, settings, model):
+                inner = end_before[i] + before[i]
+                value = (1.0 / 6.0) * (long_before[i] + 2.0 * inner + end_now[i])
+            else:
+                value = (1.0 / 12.0) * (long_before[i] + 10.0 * before[i] + now[i])
+            for j in range(n_rows):
+                factor = settings[CONSTANTS + model.n_constants + i * n_rows + j]
+                difference = memory[middle + j] - memory[middle - 2 * size + j]
+                value += factor * (0.5 * rate * difference)
+            if i >= model.n_coefficients:
+                at = middle + i - model.n_coefficients
+                change = memory[at] - memory[at - size]
+                change_before = memory[at - size] - memory[at - 2 * size]
+                value = rate * rate * (change - change_before) - value
+            once[i] = pole * once[i] + (1.0 - pole) * value
+            twice[i] = pole * twice[i] + (1.0 - pole) * once[i]
+            signals[i] = twice[i]
+    for i in range(n_signals):
+        long_before[i] = before[i]
+        before[i] = now[i]
+        end_before[i] = end_now[i]
+    return count >= width
+
+
+@rounded
+def signals_at(x, inputs, settings, model, found):
+    """Signals of the model at a state with its velocities."""
+    call(model.address, x, inputs, part(settings, CONSTANTS, model.n_constants), found)
+    for i in range(model.n_coefficients + model.n_rows):
+        for j in range(model.n_rows):
+            factor = settings[CONSTANTS + model.n_constants + i * model.n_rows + j]
+            found[i] += factor * x[2 * j + 1]
+
+
+@rounded
+def increment_row(memory, sample, settings, model, room):
+    """A row from sampled positions and velocities.
+
+    The increment of each velocity over the interval, per second, against the regressor's mean over
+    it: the Stieltjes integral of r dv, which needs no acceleration.
+    """
+    _, now, _, signals = room
+    n_rows, n_coefficients = model.n_rows, model.n_coefficients
+    n_signals = n_coefficients + n_rows
+    x, u = part(sample, 0, 2 * n_rows), part(sample, 2 * n_rows, model.n_inputs)
+    before = part(memory, 1, n_signals)
+    velocities = part(memory, 1 + n_signals, n_rows)
+    inputs = part(memory, 1 + n_signals + n_rows, model.n_inputs)
+    ready = memory[0] > 1.0
+    if ready:
+        held = inputs if settings[ZERO_ORDER] != 0.0 else u
+        signals_at(x, held, settings, model, now)
+        for i in range(n_signals):
+            signals[i] = 0.5 * (before[i] + now[i])
+        for j in range(n_rows):
+            rise = (x[2 * j + 1] - velocities[j]) / settings[SAMPLE_TIME]
+            signals[n_coefficients + j] = rise - signals[n_coefficients + j]
+    signals_at(x, u, settings, model, before)
+    for j in range(n_rows):
+        velocities[j] = x[2 * j + 1]
+    for j in range(model.n_inputs):
+        inputs[j] = u[j]
+    return ready
