@@ -32,7 +32,7 @@ from flexid.identification.result.identification import Identification
 from flexid.recording.read import read_log
 from flexid.report.documents import to_json
 from flexid.report.identification import identification_document
-from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
+from flexid.stored_estimates.estimate_file import read_estimate
 
 BLOCK = "comparing"
 USUAL = ("basic", "coulomb", "lugre", "spring_other")
@@ -138,7 +138,7 @@ def _comparisons(kept: Path, family: str, seeds: Sequence[int], name: str) -> It
 def _read(file: Path) -> Identification | None:
     if "error" in json.loads(file.read_text(encoding="utf-8")):
         return None
-    return stored_identification(read_estimate(file))
+    return read_estimate(file).of_joint
 
 
 if __name__ == "__main__":

@@ -150,7 +150,7 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
     from flexid.report.comparison import charts, page, parts
     from flexid.report.page.page import page_html
     from flexid.report.terminal import laid_out
-    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
+    from flexid.stored_estimates.estimate_file import read_estimate
     from flexid.stored_estimates.validate_estimate import validate_estimate
 
     files = (estimate, json.dumps(json.loads(estimate), indent=0).encode())
@@ -161,20 +161,20 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
 
     def validated() -> Target:
         log = log_of_table(table_of_arrays(fuzz_files.log_columns(400)))
-        return of(lambda path: validate_estimate(path, [log]))
+        return of(lambda path: validate_estimate(read_estimate(path), [log]))
 
-    other = stored_identification(read_estimate({**json.loads(estimate), "provenance": {}}))
+    other = read_estimate({**json.loads(estimate), "provenance": {}}).of_joint
 
     def compared(path: Path) -> object:
         """Compare with what was not mutated, print it and make its page."""
-        found = compare_estimates(other, stored_identification(read_estimate(path)))
+        found = compare_estimates(other, read_estimate(path).of_joint)
         return [*laid_out(parts(found), 80)], page_html(page(found, charts(found)))
 
     return {
-        "estimate": lambda: of(lambda path: stored_identification(read_estimate(path))),
+        "estimate": lambda: of(lambda path: read_estimate(path).of_joint),
         "estimate, compared": lambda: of(compared),
         "estimate, validated": validated,
-        "estimate for a design": lambda: of(lambda path: read_drive(drive, path)),
+        "estimate for a design": lambda: of(lambda path: read_drive(drive, read_estimate(path))),
     }
 
 

@@ -22,7 +22,7 @@ from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.report.arm import document
 from flexid.report.documents import to_json
-from flexid.stored_estimates.estimate_file import read_estimate, stored_estimate
+from flexid.stored_estimates.estimate_file import read_estimate
 
 KNOWN = PlanarArm((0.4, 0.3), (9.81, 0.0))
 Run = Callable[..., Any]
@@ -79,7 +79,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_stored_estimate_is_read_as_it_was(folder: Path):
     """Assert that names, values and covariance survive the file."""
-    read = stored_estimate(read_estimate(folder / "true.json"))
+    read = read_estimate(folder / "true.json").result
     made = estimate(MADE.truth(), KNOWN)
     assert isinstance(read, ArmIdentification)
     assert read.fit.names == made.fit.names
@@ -100,7 +100,7 @@ def test_a_contradictory_file_is_refused(folder: Path, key: str, value: Any, sai
     """Assert that the sentence names what is wrong."""
     content = json.loads((folder / "true.json").read_text()) | {key: value}
     with pytest.raises(SettingError, match=said):
-        stored_estimate(read_estimate(content))
+        read_estimate(content)
 
 
 def test_the_true_arm_predicts_a_log_and_a_softer_one_does_not(

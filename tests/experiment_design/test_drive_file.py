@@ -8,6 +8,7 @@ import pytest
 from flexid.errors import SettingError
 from flexid.experiment_design.drive import read_drive
 from flexid.models.physical import joint_coefficients, physical_parameters
+from flexid.stored_estimates.estimate_file import read_estimate
 from made_estimates import stored_document, stored_value
 
 PARAMETERS = {
@@ -94,7 +95,7 @@ def stored(tmp_path):
 def test_an_estimate_replaces_beliefs(examples, stored):
     """Assert that estimates take the place of parameters of the same name, and no others."""
     path = stored(link_inertia={"value": 1.5}, joint_damping={"value": 0.1})
-    file = read_drive(examples / "drive.toml", path)
+    file = read_drive(examples / "drive.toml", read_estimate(path))
     assert file.drive.values == pytest.approx({**PARAMETERS, "link_inertia": 1.5})
     assert [name for name, _ in file.inputs] == ["drive.toml", "estimate.json"]
     (warning,) = file.warnings
@@ -109,7 +110,7 @@ def test_what_an_estimate_cannot_give_is_said(examples, stored):
         link_inertia={"value": None, **undetermined},
         joint_stiffness={"value": 90.0, **undetermined},
     )
-    file = read_drive(examples / "drive.toml", path)
+    file = read_drive(examples / "drive.toml", read_estimate(path))
     assert file.drive.values == pytest.approx({**PARAMETERS, "joint_stiffness": 90.0})
     shape, *others = file.warnings
     assert "motor_stribeck" in shape
@@ -156,9 +157,9 @@ def test_each_file_answers_for_its_own_values(text, written, stored):
     """Assert that a value that no drive has is laid to the file that it stands in."""
     path = stored(joint_stiffness={"value": -100.0})
     with pytest.raises(SettingError, match=r"estimate\.json.*joint_stiffness' is -100.0, which no"):
-        read_drive(written(text), path)
+        read_drive(written(text), read_estimate(path))
     with pytest.raises(SettingError, match=r"drive\.toml: the key 'parameters\.joint_stiffness'"):
-        read_drive(written(text.replace("= 100.0", "= -100.0")), path)
+        read_drive(written(text.replace("= 100.0", "= -100.0")), read_estimate(path))
 
 
 @pytest.mark.parametrize(
@@ -169,4 +170,4 @@ def test_bad_estimates_are_one_sentence(examples, tmp_path, content):
     path = tmp_path / "estimate.json"
     path.write_text(content)
     with pytest.raises(SettingError, match=r"estimate\.json"):
-        read_drive(examples / "drive.toml", path)
+        read_drive(examples / "drive.toml", read_estimate(path))

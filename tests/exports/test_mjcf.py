@@ -11,7 +11,7 @@ import pytest
 
 from flexid.errors import SettingError
 from flexid.exports.mjcf import Scene, mjcf_scene
-from flexid.stored_estimates.rebuilt import Described
+from flexid.stored_estimates.joint_model import JointModel
 
 PAPER = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 
@@ -28,7 +28,7 @@ def _both(**torques: float) -> dict[str, float]:
 
 
 def _scene(more: Mapping[str, float], unit: str = "N m", **keywords: object) -> Scene:
-    described = Described("flexible", {**PAPER, **more}, "zero", **keywords)  # pyright: ignore[reportArgumentType]
+    described = JointModel("flexible", {**PAPER, **more}, "zero", **keywords)  # pyright: ignore[reportArgumentType]
     return mjcf_scene(described, unit)
 
 
@@ -81,7 +81,7 @@ def test_accelerations_are_those_of_the_model(unit, theta1):
 
 def test_without_gravity():
     """Assert that a link which nothing pulls down has no lever."""
-    described = Described("flexible", {c: v for c, v in PAPER.items() if c != "theta1"}, "zero")
+    described = JointModel("flexible", {c: v for c, v in PAPER.items() if c != "theta1"}, "zero")
     found = _accelerations(mjcf_scene(described), np.array([0.5, 0.0, 0.5, 0.0]), 0.0)
     np.testing.assert_allclose(found, 0.0, atol=1e-9)
 
@@ -89,7 +89,7 @@ def test_without_gravity():
 def test_a_rigid_joint_is_one_hinge():
     """Assert that a joint with one encoder moves as its one equation says."""
     values = {"gamma1": 4.0, "gamma_cosine": 1.0, "gamma_viscous": 0.5, "gamma_offset": 0.2}
-    scene = mjcf_scene(Described("rigid", {**values, "beta1": 2.0}, "zero"))
+    scene = mjcf_scene(JointModel("rigid", {**values, "beta1": 2.0}, "zero"))
     model = mujoco.MjModel.from_xml_string(scene.xml)
     data = mujoco.MjData(model)
     data.qpos[0], data.qvel[0], data.ctrl[0] = 0.7, -2.0, 3.0
@@ -201,4 +201,4 @@ def test_steps_suit_what_is_fast():
 def test_a_link_without_a_motor_is_refused():
     """Assert that what was identified without an input makes no scene."""
     with pytest.raises(SettingError, match="of the link alone"):
-        mjcf_scene(Described("link", {"theta2": 100.0}, "zero"))
+        mjcf_scene(JointModel("link", {"theta2": 100.0}, "zero"))

@@ -16,9 +16,8 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
 from flexid.recording.velocities import with_velocities
-from flexid.stored_estimates.rebuilt import described, rebuilt
+from flexid.stored_estimates.joint_model import JointModel
 from flexid.streaming.channels import StreamChannels
-from flexid.streaming.commissioned import commissioned
 from flexid.streaming.health import Health
 from flexid.streaming.options import options_of_stream
 from flexid.streaming.session import Session
@@ -53,7 +52,7 @@ def test_what_follows_is_reported_as_it_follows(found):
         if name in values:
             assert values[name] == pytest.approx(values[a] * values[b] / values[d], rel=1e-9)
     assert values.keys() >= SQUARES
-    again = rebuilt(described(found, 0))
+    again = JointModel.of(found, 0)
     assert set(again.unknowns.names) == {c for c in values if c not in TIES}
 
 
@@ -78,7 +77,7 @@ def test_what_is_exported_knows_the_squares(found):
 def test_other_terms_than_the_estimates(found):
     """Assert that what an estimate knows of a term is forgotten with the term."""
     chosen = {"terms": PAPER_TERMS}
-    assert not options_of_stream(chosen, commissioned(found), CHANNELS, 2e-3).given
+    assert not options_of_stream(chosen, found, CHANNELS, 2e-3).given
 
 
 def test_a_square_without_a_value_is_not_exported(found):
@@ -95,7 +94,7 @@ def test_a_stream_learns_such_a_gear(recording, found, told):
     """Assert that least squares finds the drive with the estimate, and with the term alone."""
     step = recording.sample_time
     chosen = {} if told else {"terms": (*PAPER_TERMS, "eccentricity"), "hold": "linear"}
-    made = commissioned(found) if told else None
+    made = found if told else None
     options = options_of_stream(chosen, made, CHANNELS, step)
     assert options.given.keys() >= SQUARES
     session = Session(options)

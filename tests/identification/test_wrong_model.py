@@ -9,13 +9,14 @@ from made_joint import COEFFICIENTS, TRUTH, log, made
 
 from flexid.errors import SettingError
 from flexid.exports.request import source_of_identification
-from flexid.frequency.frequency_response import linear_joint
+from flexid.frequency.linear_joint import linear_joint
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.report.documents import to_json
 from flexid.report.identification import identification_document
+from flexid.stored_estimates.estimate_file import read_estimate
 from flexid.stored_estimates.validate_estimate import validate_estimate
 
 MISSING = {
@@ -113,7 +114,7 @@ def test_an_estimate_with_hysteresis_predicts_another_log():
     more, _ = MISSING["spring_hysteresis"]
     document = json.loads(to_json(identification_document(identified("spring_hysteresis", None))))
     other = log(made(2, **more))  # pyright: ignore[reportArgumentType]
-    answer = validate_estimate(document, [other])
+    answer = validate_estimate(read_estimate(document), [other])
     assert min(answer.fit_percent.values()) > 99.0
 
 

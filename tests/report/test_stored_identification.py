@@ -11,11 +11,7 @@ from made_result import made_result
 from flexid.errors import SettingError
 from flexid.report.documents import to_json
 from flexid.report.identification import identification_document
-from flexid.stored_estimates.estimate_file import (
-    FORMAT_VERSION,
-    read_estimate,
-    stored_identification,
-)
+from flexid.stored_estimates.estimate_file import FORMAT_VERSION, read_estimate
 from made_estimates import TRUE, exact
 
 SERIES = ("observer", "validation", "excitation", "fit")
@@ -29,7 +25,7 @@ def document():
 
 def test_what_was_found_comes_back(document):
     """Assert that every field but the series is as it was, infinities included."""
-    made, found = made_result(), stored_identification(read_estimate(document))
+    made, found = made_result(), read_estimate(document).of_joint
     for part in fields(made):
         if part.name not in SERIES:
             # By text, in which what is not a number equals itself.
@@ -45,7 +41,7 @@ def text(part):
 
 def test_arrays_come_back(document):
     """Assert that covariance, excitation and fits are as they were, and that no series is there."""
-    made, found = made_result(), stored_identification(read_estimate(document))
+    made, found = made_result(), read_estimate(document).of_joint
     assert found.fit.names == made.fit.names
     assert found.fit.degrees_of_freedom == made.fit.degrees_of_freedom
     np.testing.assert_array_equal(found.fit.covariance, made.fit.covariance)
@@ -62,7 +58,7 @@ def test_arrays_come_back(document):
 def test_a_file_from_before_disturbances_is_read(document):
     """Assert that what an earlier version did not write is not asked for."""
     older = {key: part for key, part in document.items() if key != "disturbances"}
-    assert stored_identification(read_estimate(older)).disturbances is None
+    assert read_estimate(older).of_joint.disturbances is None
 
 
 def test_a_newer_file_is_refused(document):
@@ -113,7 +109,7 @@ def test_a_file_that_was_altered_is_refused(document, keys, value):
         part = part[key]
     part[keys[-1]] = value
     with pytest.raises(SettingError, match=keys[-1]) as caught:
-        stored_identification(read_estimate(altered))
+        read_estimate(altered)
     assert "\n" not in str(caught.value)
 
 
@@ -121,7 +117,7 @@ def test_a_file_that_was_altered_is_refused(document, keys, value):
 def test_a_parameter_that_contradicts_its_coefficients_is_refused(name, value):
     """Assert that numbers that were altered by hand are no estimate."""
     document = json.loads(to_json(identification_document(exact(TRUE, "a log"))))
-    assert stored_identification(read_estimate(document)).parameters[name].value > 0.0
+    assert read_estimate(document).of_joint.parameters[name].value > 0.0
     document["parameters"][name]["value"] = value
     with pytest.raises(SettingError, match=rf"{name}.*follows from the coefficients"):
-        stored_identification(read_estimate(document))
+        read_estimate(document)

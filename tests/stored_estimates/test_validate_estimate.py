@@ -16,7 +16,8 @@ from flexid.report.documents import to_json
 from flexid.report.identification import identification_document
 from flexid.report.validation import parts
 from flexid.simulation.free_run import free_run
-from flexid.stored_estimates.validate_estimate import validate_estimate
+from flexid.stored_estimates.estimate_file import read_estimate
+from flexid.stored_estimates.validate_estimate import validate_estimate as validate_stored
 from made_estimates import stored_document, stored_value
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
@@ -47,6 +48,11 @@ def write_flexible(path, seed=0, duration=8.0, true=TRUE, unit="motor_torque [N 
 def stored(coefficients=TRUE):
     """A joint as a document; Table I's if not given."""
     return stored_document(coefficients)
+
+
+def validate_estimate(estimate, logs):
+    """A file, or the content of one, held against logs."""
+    return validate_stored(read_estimate(estimate), logs)
 
 
 @pytest.fixture(scope="module")

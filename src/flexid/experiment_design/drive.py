@@ -17,7 +17,7 @@ from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import joint_coefficients
-from flexid.stored_estimates.estimate_file import EstimateFile, read_estimate, stored_identification
+from flexid.stored_estimates.estimate_file import StoredEstimate
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
 Criterion = Literal["E", "D"]
@@ -245,7 +245,7 @@ class DriveFile:
 
 def read_drive(
     path: Path,
-    estimate: Path | Mapping[str, Any] | None = None,
+    estimate: StoredEstimate | None = None,
     choices: Mapping[str, Any] | None = None,
 ) -> DriveFile:
     """Read a drive file."""
@@ -260,9 +260,8 @@ def read_drive(
         validated(
             content, Drive, _refusing(path)
         )  # so that each of the two files answers for its own values
-        better = read_estimate(estimate)
-        inputs.append((Path(better.name).name, hashlib.sha256(better.raw).hexdigest()))
-        warnings = _take_over(content, better)
+        inputs.append((Path(estimate.name).name, estimate.sha256))
+        warnings = _take_over(content, estimate)
     return DriveFile(_drive(path, content), tuple(inputs), tuple(warnings))
 
 
@@ -272,9 +271,9 @@ def _refusing(path: Path) -> Refuse:
     )
 
 
-def _take_over(content: dict[str, Any], file: EstimateFile) -> list[str]:
+def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
     """Replace parameters by estimates of the same name; returns warnings."""
-    estimate = stored_identification(file)
+    estimate = stored.of_joint
     believed = content["parameters"]
     shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
     missing = [n for n in estimate.parameters if n in Parameters.model_fields and n not in believed]
@@ -298,12 +297,12 @@ def _take_over(content: dict[str, Any], file: EstimateFile) -> list[str]:
                 f"{name} is undetermined there, so the design rests on a guess: check its largest "
                 f"deviations"
             )
-    validated(believed, Parameters, lambda key, _: _no_drive(file, key, believed))
-    return [f"{file.name}: {warning}" for warning in warnings]
+    validated(believed, Parameters, lambda key, _: _no_drive(stored, key, believed))
+    return [f"{stored.name}: {warning}" for warning in warnings]
 
 
-def _no_drive(file: EstimateFile, name: str, values: Mapping[str, float]) -> Exception:
-    return file.refuse(
+def _no_drive(stored: StoredEstimate, name: str, values: Mapping[str, float]) -> Exception:
+    return stored.refuse(
         f"parameters.{name}",
         f"is {values[name]}, which no drive has: identify a log that determines it",
     )

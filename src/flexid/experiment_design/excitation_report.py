@@ -6,7 +6,7 @@ input would distinguish them.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from flexid.identification.vocabulary.evidence import CoefficientEstimate
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Log
-from flexid.stored_estimates.rebuilt import described, given_coefficients, rebuilt
+from flexid.stored_estimates.joint_model import JointModel
 from flexid.symmetric import eigen
 
 _DEVIATIONS = 2.0  # half the width of a predicted interval
@@ -165,5 +165,5 @@ def look_into(
 def _rehearsal(result: Identification, data: Data, noise: FloatArray) -> Rehearsal:
     longest = max(range(len(data.samples)), key=lambda recording: len(data.samples[recording]))
     group = data.groups[longest]
-    model = rebuilt(described(result, group), given_coefficients(result))
+    model = replace(JointModel.of(result, group), given=result.given)
     return Rehearsal(model, result, beginning(data.samples[longest]), group, noise, data)

@@ -26,7 +26,7 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.structure.following import following_states
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Verdict
 from flexid.identification.vocabulary.intervals import interval
-from flexid.stored_estimates.rebuilt import Rebuilt
+from flexid.stored_estimates.joint_model import JointModel
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Outlook:
 class Rehearsal:
     """A model as identified, and the log that other inputs are tried on."""
 
-    model: Rebuilt
+    model: JointModel
     result: Identification
     record: Samples  # the beginning of the longest recording
     group: int  # of the logs, which the record comes from

@@ -21,7 +21,7 @@ from flexid.models.flexible_joint import (
     TERMS,
     TIES,
 )
-from flexid.stored_estimates.rebuilt import Described, described
+from flexid.stored_estimates.joint_model import JointModel
 
 TORQUE = "N m"
 
@@ -53,14 +53,13 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     result = request.source.identification
     if result is None:
         raise SettingError("mjcf", "needs values: give an estimate.json of flexid identify")
-    model = described(result, 0)
+    model = JointModel.of(result, 0)
     for name, value in model.coefficients.items():
         if not isfinite(value):
             raise SettingError(
                 name, "has no value in this estimate: identify a log that determines it"
             )
-    unit = result.coefficients["beta1"].unit if "beta1" in model.coefficients else ""
-    made = mjcf_scene(model, unit.removeprefix("rad/s^2/").strip("()"))
+    made = mjcf_scene(model, result.input_unit)
     (directory / "joint.xml").write_text(made.xml, encoding="utf-8")
     several = [name for name in result.coefficients if name.endswith("[1]")]
     doubts = [
@@ -70,9 +69,9 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     return (*request.source.doubts, *doubts, *made.notes)
 
 
-def mjcf_scene(joint: Described, input_unit: str = TORQUE) -> Scene:
+def mjcf_scene(joint: JointModel, input_unit: str = TORQUE) -> Scene:
     """Write a joint as a MuJoCo scene."""
-    if joint.model == "link":
+    if joint.kind == "link":
         raise SettingError(
             "mjcf",
             "needs a joint with its motor, and the estimate is of the link alone: identify a log "
@@ -82,7 +81,7 @@ def mjcf_scene(joint: Described, input_unit: str = TORQUE) -> Scene:
     torque = input_unit == TORQUE
     notes = [] if torque else [_scaled(input_unit)]
     inertia = 1.0 / values["beta1"] if torque else 1.0
-    if joint.model == "rigid":
+    if joint.kind == "rigid":
         link, motor, spring = None, _side(values, "gamma", inertia), None
     else:
         stiffness = values["alpha1"] * inertia
@@ -172,7 +171,7 @@ def _possible(side: Side, name: str, notes: list[str]) -> Side:
     return side._replace(coulomb=0.0)
 
 
-def _shapes(joint: Described, values: Mapping[str, float]) -> list[str]:
+def _shapes(joint: JointModel, values: Mapping[str, float]) -> list[str]:
     """What the scene has sharp and the fit has round."""
     notes = []
     width = joint.coulomb_velocity
@@ -189,7 +188,7 @@ def _shapes(joint: Described, values: Mapping[str, float]) -> list[str]:
     return notes
 
 
-def _delays(joint: Described) -> list[str]:
+def _delays(joint: JointModel) -> list[str]:
     """Delays that have no place in a scene."""
     notes = []
     early = -joint.delays.get(INPUT_DELAY, 0.0)
@@ -198,7 +197,7 @@ def _delays(joint: Described) -> list[str]:
             f"the input acts {1e3 * early:.4g} ms before it was recorded: here it acts at once"
         )
     late = joint.delays.get(LINK_DELAY, 0.0)
-    if late and joint.model == "flexible":
+    if late and joint.kind == "flexible":
         which = "late" if late > 0.0 else "early"
         notes.append(
             f"the link's encoder is {abs(1e3 * late):.4g} ms {which}: the scene's is on time"

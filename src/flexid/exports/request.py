@@ -53,11 +53,11 @@ def source_of_identification(
     system where it is represented otherwise (`with_memory`).
     """
     from flexid.identification.preparation.joint import joint_of
-    from flexid.stored_estimates.rebuilt import described, given_coefficients, input_unit_of
+    from flexid.stored_estimates.joint_model import JointModel
 
-    found = described(result, 0).coefficients
+    found = JointModel.of(result, 0).coefficients
     values = {name: v for name, v in found.items() if "[" not in name}
-    given = (given_coefficients(result) | SQUARES) & {*values}
+    given = (result.given | SQUARES) & {*values}
     joint = joint_of(result.model)
     _check_possible(result)
     for name in () if with_memory else joint.grips.keys() & values.keys():
@@ -81,7 +81,7 @@ def source_of_identification(
     if result.model == "link":  # the motor's motion is its input
         units |= dict(zip(system.inputs, ("rad", "rad/s"), strict=True))
     else:
-        units |= dict.fromkeys(system.inputs, input_unit_of(result))
+        units |= dict.fromkeys(system.inputs, result.input_unit)
     return ExportSource(
         system,
         {name: values[name] for name in system.coefficients if isfinite(values[name])},

@@ -29,7 +29,7 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
-from flexid.stored_estimates.rebuilt import described, rebuilt
+from flexid.stored_estimates.joint_model import JointModel
 from flexid.symmetric import eigen
 
 ComplexArray = NDArray[np.complex128]
@@ -112,12 +112,12 @@ class LinearJoint:
 def linear_joint(result: Identification, position: float | None = None) -> LinearJoint:
     """Linearise an identified joint."""
     # Friction is dry here even where it was smoothed: sliding, it is constant.
-    model = replace(described(result, 0), coulomb_velocity=None)
+    model = replace(JointModel.of(result, 0), coulomb_velocity=None)
     # A friction that remembers its path is constant along it, too.
     remembered = joint_of(result.model).remembered
     lasting = {c: value for c, value in model.coefficients.items() if c not in remembered}
     model = replace(model, coefficients=lasting)
-    system = rebuilt(model).unknowns.system
+    system = model.unknowns.system
     given = {name: model.coefficients.get(name, 0.0) for name in system.coefficients}
     lost = np.array([not np.isfinite(value) for value in given.values()])
     found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}

@@ -16,7 +16,7 @@ from flexid.library.arguments import (
     kind_of,
     options_of,
 )
-from flexid.library.identify import estimate_content, identify
+from flexid.library.identify import estimated, identify
 
 if TYPE_CHECKING:
     from flexid.experiment_design.advice import Advice
@@ -232,6 +232,6 @@ def design(
     choices: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     if duration is not None:
         choices["duration"] = as_number("design", "duration", duration)
-    earlier = None if estimate is None else estimate_content("design", "estimate", estimate)
+    earlier = None if estimate is None else estimated("design", "estimate", estimate)
     file = read_drive(as_path("design", "drive", drive), earlier, choices)
     return ExperimentDesign(run(file, seed, progress), file.warnings)

@@ -245,7 +245,7 @@ def _arm_of(what: Any) -> "ArmIdentification | None":
         return None
     from flexid.library.identify import estimated
 
-    stored, _ = estimated("export", "what", what)
+    stored = estimated("export", "what", what).result
     return stored if stored.model == "arm" else None
 
 
@@ -265,10 +265,10 @@ def export_source(
         return source_of_identification(what.result, with_memory=with_memory)
     is_path = isinstance(what, str | PathLike) and what != SHIPPED
     if _is_estimate(what):
-        from flexid.library.identify import identified
+        from flexid.library.identify import estimated
 
-        stored, _ = identified("export", "what", what)
-        return source_of_identification(stored, with_memory=with_memory)
+        stored = estimated("export", "what", what)
+        return source_of_identification(stored.of_joint, with_memory=with_memory)
     if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):
         raise ArgumentError(
             "export",

@@ -1,8 +1,8 @@
 """The main job: `flexid.identify`, `flexid.load`, and estimates in every form that users give."""
 
+import hashlib
 import os
-from collections.abc import Callable, Mapping
-from os import PathLike
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +14,11 @@ from flexid.library.arguments import as_path, entrance, in_one_thread, joint_set
 if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification
     from flexid.identification.preparation.settings import Settings
-    from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.thresholds import Thresholds
     from flexid.library.arguments import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
-    from flexid.stored_estimates.estimate_file import EstimateFile
+    from flexid.stored_estimates.estimate_file import StoredEstimate
 
 
 @entrance
@@ -181,57 +180,30 @@ def load(path: "str | os.PathLike[str]") -> "JointEstimate":
         If the file cannot be read, is no estimate, or was written by a newer version.
     """
     from flexid.library.joint_estimate import JointEstimate
-    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
+    from flexid.stored_estimates.estimate_file import read_estimate
 
-    file = read_estimate(Path(as_path("load", "path", path)))
-    return JointEstimate(stored_identification(file), file.content)
+    return JointEstimate(read_estimate(as_path("load", "path", path)).of_joint)
 
 
-def estimate_content(function: str, argument: str, estimate: Any) -> Path | Mapping[str, Any]:
-    """A file, or the content of one; an `ArgumentError` for what holds no estimate."""
+def estimated(function: str, argument: str, estimate: Any) -> "StoredEstimate":
+    """The estimate that is meant: what was identified, a file, or the content of one."""
     from flexid.library.joint_estimate import JointEstimate
+    from flexid.report.documents import to_json
+    from flexid.stored_estimates.estimate_file import StoredEstimate, read_estimate
 
     if isinstance(estimate, JointEstimate):
-        return estimate.document
+        text = to_json(estimate._document())
+        return StoredEstimate(estimate.result, "", hashlib.sha256(text.encode()).hexdigest())
+    if isinstance(estimate, str | os.PathLike):
+        return read_estimate(as_path(function, argument, estimate))
     if isinstance(estimate, Mapping):
-        return estimate
-    if isinstance(estimate, str | PathLike):
-        return as_path(function, argument, estimate)
+        return read_estimate(estimate)
     raise ArgumentError(
         function,
         argument,
         f"is {kind_of(estimate)}: give what flexid.identify returned, or the path of an "
         f"estimate.json",
     )
-
-
-def identified(function: str, argument: str, estimate: Any) -> "tuple[Identification, str]":
-    """The identification of one joint that is meant, and its file, if it is from one."""
-    from flexid.stored_estimates.estimate_file import stored_identification
-
-    return _read(function, argument, estimate, stored_identification)
-
-
-def estimated(
-    function: str, argument: str, estimate: Any
-) -> "tuple[Identification | ArmIdentification, str]":
-    """The same, of one joint or an arm."""
-    from flexid.stored_estimates.estimate_file import stored_estimate
-
-    return _read(function, argument, estimate, stored_estimate)
-
-
-def _read(
-    function: str, argument: str, estimate: Any, stored: "Callable[[EstimateFile], Any]"
-) -> tuple[Any, str]:
-    from flexid.library.joint_estimate import JointEstimate
-    from flexid.stored_estimates.estimate_file import read_estimate
-
-    if isinstance(estimate, JointEstimate):
-        return estimate.result, ""
-    content = estimate_content(function, argument, estimate)
-    file = read_estimate(content)
-    return stored(file), "" if isinstance(content, Mapping) else file.name
 
 
 class ArmEstimate(ReportedAnswer):

@@ -3,7 +3,6 @@
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from copy import deepcopy
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -47,8 +46,6 @@ class JointEstimate(ReportedAnswer):
     ----------
     result : Identification
         What was found.
-    document : mapping, optional
-        The same as a document, if it was read from one.
     """
 
     _report = "identification"
@@ -57,12 +54,10 @@ class JointEstimate(ReportedAnswer):
     def __init__(
         self,
         result: Identification,
-        document: Mapping[str, Any] | None = None,
         *,
         made_from: "tuple[Sequence[Log], Settings] | None" = None,
     ) -> None:
         self.result = result
-        self._stored = document
         self._made_from = made_from
 
     def __getitem__(self, name: str) -> ValueEstimate:
@@ -298,11 +293,6 @@ class JointEstimate(ReportedAnswer):
         from flexid.library.estimate_plots import EstimatePlots
 
         return EstimatePlots(self.result)
-
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Everything but the time series, as an ``estimate.json`` has it."""
-        return super().document if self._stored is None else deepcopy(self._stored)
 
     def predict(self, log: "OneLog", *, columns: "Columns | None" = None) -> "Prediction":
         """Predict a log from its input, with the first state from its first half second.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexid.library.answer import PlottedAnswer, ReportedAnswer, TabularAnswer, data_frame
 from flexid.library.arguments import as_path, entrance, in_one_thread
-from flexid.library.identify import estimate_content, estimated
+from flexid.library.identify import estimated
 
 if TYPE_CHECKING:
     from flexid.comparisons.comparison import Comparison
@@ -189,18 +189,15 @@ def validate(
         If an argument is of a wrong type.
     """
     from flexid.library.logs import all_logs
-    from flexid.stored_estimates.estimate_file import read_estimate, stored_estimate
     from flexid.stored_estimates.validate_estimate import validate_arm, validate_estimate
 
-    file = read_estimate(estimate_content("validate", "estimate", estimate))
-    stored = stored_estimate(file)
-    if stored.model != "arm":
-        read = all_logs("validate", logs, columns)
-        return EstimateValidation(validate_estimate(file, read))
+    stored = estimated("validate", "estimate", estimate)
+    if stored.result.model != "arm":
+        return EstimateValidation(validate_estimate(stored, all_logs("validate", logs, columns)))
     several = logs if isinstance(logs, list | tuple) else [logs]
     paths = [as_path("validate", "logs", log) for log in several]
     given = None if columns is None else as_path("validate", "columns", columns)
-    return EstimateValidation(validate_arm(file, stored, paths, given))
+    return EstimateValidation(validate_arm(stored, paths, given))
 
 
 class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
@@ -316,6 +313,6 @@ def compare(
     """
     from flexid.comparisons.comparison import compare_estimates
 
-    first, file_a = estimated("compare", "a", a)
-    second, file_b = estimated("compare", "b", b)
-    return EstimateComparison(compare_estimates(first, second, (file_a or "A", file_b or "B")))
+    first, second = estimated("compare", "a", a), estimated("compare", "b", b)
+    labels = (first.file or "A", second.file or "B")
+    return EstimateComparison(compare_estimates(first.result, second.result, labels))

@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 
     from flexid.analysis.excitation import Excitation
     from flexid.arrays import FloatArray
+    from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
     from flexid.library.arguments import Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
-    from flexid.streaming.commissioned import Commissioned, Departure
+    from flexid.streaming.departures import Departure
     from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
     from flexid.streaming.session import Change, Session
@@ -38,7 +39,7 @@ class Watch(Answer):
     def __init__(
         self,
         chosen: Mapping[str, Any],
-        estimate: "Commissioned | None",
+        estimate: "Identification | None",
         follower: "Follower | None",
         checkpoint: Path | None,
         every: float,
@@ -257,7 +258,9 @@ class Watch(Answer):
             return self._follower.warnings
         if self._estimate is None:
             return ()
-        return self._estimate.warnings(self.session.options.sample_time)
+        from flexid.streaming.departures import not_accounted_for
+
+        return tuple(not_accounted_for(self._estimate, self.session.options.sample_time))
 
     def save_checkpoint(self, path: "str | PathLike[str]") -> None:
         """Write all that is known into a file, from which `flexid.watch` goes on bit for bit.
@@ -380,7 +383,7 @@ def watch(
     """
     from flexid.library.arguments import as_number
     from flexid.library.logs import as_columns
-    from flexid.library.watch_arguments import as_chosen, as_commissioned
+    from flexid.library.watch_arguments import as_chosen, as_comparable
     from flexid.streaming.follower import Follower
     from flexid.streaming.options import wanted_kind
 
@@ -396,7 +399,7 @@ def watch(
         coulomb_velocity=coulomb_velocity,
         sample_time=sample_time,
     )
-    made = as_commissioned(estimate)
+    made = as_comparable(estimate)
     wanted_kind(chosen, made)  # raises
     file = None if checkpoint is None else as_path("watch", "checkpoint", checkpoint)
     follower = None

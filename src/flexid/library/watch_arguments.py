@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexid.arrays import FloatArray
+    from flexid.identification.result.identification import Identification
     from flexid.streaming.channels import StreamChannels
-    from flexid.streaming.commissioned import Commissioned
 
 _CHANNELS = {
     "flexible": "link_position or deflection, motor_position and an input",
@@ -83,9 +83,13 @@ def _terms(terms: Any) -> tuple[str, ...] | None:
     return as_names("watch", terms)
 
 
-def as_commissioned(estimate: Any) -> "Commissioned | None":
+def as_comparable(estimate: Any) -> "Identification | None":
     """What a stream is held against, if there is something."""
-    from flexid.library.identify import identified
-    from flexid.streaming.commissioned import commissioned
+    if estimate is None:
+        return None
+    from flexid.library.identify import estimated
+    from flexid.streaming.departures import check_comparable
 
-    return None if estimate is None else commissioned(identified("watch", "estimate", estimate)[0])
+    found = estimated("watch", "estimate", estimate).of_joint
+    check_comparable(found)
+    return found

@@ -191,7 +191,7 @@ def format_fit(fit: float) -> str:
 def identification_document(result: Identification) -> dict[str, Any]:
     """Everything of an identification but its time series, ready for JSON.
 
-    `flexid.stored_estimates.estimate_file.stored_identification` is the way back.
+    `flexid.stored_estimates.estimate_file.read_estimate` is the way back.
     """
     validation, observer = result.validation, result.observer
     made = plain(replace(result, recordings=(), validation=replace(validation, runs=())))

@@ -35,7 +35,6 @@ from flexid.report.charts.description import (
 )
 from flexid.report.free_run_chart import free_run_chart, residual_chart
 from flexid.report.terminal import format_with_interval
-from flexid.stored_estimates.rebuilt import input_unit_of
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 
@@ -368,6 +367,6 @@ def observer_histories(result: Identification) -> dict[str, FloatArray]:
 def _functions(result: Identification) -> Mapping[str, PhysicalParameter]:
     """The function of the coefficients behind each parameter."""
     values = {name: c.value for name, c in result.coefficients.items()}
-    is_torque = input_unit_of(result) == "N m"
+    is_torque = result.input_unit == "N m"
     made = joint_of(result.model).parameters(values, input_is_torque=is_torque)
     return {function.name: function for function in made if function.name in result.parameters}

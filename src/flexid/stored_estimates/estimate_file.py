@@ -4,6 +4,7 @@ What a file holds is an `Identification` without its time series, or an `ArmIden
 dataclasses are its schema.
 """
 
+import hashlib
 import json
 from collections.abc import Mapping
 from functools import cache, partial
@@ -44,97 +45,94 @@ _MISSING = {
 """What null stands for, by key: for a number that JSON does not have."""
 
 
-class EstimateFile(NamedTuple):
-    """An estimate as it is stored."""
+class StoredEstimate(NamedTuple):
+    """An estimate, and where it was read."""
 
-    name: str  # the file, for messages
-    raw: bytes  # its text
-    content: dict[str, Any]  # what that says
-
-    @property
-    def is_of_arm(self) -> bool:
-        """Whether it is of an arm."""
-        return self.content.get("model") == "arm"
+    result: "Identification | ArmIdentification"  # time series, which are not stored, are empty
+    file: str  # empty of one in memory
+    sha256: str  # of its text
 
     @property
-    def refuse(self) -> Refuse:
-        """Makes an error of a key of this file and a reason."""
-        return lambda key, reason: SettingError(
-            self.name, f"the key {key!r} {reason}" if key else reason
-        )
+    def name(self) -> str:
+        """How a message names it."""
+        return self.file or "estimate"
+
+    @property
+    def of_joint(self) -> "Identification":
+        """The identification of one joint; a `SettingError` if it is of an arm."""
+        if self.result.model == "arm":
+            raise self.refuse(
+                "",
+                "is the estimate of an arm, which only flexid validate, compare and export --to "
+                "mjcf take: give the estimate of one joint",
+            )
+        return self.result
+
+    def refuse(self, key: str, reason: str) -> SettingError:
+        """An error of a key, empty where all of it is meant, and a reason."""
+        return _refusal(self.name, key, reason)
 
 
-def read_estimate(estimate: "Path | str | Mapping[str, Any] | EstimateFile") -> EstimateFile:
-    """A stored estimate: a file, the folder that holds it, its content, or what was read of it.
+def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
+    """A stored estimate: a file, the folder that holds it, or its content.
 
-    A `SettingError` if it cannot be read, is no estimate, or is of a newer version.
+    A `SettingError` if it cannot be read, is no estimate, is of a newer version, or a part is
+    missing or is not what it should be.
     """
-    if isinstance(estimate, EstimateFile):
-        return estimate
     if isinstance(estimate, Mapping):
-        raw = json.dumps(estimate, default=str).encode()
-        return _checked(EstimateFile("estimate", raw, dict(estimate)))
-    path = Path(estimate)
-    if path.is_dir():
-        path = path / USUAL_NAME
-    file = EstimateFile(str(path), b"", {})
-    raw = read_bytes(path, LARGEST_FILE, WANTED, partial(file.refuse, ""))
+        raw, content, file = json.dumps(estimate, default=str).encode(), dict(estimate), ""
+    else:
+        path = Path(estimate)
+        if path.is_dir():
+            path = path / USUAL_NAME
+        file = str(path)
+        refuse = partial(_refusal, file)
+        raw = read_bytes(path, LARGEST_FILE, WANTED, partial(refuse, ""))
+        try:
+            content = json.loads(raw.decode("utf-8"))
+        except (ValueError, RecursionError):
+            raise refuse("", f"is no JSON: give {WANTED}") from None
+    found = _result(content, partial(_refusal, file or "estimate"))
+    return StoredEstimate(found, file, hashlib.sha256(raw).hexdigest())
+
+
+def _refusal(name: str, key: str, reason: str) -> SettingError:
+    return SettingError(name, f"the key {key!r} {reason}" if key else reason)
+
+
+def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification":
+    """What the content of a file says, checked."""
+    from pydantic import ValidationError
+
+    from flexid.stored_estimates.consistency import (
+        StoredProvenance,
+        check_arm,
+        check_consistency,
+    )
+
+    _check_version(content, refuse)
+    provenance = content.get("provenance", {})
+    validated(provenance, StoredProvenance, lambda key, why: refuse(f"provenance.{key}", why))
+    numbers = json.dumps(_numbers(_as_dataclasses(content), None))
+    of_arm = content.get("model") == "arm"
     try:
-        content = json.loads(raw.decode("utf-8"))
-    except (ValueError, RecursionError):
-        raise file.refuse("", f"is no JSON: give {WANTED}") from None
-    return _checked(EstimateFile(file.name, raw, content))
+        found = _schema(of_arm=of_arm).validate_json(numbers, strict=True)
+    except ValidationError as error:
+        raise refuse(*first_complaint(error, content)) from None
+    (check_arm if of_arm else check_consistency)(found, refuse)
+    return found
 
 
-def _checked(file: EstimateFile) -> EstimateFile:
-    version = file.content.get("format_version") if isinstance(file.content, dict) else None
+def _check_version(content: Any, refuse: Refuse) -> None:
+    version = content.get("format_version") if isinstance(content, dict) else None
     if isinstance(version, bool) or not isinstance(version, int):
-        raise file.refuse("", f"holds no estimate: give {WANTED}")
+        raise refuse("", f"holds no estimate: give {WANTED}")
     if version > FORMAT_VERSION:
-        raise file.refuse(
+        raise refuse(
             "",
             f"is of format {version}, and this version of flexid reads up to {FORMAT_VERSION}: "
             f"update flexid",
         )
-    return file
-
-
-def stored_identification(file: EstimateFile) -> "Identification":
-    """The identification of one joint that a file holds.
-
-    A `SettingError` if a part is missing or is not what it should be, or it is of an arm.
-    """
-    found = stored_estimate(file)
-    if found.model == "arm":
-        raise file.refuse(
-            "",
-            "is the estimate of an arm, which only flexid validate, compare and export --to mjcf "
-            "take: give the estimate of one joint",
-        )
-    return found
-
-
-def stored_estimate(file: EstimateFile) -> "Identification | ArmIdentification":
-    """What a file holds of a joint or an arm; time series, which are not stored, are empty.
-
-    A `SettingError` if a part is missing or is not what it should be.
-    """
-    from pydantic import ValidationError
-
-    from flexid.stored_estimates.consistency import StoredProvenance, check_arm, check_consistency
-
-    provenance = file.content.get("provenance", {})
-    validated(provenance, StoredProvenance, lambda key, why: file.refuse(f"provenance.{key}", why))
-    content = json.dumps(_numbers(_as_dataclasses(file.content), None))
-    try:
-        found = _schema(of_arm=file.is_of_arm).validate_json(content, strict=True)
-    except ValidationError as error:
-        raise file.refuse(*first_complaint(error, file.content)) from None
-    if found.model == "arm":
-        check_arm(found, file.refuse)
-    else:
-        check_consistency(found, file.refuse)
-    return found
 
 
 @cache

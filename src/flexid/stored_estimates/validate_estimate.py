@@ -1,6 +1,5 @@
 """A stored estimate held against other logs: how well, and for how long, it predicts them."""
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
@@ -30,13 +29,8 @@ from flexid.models.planar_arm import planar_arm
 from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import position_noise
-from flexid.stored_estimates.estimate_file import (
-    WANTED,
-    EstimateFile,
-    read_estimate,
-    stored_identification,
-)
-from flexid.stored_estimates.rebuilt import Rebuilt, averaged_offsets, described, rebuilt
+from flexid.stored_estimates.estimate_file import WANTED, StoredEstimate
+from flexid.stored_estimates.joint_model import JointModel
 from flexid.toml_file import Refuse
 
 HEAD = 0.5
@@ -68,20 +62,17 @@ class Tested:
     noise: Mapping[str, float]  # standard deviation in rad of each channel's noise
 
 
-def validate_estimate(
-    estimate: Path | str | Mapping[str, Any] | EstimateFile, logs: Sequence[Log]
-) -> EstimateValidation:
+def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> EstimateValidation:
     """Predict logs with an estimate as it is: nothing is fitted but the state at each start.
 
     What is tested is all but the first half second of each recording. A `SettingError` if the
     estimate cannot be read or run, a `RecordingError` if the logs do not suit it.
     """
-    file = read_estimate(estimate)
-    stored = stored_identification(file)
-    model = _model(stored, file.refuse)
+    stored = estimate.of_joint
+    model = _model(stored, estimate.refuse)
     check_distinct(logs)
     recordings, dropped = _recordings(logs, model.joint.kind)
-    _check_unit(file.name, stored, logs)
+    _check_unit(estimate.name, stored, logs)
     recordings = [stored.choices.amplifier.behind(recording) for recording in recordings]
     data = data_of(model.joint, recordings, [0] * len(recordings))
     problem, _ = model.motion(divide(data.samples, _SEGMENT), data.noise, data)
@@ -89,11 +80,11 @@ def validate_estimate(
     tested = Tested(kind, model.joint, problem, model.values, data.samples, noise)
     doubts = (*common_doubts(stored, stored.coefficients, logs), *_doubts(stored))
     warnings = (*(warning for log in logs for warning in log.warnings), *dropped)
-    return predicted(file, tested, logs, (*warnings, *cautions(Rank.MODEL, doubts)))
+    return predicted(estimate, tested, logs, (*warnings, *cautions(Rank.MODEL, doubts)))
 
 
 def predicted(
-    file: EstimateFile, tested: Tested, logs: Sequence[Source], warnings: Sequence[str]
+    estimate: StoredEstimate, tested: Tested, logs: Sequence[Source], warnings: Sequence[str]
 ) -> EstimateValidation:
     """Predictions of all but the first half second of each recording."""
     starts = [round(HEAD / samples.sample_time) for samples in tested.samples]
@@ -104,7 +95,7 @@ def predicted(
             )
     except np.linalg.LinAlgError:
         raise SettingError(
-            file.name, "diverges on this log at once: give the estimate of the same drive"
+            estimate.name, "diverges on this log at once: give the estimate of the same drive"
         ) from None
     return EstimateValidation(
         found.fit_percent,
@@ -116,22 +107,23 @@ def predicted(
         warnings=ranked(warnings),
         provenance={
             "flexid_version": flexid.__version__,
-            "estimate": {"file": file.name, "sha256": hashlib.sha256(file.raw).hexdigest()},
+            "estimate": {"file": estimate.name, "sha256": estimate.sha256},
             "inputs": [log.provenance for log in logs],
         },
     )
 
 
-def _model(stored: Identification, refuse: Refuse) -> Rebuilt:
+def _model(stored: Identification, refuse: Refuse) -> JointModel:
     for name, found in stored.coefficients.items():
         if not isfinite(found.value):
             raise refuse(f"coefficients.{name}.value", "is no number: identify again")
+    model = JointModel.of(stored)
     try:
-        model = rebuilt(described(stored))
+        joint = model.joint
     except SettingError as error:
         raise refuse("", f"is no estimate that can be run: {error}") from None
     for term in stored.choices.terms:
-        if term not in model.joint.terms:
+        if term not in joint.terms:
             raise refuse(
                 "choices.terms",
                 f"has {term[:40]!r}, no term of the {stored.model} joint: give {WANTED} of this "
@@ -235,7 +227,7 @@ def common_doubts(
 
 
 def _doubts(stored: Identification) -> Iterator[str]:
-    offsets = averaged_offsets(stored.coefficients)
+    offsets = dict.fromkeys(n.partition("[")[0] for n in stored.coefficients if "[" in n)
     if offsets:
         yield (
             f"the estimate has {' and '.join(offsets)} log by log: for these logs the mean is taken"
@@ -243,9 +235,11 @@ def _doubts(stored: Identification) -> Iterator[str]:
 
 
 def validate_arm(
-    file: EstimateFile, stored: ArmIdentification, paths: Sequence[Path], columns: Path | None
+    estimate: StoredEstimate, paths: Sequence[Path], columns: Path | None
 ) -> EstimateValidation:
     """Predict logs with an arm's estimate as it is; see `validate_estimate`."""
+    stored = estimate.result
+    assert isinstance(stored, ArmIdentification)
     logs = [read_arm_log(path, stored.arm.joints, columns) for path in paths]
     check_distinct(logs)
     for log in logs:
@@ -253,7 +247,7 @@ def validate_arm(
             raise RecordingError(
                 log.source,
                 "input",
-                f"is in {', '.join(log.input_units)}, and {file.name} was made with inputs in "
+                f"is in {', '.join(log.input_units)}, and {estimate.name} was made with inputs in "
                 f"{', '.join(stored.input_units)}: give logs of the same inputs",
             )
     data = arm_data(_long_enough(logs))
@@ -268,7 +262,7 @@ def validate_arm(
     noise = dict(zip(arm.channels, by_channel, strict=True))
     tested = Tested("arm", arm, problem, point.values, samples, noise)
     doubts = cautions(Rank.MODEL, [*common_doubts(stored, stored.parameters, logs)])
-    return predicted(file, tested, logs, (*(w for log in logs for w in log.warnings), *doubts))
+    return predicted(estimate, tested, logs, (*(w for log in logs for w in log.warnings), *doubts))
 
 
 def _long_enough(logs: Sequence[ArmLog]) -> list[Samples]:

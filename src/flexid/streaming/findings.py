@@ -12,7 +12,7 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 from flexid.identification.vocabulary.intervals import POSITIVE, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.streaming.commissioned import Departure, departures
+from flexid.streaming.departures import Departure, departures
 from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.learner import Learner, States
 from flexid.streaming.options import WatchOptions

@@ -10,9 +10,10 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.identification.result.identification import Identification
 from flexid.recording.column_map import MapSource
 from flexid.streaming.checkpoint import read_session
-from flexid.streaming.commissioned import Commissioned
+from flexid.streaming.departures import not_accounted_for
 from flexid.streaming.incoming import Incoming, Replay, TextSamples, is_whole_log
 from flexid.streaming.options import WatchOptions, options_of_stream, wanted_kind
 from flexid.streaming.session import Session
@@ -101,7 +102,7 @@ class Follower:
         source: str,
         chosen: Mapping[str, Any],
         *,
-        estimate: Commissioned | None = None,
+        estimate: Identification | None = None,
         column_map: MapSource | None = None,
         header: str | None = None,
         checkpoint: Path | None = None,
@@ -194,5 +195,5 @@ class Follower:
             sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
         options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
         if self._estimate is not None:
-            self.warnings += self._estimate.warnings(sample_time)
+            self.warnings += tuple(not_accounted_for(self._estimate, sample_time))
         return opened_session(options, self._checkpoint)

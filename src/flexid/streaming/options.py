@@ -1,6 +1,6 @@
 """What an estimation beside a drive is given: the model, the clock, the filter, the memory."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from math import inf, isfinite
@@ -12,6 +12,7 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import Stated, stated
+from flexid.identification.result.identification import Identification
 from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, SQUARES, TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms
@@ -20,11 +21,12 @@ from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.sampling import check_sample_time
 from flexid.recording.wraps import TURN
 from flexid.streaming.channels import StreamChannels
-from flexid.streaming.commissioned import Commissioned
+from flexid.streaming.departures import given_values, taken_from
 
 USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
 """Terms of the model where none are named."""
 
+FILTER_RATE = 20.0  # of the filter in 1/s, where the samples come often enough for it
 RATES = (1.0, 0.25, 4.0)  # multiples of the filter rate that run side by side; the first is asked
 KINDS = ("flexible", "link", "rigid")  # models of the joint
 USABLE_TERMS = {n: t for n, t in (TERMS | SHAPE_TERMS).items() if t.memory is None}
@@ -45,7 +47,7 @@ class WatchOptions:
     # the input between samples: on straight lines, or held. With ``"auto"`` it is taken as on
     # lines, and the intervals cover what a held one would give
     hold: Literal["auto", "linear", "zero"] = "auto"
-    filter_rate: float = 20.0  # λ of the filter, in 1/s
+    filter_rate: float = FILTER_RATE  # λ of the filter, in 1/s
     memory: float = inf  # seconds after which a sample weighs 1/e as much; infinite: nothing fades
     # velocity in rad/s over which Coulomb friction changes its sign
     coulomb_velocity: float = COULOMB_VELOCITY
@@ -176,49 +178,38 @@ class WatchOptions:
             raise SettingError("checkpoint", "its options are of wrong types") from None
 
 
-def wanted_kind(chosen: Mapping[str, Any], made: Commissioned | None) -> str:
+def wanted_kind(chosen: Mapping[str, Any], estimate: Identification | None) -> str:
     """The kind of joint that is asked for: as chosen, or that of the estimate; else ``"auto"``."""
     kind = chosen.get("kind", "auto")
     if kind not in ("auto", *KINDS):
         raise SettingError("model", f"must be auto, flexible, link or rigid, got {kind!r}")
-    return made.kind if kind == "auto" and made is not None else kind
+    return estimate.model if kind == "auto" and estimate is not None else kind
 
 
 def options_of_stream(
     chosen: Mapping[str, Any],
-    made: Commissioned | None,
+    estimate: Identification | None,
     channels: StreamChannels,
     sample_time: float,
+    stated: Collection[str] = (),
 ) -> WatchOptions:
-    """What a user chooses, by the names of the fields; None and "auto": as in the estimate."""
+    """What a user chooses, by the names of the fields; None and "auto": as in the estimate.
+
+    Coefficients that the user states are not taken from the estimate.
+    """
     check_sample_time(sample_time)
     chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
-    taken = made or Commissioned(channels.kind, USUAL_TERMS, hold="auto")
-    if taken.kind != channels.kind:
-        raise SettingError(
-            "estimate",
-            f"is of the {taken.kind} joint, and these channels show the {channels.kind} one",
-        )
-    if made is not None and made.input_unit != channels.input_unit:
-        raise SettingError(
-            "estimate",
-            f"is of an input in {made.input_unit}, and that of the stream is in "
-            f"{channels.input_unit}: compare like with like",
-        )
+    follows: dict[str, Any] = {"terms": USUAL_TERMS, "filter_rate": FILTER_RATE}
+    given: dict[str, float] = {}
+    if estimate is not None:
+        _check_alike(estimate, channels)
+        follows |= taken_from(estimate)
+        kept = chosen.get("terms", follows["terms"])
+        off = [USABLE_TERMS[t] for t in follows["terms"] if t in USABLE_TERMS and t not in kept]
+        left = {*stated, *(coefficient for term in off for coefficient in term.coefficients)}
+        given = {name: v for name, v in given_values(estimate).items() if name not in left}
     slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
-    terms = chosen.get("terms", taken.terms)
-    off = [USABLE_TERMS[t] for t in taken.terms if t in USABLE_TERMS and t not in terms]
-    gone = {coefficient for term in off for coefficient in term.coefficients}
-    given = {name: value for name, value in taken.given.items() if name not in gone}
-    velocity = taken.coulomb_velocity
-    follows: dict[str, Any] = {
-        "terms": terms,
-        "hold": "auto" if channels.kind == "link" else taken.hold,
-        "filter_rate": min(max(taken.filter_rate, slowest / sample_time), fastest / sample_time),
-        "coulomb_velocity": COULOMB_VELOCITY if velocity is None else velocity,
-        "shapes": taken.shapes,
-        "reference": taken.reference,
-    }
+    rate = min(max(follows["filter_rate"], slowest / sample_time), fastest / sample_time)
     shown = {
         "sample_time": sample_time,
         "kind": channels.kind,
@@ -227,4 +218,19 @@ def options_of_stream(
         "motor_turn": channels.motor_turn,
         "known": {**given, **chosen.get("known", {})},
     }
-    return WatchOptions(**{**follows, **chosen, **shown})
+    return WatchOptions(**{**follows, "filter_rate": rate, **chosen, **shown})
+
+
+def _check_alike(estimate: Identification, channels: StreamChannels) -> None:
+    """Refuse an estimate of another joint or input than the channels show."""
+    if estimate.model != channels.kind:
+        raise SettingError(
+            "estimate",
+            f"is of the {estimate.model} joint, and these channels show the {channels.kind} one",
+        )
+    if estimate.input_unit != channels.input_unit:
+        raise SettingError(
+            "estimate",
+            f"is of an input in {estimate.input_unit}, and that of the stream is in "
+            f"{channels.input_unit}: compare like with like",
+        )

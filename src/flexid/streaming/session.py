@@ -13,7 +13,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.online import Status
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
-from flexid.streaming.commissioned import Departure
+from flexid.streaming.departures import Departure
 from flexid.streaming.findings import Findings, findings
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contradicts, judge

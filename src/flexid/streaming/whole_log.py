@@ -44,7 +44,7 @@ from flexid.recording.recording import Log
 from flexid.recording.sampling import EVEN, GAP
 from flexid.recording.series import names_of, tables_of
 from flexid.recording.velocities import with_velocities
-from flexid.streaming.commissioned import stream_terms, taken_from
+from flexid.streaming.departures import stream_terms
 from flexid.streaming.findings import Findings, findings, regressor_sizes
 from flexid.streaming.incoming import Replay
 from flexid.streaming.options import WatchOptions, options_of_stream
@@ -113,11 +113,10 @@ def _head(path: Path, columns: "MapSource | None") -> _Head:
 
 def _options(replay: Replay, log: Log, head: Identification, settings: Settings) -> WatchOptions:
     """What the head shows, and what the user chooses."""
-    channels, taken = replay.channels, taken_from(head)
+    channels = replay.channels
     joint = joint_of(channels.kind)
     terms = _usual_terms(head)
     said = stated(replace(settings, terms=terms), joint, channels.input_unit)
-    given = {name: value for name, value in taken.given.items() if name not in said.given}
     chosen: dict[str, Any] = {
         "terms": stream_terms(terms, channels.kind),
         "known": settings.known,
@@ -129,7 +128,7 @@ def _options(replay: Replay, log: Log, head: Identification, settings: Settings)
         moving = [joint.samples(with_velocities(recording)) for recording in log.recordings]
         chosen["coulomb_velocity"] = joint.scaled(moving).smooth.constants[SMOOTHING]
     sample_time = log.recordings[0].sample_time
-    options = options_of_stream(chosen, replace(taken, given=given), channels, sample_time)
+    options = options_of_stream(chosen, head, channels, sample_time, said.given)
     alignment = head.choices.alignment
     return replace(
         options,

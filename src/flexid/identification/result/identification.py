@@ -86,6 +86,18 @@ class Identification:
         worst: tuple[Verdict, ...] = ("undetermined", "weak", "determined")
         return next(verdict for verdict in worst if verdict in found)
 
+    @property
+    def given(self) -> frozenset[str]:
+        """Coefficients that were not estimated."""
+        found = self.coefficients.items()
+        return frozenset(name.partition("[")[0] for name, c in found if c.std == 0.0)
+
+    @property
+    def input_unit(self) -> str:
+        """Unit of the input; empty for the link alone."""
+        gain = self.coefficients.get("beta1")
+        return "" if gain is None else gain.unit.removeprefix("rad/s^2/").strip("()")
+
     def supports(self, *, strict: bool = False) -> bool:
         """Whether the data determine every parameter, be it weakly; if strict, not weakly."""
         return self.verdict == "determined" or (self.verdict == "weak" and not strict)

@@ -12,10 +12,11 @@ from flexid.errors import SettingError
 from flexid.identification.full_model.amplifier import Amplifier
 from flexid.identification.preparation.alignment import Delay
 from flexid.identification.preparation.joint import Kind
+from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.streaming.channels import StreamChannels
 from flexid.streaming.checkpoint import read_session, save_session
-from flexid.streaming.commissioned import Commissioned, commissioned, departures
+from flexid.streaming.departures import check_comparable, departures, not_accounted_for
 from flexid.streaming.follower import opened_session
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions, options_of_stream, wanted_kind
@@ -98,7 +99,7 @@ def test_an_angle_departs_round_the_circle():
 
 
 def options_of(
-    made: Commissioned | None = None, kind: Kind = "flexible", unit: str = "N m", h: float = H,
+    made: Identification | None = None, kind: Kind = "flexible", unit: str = "N m", h: float = H,
     **chosen: object,
 ) -> WatchOptions:  # fmt: skip
     """Options of a stream."""
@@ -113,12 +114,11 @@ def result():
 
 def test_a_stream_takes_model_and_filter_of_the_estimate(result):
     """Assert that all but the values is taken, and what is asked for prevails."""
-    made = commissioned(result)
-    options = options_of(made)
+    options = options_of(result)
     assert (options.terms, options.hold) == (("gravity", "motor_viscous"), "zero")
     assert options.filter_rate == result.choices.filter_rate
     assert options.reference.keys() >= TRUTH.keys()
-    options = options_of(made, terms=("gravity",), hold="linear", filter_rate=10.0)
+    options = options_of(result, terms=("gravity",), hold="linear", filter_rate=10.0)
     assert (options.terms, options.hold, options.filter_rate) == (("gravity",), "linear", 10.0)
 
 
@@ -137,7 +137,7 @@ def test_a_slow_stream_goes_on_from_its_checkpoint(tmp_path: Path):
 
 def test_the_log_that_was_identified_agrees_with_its_estimate(result):
     """Assert that both estimators say the same of one log."""
-    options = options_of(commissioned(result), h=1e-3)
+    options = options_of(result, h=1e-3)
     (samples,) = flexid.samples(LOG)
     rows = np.column_stack((samples.time, samples.positions, samples.inputs))
     session = watched(rows, options)
@@ -148,32 +148,30 @@ def test_the_log_that_was_identified_agrees_with_its_estimate(result):
 def test_what_was_given_is_given(result):
     """Assert that a coefficient that was not estimated is none of the stream's, either."""
     beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)
-    made = commissioned(replace(result, coefficients=result.coefficients | {"beta1": beta}))
-    options = options_of(made)
+    options = options_of(replace(result, coefficients=result.coefficients | {"beta1": beta}))
     assert options.given == {"beta1": 3.0}
     assert "beta1" not in options.system.coefficients
 
 
 def test_what_cannot_be_held_against(result):
     """Assert that another joint or input, a memory, a guess and a missing value are refused."""
-    made = commissioned(result)
     with pytest.raises(SettingError, match="channels show the rigid one"):
-        options_of(made, "rigid")
+        options_of(result, "rigid")
     with pytest.raises(SettingError, match="an input in N m, and that of the stream is in A"):
-        options_of(made, unit="A")
+        options_of(result, unit="A")
     with_memory = replace(result.choices, terms=("gravity", "spring_hysteresis"))
     with pytest.raises(SettingError, match=r"remembers the path .* --terms gravity, and"):
-        commissioned(replace(result, choices=with_memory))
+        check_comparable(replace(result, choices=with_memory))
     beta = replace(result.coefficients["beta1"], value=np.nan, std=0.0)
     with pytest.raises(SettingError, match="has no value of beta1"):
-        commissioned(replace(result, coefficients=result.coefficients | {"beta1": beta}))
+        check_comparable(replace(result, coefficients=result.coefficients | {"beta1": beta}))
     with pytest.raises(SettingError, match="is not positive"):
-        options_of(made, coulomb_velocity=0.0)
+        options_of(result, coulomb_velocity=0.0)
     with pytest.raises(SettingError, match="holds no estimate"):
         flexid.watch(sample_time=H, estimate={})
     open_ones = {n: replace(p, verdict="undetermined") for n, p in result.parameters.items()}
     with pytest.raises(SettingError, match="determines nothing"):
-        commissioned(replace(result, parameters=open_ones))
+        check_comparable(replace(result, parameters=open_ones))
 
 
 @pytest.mark.parametrize("part", ["value", "std", "interval"])
@@ -182,9 +180,8 @@ def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str, tm
     missing = {"value": np.nan, "std": np.inf, "interval": (-np.inf, 1.0)}[part]
     stiffness = replace(result.parameters["joint_stiffness"], **{part: missing})
     parameters = result.parameters | {"joint_stiffness": stiffness}
-    made = commissioned(replace(result, parameters=parameters))
-    assert {*TRUTH} - {*made.reference} == {"joint_stiffness"}
-    options = options_of(made)
+    options = options_of(replace(result, parameters=parameters))
+    assert {*TRUTH} - {*options.reference} == {"joint_stiffness"}
     save_session(opened_session(options, None), tmp_path / "state.json")
 
 
@@ -192,16 +189,16 @@ def test_a_late_channel_is_warned_of(result):
     """Assert that a delay is said from a tenth of a sample on: a stream is taken as it comes."""
     late = Delay(0.002, 1e-4, (0.0018, 0.0022), "found")
     alignment = replace(result.choices.alignment, input_delay=late)
-    made = commissioned(replace(result, choices=replace(result.choices, alignment=alignment)))
-    (warning,) = made.warnings(0.019)
+    made = replace(result, choices=replace(result.choices, alignment=alignment))
+    (warning,) = not_accounted_for(made, 0.019)
     assert "the input late by 2 ms" in warning
-    assert made.warnings(0.021) == ()
+    assert [*not_accounted_for(made, 0.021)] == []
 
 
 def test_a_corrected_voltage_is_warned_of(result):
     """Assert that an amplifier's dead zone in the estimate is said: a stream is not corrected."""
     choices = replace(result.choices, amplifier=Amplifier(dead_zone=0.2))
-    (warning,) = commissioned(replace(result, choices=choices)).warnings(0.01)
+    (warning,) = not_accounted_for(replace(result, choices=choices), 0.01)
     assert "send the voltage at the motor" in warning
 
 
@@ -266,12 +263,16 @@ def test_what_cannot_be_known(options: dict, words: str):
 
 
 @pytest.mark.thorough
-def test_widths_of_shapes_come_with_an_estimate():
+def test_widths_of_shapes_come_with_an_estimate(result):
     """Assert that a term whose shape an estimate found is learnt with that width."""
-    made = Commissioned(
-        "flexible", ("gravity", "backlash"), "linear", shapes={"backlash_width": 0.02}
+    choices = replace(
+        result.choices,
+        terms=("gravity", "backlash"),
+        hold="linear",
+        shapes={"backlash_width": 0.02},
+        filter_rate=20.0,
     )
-    options = options_of(replace(made, input_unit="N m"))
+    options = replace(options_of(replace(result, choices=choices)), reference={}, known={})
     assert options.system.constants["backlash_width"] == 0.02
     low, high = watched(stream(), options).coefficients["theta_backlash"].interval
     assert low < 0.0 < high
@@ -286,8 +287,8 @@ def test_everything_may_be_known():
     assert session.health.health is Health.CONVERGED
 
 
-def test_kinds_are_those_of_identify():
+def test_kinds_are_those_of_identify(result):
     """Assert that another model is refused with those there are."""
     with pytest.raises(SettingError, match="must be auto, flexible, link or rigid, got 'elastic'"):
         wanted_kind({"kind": "elastic"}, None)
-    assert wanted_kind({}, Commissioned("link", (), "auto")) == "link"
+    assert wanted_kind({}, replace(result, model="link")) == "link"

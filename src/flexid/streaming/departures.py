@@ -1,14 +1,14 @@
-"""An estimate made before, as what a stream is held against.
+"""A stream that is held against an identification: what it takes from that, and what departs.
 
-Its model is that of the stream: terms, what was given, hold and filter. Its values are not: what
-is learnt is learnt from the stream alone, because a drive that has changed since would be drawn to
-what it was. Whether it has is a comparison of the two.
+The model is that of the identification: terms, what was given, hold and filter. Its values are not
+used: the estimates follow from the stream alone, since a drive that has changed since would be
+drawn to what it was. Whether it has is a comparison of the two.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite, nan
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, SQUARES
@@ -18,48 +18,12 @@ if TYPE_CHECKING:
     from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.evidence import ParameterEstimate
 
-FILTER_RATE = 20.0  # rate of the filter in 1/s, where the samples come often enough for it
 LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word
 _OF_THE_MOTOR = {"viscous": "motor_viscous", "coulomb": "motor_coulomb", "offset": "motor_offset"}
 
 
-@dataclass(frozen=True)
-class Commissioned:
-    """What a stream takes from an estimate, and what it is compared with."""
-
-    kind: Literal["flexible", "link", "rigid"]  # which joint
-    terms: tuple[str, ...]  # of the joint
-    hold: Literal["auto", "linear", "zero"]  # the input between samples
-    filter_rate: float = FILTER_RATE  # in 1/s
-    given: Mapping[str, float] = field(default_factory=dict)  # coefficients that were not estimated
-    shapes: Mapping[str, float] = field(default_factory=dict)  # constants of shapes, by name
-    coulomb_velocity: float | None = None  # in rad/s; None where friction was dry
-    # value of each physical parameter that is determined, and half of its 95 % interval
-    reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    input_unit: str = ""  # of the input; empty where there is none
-    # channels that were found late, and by how many seconds
-    late: Mapping[str, float] = field(default_factory=dict)
-    corrected: bool = False  # whether the logged voltage was corrected for its amplifier
-
-    def warnings(self, sample_time: float) -> tuple[str, ...]:
-        """What a stream of such samples does not account for."""
-        late = tuple(
-            f"the estimate found the {name} late by {1e3 * delay:.3g} ms, and a stream is taken as "
-            f"it comes: send it in time, or inertias, friction and damping seem to have changed"
-            for name, delay in self.late.items()
-            if abs(delay) > LATE * sample_time
-        )
-        if not self.corrected:
-            return late
-        return (
-            *late,
-            "the estimate corrected the voltage for its amplifier, and a stream is taken as it "
-            "comes: send the voltage at the motor, or gain and friction seem to have changed",
-        )
-
-
-def commissioned(result: "Identification") -> Commissioned:
-    """What a stream that is held against an identification takes from it."""
+def check_comparable(result: "Identification") -> None:
+    """Refuse an identification that no stream can be held against."""
     terms = result.choices.terms
     remembering = [term for term in terms if (s := SHAPE_TERMS.get(term)) and s.memory]
     if remembering:
@@ -69,48 +33,68 @@ def commissioned(result: "Identification") -> Commissioned:
             f"has {remembering[0]}, which remembers the path of the spring, and least squares "
             f"remembers nothing: identify with --terms {left or 'none'}, and take that estimate",
         )
-    taken = taken_from(result)
-    if not taken.reference:
+    if not _reference(result):
         raise SettingError("estimate", "determines nothing that a stream could be compared with")
-    unknown = [name for name, value in taken.given.items() if not isfinite(value)]
+    unknown = [name for name, value in given_values(result).items() if not isfinite(value)]
     if unknown:
         raise SettingError(
             "estimate", f"has no value of {unknown[0]}, which is not sought: identify once more"
         )
-    return taken
 
 
-def taken_from(result: "Identification") -> Commissioned:
-    """Model, settings and values of an identification."""
-    from flexid.stored_estimates.rebuilt import given_coefficients, input_unit_of
-
+def taken_from(result: "Identification") -> dict[str, Any]:
+    """Options of a stream, by the fields of `WatchOptions`, as an identification has them."""
     choices = result.choices
-    names = given_coefficients(result) | SQUARES
-    return Commissioned(
-        kind=result.model,
-        terms=stream_terms(choices.terms, result.model),
-        hold="zero" if choices.hold == "zero" else "linear",
-        filter_rate=choices.filter_rate if isfinite(choices.filter_rate) else FILTER_RATE,
-        given={name: c.value for name, c in result.coefficients.items() if name in names},
-        shapes={**choices.shapes},
-        coulomb_velocity=choices.coulomb_velocity,
-        reference={
-            name: (found.value, 0.5 * (found.interval[1] - found.interval[0]))
-            for name, found in result.parameters.items()
-            if found.verdict == "determined" and _is_known(found)
-        },
-        input_unit=input_unit_of(result),
-        late={
-            "input": choices.alignment.input_delay.value,
-            "link's encoder": choices.alignment.link_delay.value,
-        },
-        corrected=choices.amplifier.corrects,
-    )
+    hold = "zero" if choices.hold == "zero" else "linear"
+    found: dict[str, Any] = {
+        "terms": stream_terms(choices.terms, result.model),
+        "hold": "auto" if result.model == "link" else hold,
+        "shapes": {**choices.shapes},
+        "reference": _reference(result),
+    }
+    if isfinite(choices.filter_rate):
+        found["filter_rate"] = choices.filter_rate
+    if choices.coulomb_velocity is not None:
+        found["coulomb_velocity"] = choices.coulomb_velocity
+    return found
+
+
+def given_values(result: "Identification") -> dict[str, float]:
+    """Coefficients that a stream does not seek, with their values."""
+    names = result.given | SQUARES
+    return {name: c.value for name, c in result.coefficients.items() if name in names}
+
+
+def not_accounted_for(result: "Identification", sample_time: float) -> Iterator[str]:
+    """What of an identification a stream of such samples does not account for."""
+    alignment = result.choices.alignment
+    late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
+    for name, delay in late.items():
+        if abs(delay) > LATE * sample_time:
+            yield (
+                f"the estimate found the {name} late by {1e3 * delay:.3g} ms, and a stream is "
+                f"taken as it comes: send it in time, or inertias, friction and damping seem to "
+                f"have changed"
+            )
+    if result.choices.amplifier.corrects:
+        yield (
+            "the estimate corrected the voltage for its amplifier, and a stream is taken as it "
+            "comes: send the voltage at the motor, or gain and friction seem to have changed"
+        )
 
 
 def stream_terms(terms: Sequence[str], kind: str) -> tuple[str, ...]:
     """Terms by the names of the flexible joint, as a stream has them."""
     return tuple(_OF_THE_MOTOR.get(term, term) if kind == "rigid" else term for term in terms)
+
+
+def _reference(result: "Identification") -> dict[str, tuple[float, float]]:
+    """Value of each physical parameter that is determined, and half of its 95 % interval."""
+    return {
+        name: (found.value, 0.5 * (found.interval[1] - found.interval[0]))
+        for name, found in result.parameters.items()
+        if found.verdict == "determined" and _is_known(found)
+    }
 
 
 def _is_known(found: "ParameterEstimate") -> bool:
