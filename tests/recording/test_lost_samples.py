@@ -48,6 +48,17 @@ def test_lost_samples_are_found_where_they_are(seed: int):
     assert found.sum() > 0.8 * true.sum()
 
 
+def test_lost_samples_of_a_resonance_are_found():
+    """Assert that losses show where a dozen samples make a period, of which no parabola knows."""
+    rng = np.random.default_rng(7)
+    swing = 0.02 * np.sin(2.0 * np.pi * np.arange(3000) / 12.0)
+    lost = rng.choice(np.arange(10, 2990), 60, replace=False)
+    positions, true = without(motion(1e-5) + np.outer([1.0, -0.5], swing), lost)
+    found = lost_samples(positions, clock(len(positions[0])))
+    assert not found[true == 0].any()
+    assert found.sum() > 0.95 * true.sum()
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
 def test_nothing_is_found_where_nothing_is_lost(noise: float):
     """Assert that a motion, and one that stops dead and goes on, loses nothing."""

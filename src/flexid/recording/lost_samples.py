@@ -1,16 +1,18 @@
 """Samples that were lost, whether the clock shows it or not: found, and put back.
 
 Where the time was counted from the samples that are there, every position advances by one more step
-than around it. A step is compared with the parabola through its neighbours, with and without
-samples lost, by the likelihood of both for all positions together.
+than around it. What the steps around speak for, with and without samples lost, is learnt from the
+log itself by least squares; both are compared by their likelihood for all positions together.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
 
 from flexid.recording.channel import Channel
 from flexid.recording.sampling import MOST_GAPS, MOST_JITTER, interpolated
@@ -22,9 +24,17 @@ if TYPE_CHECKING:
 
 _AROUND = 4  # steps on either side
 _MOST_LOST = 3  # samples in one place; a longer gap is a gap
-_CLEAR = 8.0  # of the logarithm of the likelihoods' ratio: a chance of 1 in 3000, at a place in 100
+_CLEAR = 10.0  # of the logarithm of the likelihoods' ratio: a chance of 1 in 20 000
 _LEAST_SHARE = 4.0  # times as many places as there are where a step seems to be one too many
-_PASSES = 3  # over the log: a place hides those beside it
+_LEAST_EXPLAINED = 0.75  # of the places, where samples were lost and nothing else happened
+_LEFT_OVER = 0.05  # of an error's square that a loss leaves at most, beyond what is by chance
+_BY_CHANCE = 10.0  # square of an error over its variance
+_PASSES = 8  # over the log: a place hides those beside it
+_TRIMS, _TRIMMED = 4, 5.0  # rounds of learning without steps that are off by so many deviations
+_SWEEPS = 3  # over the steps where samples are lost, each of which is in the windows of others
+_FEWEST_WINDOWS = 60  # for each channel: several times as many as there are weights
+_MOST_WINDOWS = 5_000  # learnt from: more make it slower and no better
+_ALIKE = 1e-10  # singular values over the largest, and errors over steps, that count as none
 FEWEST_PLACES = 3  # where samples are lost: fewer change next to nothing
 _SHORTEST_PART = 2.0  # s between losses that the clock shows: a log of longer parts is cut instead
 _EVEN = 1e-3  # of a step, by which a counted time differs from even
@@ -33,20 +43,26 @@ _EVEN = 1e-3  # of a step, by which a counted time differs from even
 def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.int64]:
     """How many samples are lost after each, shape (n - 1,); all 0 where nothing shows it."""
     none = np.zeros(len(time) - 1, dtype=np.int64)
-    if not positions or len(time) < 8 * _AROUND or not _is_counted(time):
+    if not positions or len(time) < _FEWEST_WINDOWS * len(positions) or not _is_counted(time):
         return none
+    seen = np.column_stack(positions)
     lost = none
     for _ in range(_PASSES):
-        more, ratio = _likeliest(positions, lost)
-        clear = (ratio > _CLEAR) & (lost == 0)
-        added = np.where(clear & (more > 0), more, 0)
+        more, ratio = _likeliest(seen, lost)
+        clear = ratio > _CLEAR
+        one_too_many = np.count_nonzero(lost) + np.count_nonzero(clear & (more > 0))
         # Where the motion itself makes steps uneven it stops as often as it doubles.
-        if np.count_nonzero(added) < _LEAST_SHARE * np.count_nonzero(clear & (more < 0)):
+        if one_too_many < _LEAST_SHARE * np.count_nonzero(clear & (more < 0)):
             return none
+        # A loss spoils the windows around it, so that the clearest of them goes first.
+        clearest = ratio >= maximum_filter1d(ratio, 2 * _AROUND + 1, mode="nearest")
+        added = np.where(clear & clearest & (more > 0), more, 0)
         if not added.any():
             break
         lost = lost + added
-    return lost
+    explained = lost * _explained(seen, lost)
+    enough = np.count_nonzero(explained) >= _LEAST_EXPLAINED * np.count_nonzero(lost)
+    return explained if enough else none
 
 
 def lost_by_the_clock(time: FloatArray) -> NDArray[np.int64]:
@@ -95,43 +111,94 @@ def _is_counted(time: FloatArray) -> bool:
 
 
 def _likeliest(
-    positions: list[FloatArray], lost: NDArray[np.int64]
+    positions: FloatArray, lost: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], FloatArray]:
     """Samples lost at each step, and how much more likely that is than none; -1: a step missing."""
-    numbers = np.array([-1, *range(1, _MOST_LOST + 1)])
-    ratios = np.zeros((len(numbers), len(lost)))
-    for values in positions:
-        usual, spread = _usual(np.diff(values), lost)
-        more = np.diff(values) - usual
-        plain = float(np.median(np.abs(more[np.isfinite(more)]))) / 0.6745
-        variance = np.maximum(plain, spread) ** 2 + np.finfo(float).tiny
-        for place, number in enumerate(numbers):
-            ratios[place] += (more**2 - (more - number * usual) ** 2) / (2.0 * variance)
-    ratios = np.where(np.isfinite(ratios), ratios, -np.inf)
-    best = np.argmax(ratios, axis=0)
-    return numbers[best], ratios[best, np.arange(len(lost))]
+    steps, whole, firsts = _steps(positions, lost)
+    tested = np.flatnonzero((firsts >= _AROUND) & (firsts < len(steps) - _AROUND) & (lost == 0))
+    plain = _Interpolator.learnt(steps, whole, 0)
+    off = plain.squares(_around(steps, firsts[tested], 0), steps[firsts[tested]])
+    tested = tested[off > 2.0 * _CLEAR]  # the others are likely as they are
+    number, ratio = np.zeros_like(lost), np.full(len(lost), -np.inf)
+    if len(tested):
+        beside, own = _around(steps, firsts[tested], 0), steps[firsts[tested]]
+        others = [_Interpolator.learnt(steps, whole, count) for count in range(1, _MOST_LOST + 1)]
+        found = [plain.surprise(0.0 * beside, own)]
+        found += [other.surprise(beside, own) for other in others]
+        ratios = plain.surprise(beside, own) - np.array(found)
+        best = np.argmax(ratios, axis=0)
+        number[tested] = np.array([-1, *range(1, _MOST_LOST + 1)])[best]
+        ratio[tested] = ratios[best, np.arange(len(best))]
+    return number, ratio
 
 
-def _usual(steps: FloatArray, lost: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """The step that its neighbours speak for, and how far it may be off; NaN at the ends.
+def _explained(positions: FloatArray, lost: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Where losses leave next to nothing of an error, shape (n - 1,): what hits a joint does."""
+    steps, whole, firsts = _steps(positions, lost)
+    found = np.ones(len(lost), dtype=bool)
+    for number in np.unique(lost[lost > 0]).tolist():
+        inside = (firsts >= _AROUND) & (firsts < len(steps) - _AROUND - number) & (lost == number)
+        beside = _around(steps, firsts[inside], number)
+        own = _sums(steps, firsts[inside], number)
+        lossy = _Interpolator.learnt(steps, whole, number)
+        off = lossy.squares(beside / (number + 1.0), own)
+        found[inside] = lossy.squares(beside, own) <= _BY_CHANCE + _LEFT_OVER * off
+    return found
 
-    A parabola through those that lost nothing, by least squares.
-    """
-    n = len(steps)
-    offsets = np.array([k for k in range(-_AROUND, _AROUND + 1) if k])
-    places = np.arange(_AROUND, n - _AROUND)[:, None] + offsets
-    weights = (lost[places] == 0).astype(float)
-    powers = np.stack([np.ones(len(offsets)), offsets, offsets**2], axis=1)
-    normal = np.einsum("kj,ji,jl->kil", weights, powers, powers)
-    right = np.einsum("kj,ji->ki", weights * steps[places], powers)
-    enough = weights.sum(axis=1) > 5.0
-    normal[~enough] = np.eye(3)
-    inverse = np.linalg.inv(normal)
-    found = np.einsum("kij,kj->ki", inverse, right)
-    left = weights * (steps[places] - found @ powers.T)
-    variance = np.sum(left**2, axis=1) / np.maximum(weights.sum(axis=1) - 3.0, 1.0)
-    usual, spread = np.full(n, np.nan), np.full(n, np.nan)
-    inside = slice(_AROUND, n - _AROUND)
-    usual[inside] = np.where(enough, found[:, 0], np.nan)
-    spread[inside] = np.sqrt(variance * (1.0 + inverse[:, 0, 0]))
-    return usual, spread
+
+@dataclass(frozen=True, eq=False)
+class _Interpolator:
+    """What steps of all positions together the steps around speak for, learnt from a log."""
+
+    weights: FloatArray  # (2 * _AROUND * channels + 1, channels)
+    root: FloatArray  # (channels, channels): Cholesky factor of its errors' covariance
+
+    @classmethod
+    def learnt(cls, steps: FloatArray, whole: NDArray[np.bool_], lost: int) -> _Interpolator:
+        """That of a step over so many lost samples, from windows in which nothing was lost."""
+        last = len(steps) - _AROUND - lost
+        count = min(last - _AROUND, _MOST_WINDOWS)
+        firsts = np.unique(np.linspace(_AROUND, last - 1, count).astype(np.int64))
+        gone = np.cumsum(np.concatenate(([0], ~whole)))
+        firsts = firsts[gone[firsts + _AROUND + lost + 1] == gone[firsts - _AROUND]]
+        beside, sums = _around(steps, firsts, lost), _sums(steps, firsts, lost)
+        weights, kept = np.zeros((beside.shape[1], steps.shape[1])), np.full(len(sums), True)
+        errors = sums
+        for _ in range(_TRIMS):
+            weights = np.linalg.lstsq(beside[kept], sums[kept], rcond=_ALIKE)[0]
+            errors = sums - beside @ weights
+            usual = np.median(np.abs(errors[kept]), axis=0) / 0.6745 + np.finfo(float).tiny
+            kept &= np.max(np.abs(errors) / usual, axis=1) < _TRIMMED
+        left = errors[kept]
+        floor = _ALIKE * np.mean(sums**2, axis=0) + np.finfo(float).tiny
+        return cls(weights, np.linalg.cholesky(left.T @ left / max(len(left), 1) + np.diag(floor)))
+
+    def surprise(self, beside: FloatArray, own: FloatArray) -> FloatArray:
+        """Minus the logarithm of each step's likelihood."""
+        return 0.5 * self.squares(beside, own) + np.sum(np.log(np.diag(self.root)))
+
+    def squares(self, beside: FloatArray, own: FloatArray) -> FloatArray:
+        """Squares of the errors of steps over their variance, shape (m,)."""
+        return np.sum(np.linalg.solve(self.root, (own - beside @ self.weights).T) ** 2, axis=0)
+
+
+def _steps(
+    positions: FloatArray, lost: NDArray[np.int64]
+) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.int64]]:
+    """Steps of a log with its losses put back, which of them were seen, and where each began."""
+    kept = _kept(lost)
+    steps = np.diff(CubicSpline(kept, positions)(np.arange(kept[-1] + 1)), axis=0)
+    whole = np.repeat(lost == 0, 1 + lost)
+    return steps, whole, kept[:-1]
+
+
+def _around(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:
+    """The steps on either side of one that covers so many lost samples, and a constant."""
+    offsets = [*range(-_AROUND, 0), *range(lost + 1, lost + 1 + _AROUND)]
+    beside = steps[firsts[:, None] + offsets].reshape(len(firsts), -1)
+    return np.column_stack((beside, np.ones(len(firsts))))
+
+
+def _sums(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:
+    """The step that covers so many lost samples, from each place on."""
+    return steps[firsts[:, None] + np.arange(lost + 1)].sum(axis=1)
