@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -22,6 +23,9 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 from flexid.cli.main import main
 from flexid.studies.huang2003.reproduction import Reproduction, reproduce
+
+if TYPE_CHECKING:
+    from flexid.library.joint_estimate import JointEstimate
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,15 @@ def shared_data() -> Path:
 def examples() -> Path:
     """Return the folder of the example logs and column maps."""
     return Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="session")
+def example_estimate(examples: Path) -> JointEstimate:
+    """Return what is found in the example log with the terms and the hold that made it."""
+    from flexid.library.identify import identify
+
+    log = examples / "flexible_joint.csv"
+    return identify(log, terms=("gravity", "motor_viscous"), hold="zero", segment_duration=2.0)
 
 
 @pytest.fixture(scope="session")

@@ -25,12 +25,19 @@ def test_exponent_is_no_uncertainty():
     assert found == {"beta1": 1000.0, "alpha1": 0.001}
 
 
-@pytest.mark.parametrize("text", ["theta2", "theta2=", "theta2=a", "theta2=1+-", "theta2=+-1"])
-def test_bad_knowledge_is_shown(text):
-    """Assert that what is no name=number is refused in the words of the user."""
-    with pytest.raises(SettingError, match="--known") as refused:
-        parse_known("--known", [text])
-    assert repr(text) in str(refused.value)
+@pytest.mark.parametrize(
+    ("parse", "option", "texts"),
+    [
+        (parse_known, "--known", ("theta2", "theta2=", "theta2=a", "theta2=1+-", "theta2=+-1")),
+        (parse_bounds, "--bounds", ("alpha2", "alpha2=1", "alpha2=a:b", "alpha2=1:2:3")),
+    ],
+)
+def test_bad_assignments_are_shown(parse, option, texts):
+    """Assert that what is no assignment is refused in the words of the user."""
+    for text in texts:
+        with pytest.raises(SettingError, match=option) as refused:
+            parse(option, [text])
+        assert repr(text) in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -39,14 +46,6 @@ def test_bad_knowledge_is_shown(text):
 def test_end_left_out_is_infinite(text, ends):
     """Assert that bounds may be open at either end."""
     assert parse_bounds("--bounds", [f"alpha2={text}"]) == {"alpha2": ends}
-
-
-@pytest.mark.parametrize("text", ["alpha2", "alpha2=1", "alpha2=a:b", "alpha2=1:2:3"])
-def test_bad_bounds_are_shown(text):
-    """Assert that what is no name=lower:upper is refused in the words of the user."""
-    with pytest.raises(SettingError, match="--bounds") as refused:
-        parse_bounds("--bounds", [text])
-    assert repr(text) in str(refused.value)
 
 
 @pytest.mark.parametrize("parse", [parse_known, parse_bounds])
@@ -61,22 +60,14 @@ def test_number_or_auto():
     """Assert that a number becomes one and auto stays."""
     assert parse_number("--input-delay", "2e-3") == 0.002
     assert parse_number("--input-delay", "auto") == "auto"
-
-
-def test_neither_number_nor_auto_names_the_option():
-    """Assert that the message says which option is wrong."""
     with pytest.raises(SettingError, match="--input-delay: 'soon'"):
         parse_number("--input-delay", "soon")
 
 
-def test_whole_number_keeps_its_digits():
-    """Assert that a seed of 63 bits, as campaigns draw them, is not rounded to a float."""
+def test_values_of_a_path():
+    """Assert that a seed of 63 bits is not rounded, and exponents and infinities are numbers."""
     seed = 2**62 + 1
     assert parse_values("--set", [f"sampling.seed={seed}"]) == {"sampling.seed": seed}
     assert float(seed) != seed
-
-
-def test_path_takes_any_notation_of_a_number():
-    """Assert that exponents and infinities are numbers, as far as this option is concerned."""
     parsed = parse_values("--set", ["a.b=1e3", "a.c = -2", "a.d=inf"])
     assert parsed == {"a.b": 1000.0, "a.c": -2, "a.d": inf}

@@ -23,16 +23,12 @@ def test_paper_is_printed(flexid, target: str, mark: str):
     assert mark in done.stdout
 
 
-def test_unknown_input_gain_is_reported_on_stderr(flexid):
-    """Assert that the need of u' is said beside the equations, not in them."""
+def test_notes_are_on_stderr(flexid, examples: Path):
+    """Assert that u' that is needed, and what is integrated numerically, are said."""
     done = flexid("derive", "flexible-joint", "--unknown-input-gain", "--to", "c")
     assert done.status == 0
     assert "u_rate" in done.stderr
     assert "note" not in done.stdout
-
-
-def test_quadrature_is_reported_on_stderr(flexid, examples: Path):
-    """Assert that the coefficient that is integrated numerically is named."""
     done = flexid("derive", str(examples / "models" / "stribeck.toml"))
     assert done.status == 0
     assert "stribeck; integrated numerically" in done.stderr

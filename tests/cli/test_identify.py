@@ -114,17 +114,6 @@ def test_output_holds_all_it_promises(flexid, good_log, tmp_path):
     assert document["provenance"]["flexid_version"]
 
 
-def test_known_motor_inertia(flexid, good_log):
-    """Assert that a known inertia is taken as it is, and beta1 with it."""
-    outcome = flexid("identify", good_log, "--known", "motor_inertia=0.3", "--json")
-    document = json.loads(outcome.stdout)
-    assert document["parameters"]["motor_inertia"]["interval"] == pytest.approx([0.3, 0.3])
-    assert document["coefficients"]["beta1"]["std"] == 0
-    assert document["coefficients"]["beta1"]["value"] == pytest.approx(1 / 0.3)
-    lower, upper = document["parameters"]["joint_stiffness"]["interval"]
-    assert lower < 100 < upper
-
-
 def test_known_stiffness(flexid, examples):
     """Assert that a stiffness can be known exactly, and narrows what rests on it."""
     log = examples / "flexible_joint.csv"
@@ -182,14 +171,6 @@ def test_small_single_sine_is_undetermined(flexid, tmp_path):
     assert parameters["gravity_torque"]["verdict"] == "undetermined"
 
 
-def test_several_logs_are_fitted_jointly(flexid, good_log, tmp_path):
-    """Assert that a second log narrows the intervals."""
-    other = write_log(tmp_path / "other.csv", [5, 5, 5], [1.1, 7.0, 15.0])
-    alone = json.loads(flexid("identify", good_log, "--json").stdout)["coefficients"]
-    both = json.loads(flexid("identify", good_log, other, "--json").stdout)["coefficients"]
-    assert sum(both[c]["std"] < alone[c]["std"] for c in TRUE) >= 4
-
-
 def test_gap_is_bridged(flexid, tmp_path):
     """Assert that a log with a gap is fitted as two records, with a warning, and correctly."""
     log = write_log(tmp_path / "gap.csv", [4, 6, 5, 6], [0.7, 5.3, 17, 25], gap=(9.0, 9.7))
@@ -201,31 +182,6 @@ def test_gap_is_bridged(flexid, tmp_path):
         assert coefficients[name]["value"] == pytest.approx(
             true, rel=0.02 if name == "alpha2" else 1e-3
         )
-
-
-def test_short_recording_is_left_out(flexid, tmp_path):
-    """Assert that fifty samples after a last gap cost a warning, not the whole log."""
-    log = write_log(tmp_path / "gap.csv", [4, 6, 5, 6], [0.7, 5.3, 17, 25], gap=(19.8, 19.9))
-    outcome = flexid("identify", log)
-    assert outcome.status == 0
-    assert "the 50 samples from 19.9 s on are too few" in outcome.stderr
-
-
-@pytest.mark.thorough
-def test_skewed_encoders_give_no_confident_stiffness(flexid, shared_data, tmp_path):
-    """Assert that the KUKA's first axis, whose deflection is a time skew, is not called known."""
-    raw = {"link_position": "q_link_deg", "motor_position": "q_mot_deg"}
-    lines = ['time = {column = "t_s", unit = "s"}']
-    lines += [f'{name} = {{column = "a1_{c}", unit = "deg"}}' for name, c in raw.items()]
-    lines += ['motor_torque = {column = "a1_tau_mot_Nm", unit = "N m"}']
-    columns = tmp_path / "columns.toml"
-    columns.write_text("\n".join(lines))
-    log = shared_data / "kr300" / "kr300_A.csv"
-    terms = "motor_viscous,motor_coulomb,motor_offset,link_offset"
-    outcome = flexid("identify", log, "--columns", columns, "--terms", terms, "--json")
-    document = json.loads(outcome.stdout)
-    assert document["parameters"]["joint_stiffness"]["verdict"] != "determined"
-    assert outcome.status == 1
 
 
 def test_wrong_sign_of_the_torque_is_unsupported(flexid, good_log, tmp_path):

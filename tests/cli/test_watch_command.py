@@ -151,23 +151,3 @@ def test_a_drive_that_does_not_move_exits_with_1():
     done = run("-", *PAPER, text="\n".join([header, *rows]))
     assert done.returncode == 1
     assert done.stdout.startswith("not excited: ")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("-", "--terms", "magic"), "'magic' is unknown"),
-        (("-", "--hold", "cubic"), "must be auto, linear or zero, got 'cubic'"),
-        (("-", "--sample-time", "0"), "0 s is outside 1e-06 to 0.5 s"),
-        (("-", "--filter-rate", "1e6"), "give 0.04 to 125 1/s"),
-        (("-", "--memory", "0.1"), "give more than"),
-        (("-", "--every", "0"), "must be above 0 s, got 0.0"),
-    ],
-)
-def test_bad_input(arguments: tuple[str, ...], words: str):
-    """Assert that each gets one sentence and status 2."""
-    text = "\n".join(LOG.read_text().splitlines()[:300])
-    done = run(*arguments, text=text)
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert "Traceback" not in done.stderr

@@ -27,6 +27,12 @@ def number(value, std, freedom=np.inf, *, unit="N m", name="gravity_torque", log
     )
 
 
+def two(seed=9, true=TRUE, **keywords):
+    """Two estimates of one drive, drawn one after the other."""
+    rng = np.random.default_rng(seed)
+    return drawn(rng, true, **keywords), drawn(rng, true, **keywords)
+
+
 def compared(a, b, *, same_log=False):
     """The difference of one number in two estimates that hold nothing else."""
     rng = np.random.default_rng(0)
@@ -232,8 +238,7 @@ def test_one_log_cannot_have_changed():
 
 def test_logs_in_common_make_intervals_wide():
     """Assert that a log in both estimates is seen, said, and allowed for."""
-    rng = np.random.default_rng(4)
-    a, b = drawn(rng, log="one"), drawn(rng, log="one")
+    a, b = two(4, log="one")
     more = [*b.provenance["inputs"], {"file": "two.csv", "sha256": "two"}]
     b = replace(b, provenance={**b.provenance, "inputs": more})
     apart = compare_estimates(a, replace(b, provenance={**b.provenance, "inputs": more[1:]}))
@@ -248,10 +253,9 @@ def test_logs_in_common_make_intervals_wide():
 
 def test_what_one_model_does_without_is_compared_by_its_bound():
     """Assert that a friction that one log does not show is compared with how large it could be."""
-    rng = np.random.default_rng(7)
     friction = number(0.5, 0.02, 30.0, name="motor_coulomb_friction")
     bound = number(0.001, 0.01, 30.0, name="motor_coulomb_friction")
-    a, b = drawn(rng), drawn(rng)
+    a, b = two(7)
     a = replace(a, parameters={**a.parameters, friction.name: friction})
     unknown = compare_estimates(a, b)
     assert unknown.lacking == (unknown.parameters[friction.name],)
@@ -307,8 +311,8 @@ def in_volts(estimate):
 )
 def test_what_cannot_be_compared_says_why(change, outcome, reason):
     """Assert that each obstacle is one reason, and that only what the data lack is a lack."""
-    rng = np.random.default_rng(9)
-    found = compare_estimates(drawn(rng), change(drawn(rng)))
+    a, b = two()
+    found = compare_estimates(a, change(b))
     d = found.parameters["joint_stiffness"]
     assert (d.outcome, d.reason) == (outcome, reason)
     assert np.isnan(d.value)
@@ -317,26 +321,21 @@ def test_what_cannot_be_compared_says_why(change, outcome, reason):
 
 def test_values_of_one_log_each_are_not_compared():
     """Assert that an offset that was found log by log is left out, of the joint test too."""
-    rng = np.random.default_rng(9)
-    made = []
-    for _ in range(2):
-        estimate = drawn(rng)
-        offset = number(0.1, 0.01, name="motor_offset_torque[1]")
-        made.append(replace(estimate, parameters={**estimate.parameters, offset.name: offset}))
-    found = compare_estimates(made[0], made[1])
+    offset = number(0.1, 0.01, name="motor_offset_torque[1]")
+    a, b = (replace(e, parameters={**e.parameters, offset.name: offset}) for e in two())
+    found = compare_estimates(a, b)
     assert found.parameters["motor_offset_torque[1]"].reason == "each log has its own"
     assert found.agree
-    of_logs = [drawn(rng, {**TRUE, "alpha_offset[1]": 0.3, "alpha_offset[2]": 0.4}) for _ in "ab"]
-    together = compare_estimates(of_logs[0], of_logs[1]).together
+    of_logs = two(9, {**TRUE, "alpha_offset[1]": 0.3, "alpha_offset[2]": 0.4})
+    together = compare_estimates(*of_logs).together
     assert together is not None
     assert together.names == tuple(TRUE)
 
 
 def test_other_models_share_what_means_the_same():
     """Assert that a rigid joint's coefficients, named alike, are left alone, with a warning."""
-    rng = np.random.default_rng(9)
-    a, b = drawn(rng), replace(drawn(rng), model="rigid")
-    b = replace(b, parameters={"gravity_torque": b.parameters["gravity_torque"]})
+    a, b = two()
+    b = replace(b, model="rigid", parameters={"gravity_torque": b.parameters["gravity_torque"]})
     found = compare_estimates(a, b)
     assert found.coefficients == {}
     assert found.together is None
@@ -344,15 +343,8 @@ def test_other_models_share_what_means_the_same():
     assert found.parameters["joint_stiffness"].b is None
     assert found.lacking == ()
     assert "A is of a flexible joint and B of a rigid joint" in found.warnings[0]
-
-
-def test_nothing_in_common_is_no_agreement():
-    """Assert that two estimates without a number in common do not agree."""
-    rng = np.random.default_rng(9)
-    a, b = drawn(rng), replace(drawn(rng), model="rigid", parameters={}, coefficients={})
-    found = compare_estimates(a, b)
-    assert not found.agree
-    assert not found.differ
+    nothing = compare_estimates(a, replace(b, parameters={}, coefficients={}))
+    assert (nothing.agree, nothing.differ) == (False, False)
 
 
 def test_what_was_done_otherwise_is_shown():
@@ -361,7 +353,8 @@ def test_what_was_done_otherwise_is_shown():
     a, b = drawn(rng, log="a"), drawn(rng, log="b", hold="linear")
     late = Alignment("linear", Delay(0.002, 1e-4, (0.0018, 0.0022), "found"), NOTHING, "")
     terms = ("gravity", "motor_coulomb")
-    b = replace(b, choices=replace(b.choices, hold="linear", alignment=late, terms=terms))
+    other = {"hold": "linear", "alignment": late, "terms": terms, "coulomb_velocity": 0.02}
+    b = replace(b, choices=replace(b.choices, **other))
     columns = {"motor_torque": {"columns": {"u": 1.0}, "factor": 2.0, "gear_ratio": None}}
     log = {**b.provenance["inputs"][0], "columns": columns}
     b = replace(b, provenance={**b.provenance, "flexid_version": "0.2.0", "inputs": [log]})
@@ -373,13 +366,13 @@ def test_what_was_done_otherwise_is_shown():
         "input delay": ("0 ms", "2 ms"),
         "column of motor_torque": ("none", "columns u 1, factor 2"),
         "terms only here": ("motor_viscous", "motor_coulomb"),
+        "coulomb velocity": ("none", "0.02 rad/s"),
     }
 
 
 def test_doubts_are_said():
     """Assert that common knowledge, logs without a name and warnings of either are passed on."""
-    rng = np.random.default_rng(9)
-    a, b = (drawn(rng, known={"motor_inertia": 0.3}) for _ in range(2))
+    a, b = two(known={"motor_inertia": 0.3})
     b = replace(b, provenance={**b.provenance, "inputs": []}, warnings=("the joint hardly moves",))
     unnamed, knowledge, passed = compare_estimates(a, b).warnings
     assert "both rest on what was said of motor_inertia" in knowledge
@@ -438,8 +431,7 @@ def test_two_axes_of_one_file_are_two_logs():
 
 def test_the_joint_test_takes_what_is_compared_alone():
     """Assert that a coefficient that is refused one by one is not tested beside the others."""
-    rng = np.random.default_rng(9)
-    a, b = drawn(rng), drawn(rng)
+    a, b = two()
     refused = replace(b.coefficients["theta2"], verdict="undetermined", reason="contradicted")
     b = replace(b, coefficients={**b.coefficients, "theta2": refused})
     together = compare_estimates(a, b).together
@@ -551,21 +543,8 @@ def test_the_width_of_a_gap_is_its_own():
     assert compare_estimates(a, chosen).parameters["half_backlash"].outcome == "not compared"
     none = with_gap(drawn(rng), -6e-4, 3.0 * own)
     assert compare_estimates(a, none).parameters["half_backlash"].outcome == "not compared"
-
-
-def test_only_a_gap_has_a_width_of_its_own():
-    """Assert that Stribeck friction is not compared because a gap happens to be as wide."""
-    rng = np.random.default_rng(9)
-    gap = 0.15
-    a, b = (with_width(with_gap(drawn(rng), gap, 0.1), width) for width in (0.1, 0.21))
-    found = compare_estimates(a, b)
-    assert found.parameters["motor_stribeck_friction"].outcome == "not compared"
-    assert found.parameters["half_backlash"].compared
-
-
-def test_a_smoothed_friction_is_shown():
-    """Assert that the velocity over which friction changes sign stands in what was otherwise."""
-    rng = np.random.default_rng(9)
-    a, b = drawn(rng), drawn(rng)
-    b = replace(b, choices=replace(b.choices, coulomb_velocity=0.02))
-    assert compare_estimates(a, b).settings["coulomb velocity"] == ("none", "0.02 rad/s")
+    # Stribeck friction is not compared because a gap happens to be as wide.
+    a, b = (with_width(with_gap(drawn(rng), 0.15, 0.1), width) for width in (0.1, 0.21))
+    found = compare_estimates(a, b).parameters
+    assert found["motor_stribeck_friction"].outcome == "not compared"
+    assert found["half_backlash"].compared

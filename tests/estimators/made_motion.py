@@ -9,7 +9,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.unknowns import Unknowns
-from flexid.models.parametric_system import ParametricSystem
+from flexid.models.parametric_system import ParametricSystem, Row
 
 FloatArray = np.ndarray
 
@@ -57,3 +57,15 @@ def fall(problem: SegmentedMotion, point: Point, place: int, step: float) -> flo
         states = moved[:n].reshape(point.initial_states.shape)
         costs.append(problem.equations(Point(moved[n:], states)).cost)
     return (costs[1] - costs[0]) / (4.0 * step)
+
+
+CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"}),))
+
+
+def held_cart(n: int = 400, h: float = 0.01, seed: int = 1) -> Samples:
+    """A cart under a random force, constant over each interval, integrated exactly."""
+    force = np.random.default_rng(seed).standard_normal(n)
+    acceleration = 2.0 * force + 0.3
+    velocity = np.concatenate(([0.7], 0.7 + h * np.cumsum(acceleration[:-1])))
+    position = np.cumsum(np.concatenate(([0.1], (h * velocity + 0.5 * h * h * acceleration)[:-1])))
+    return Samples(position[:, None], None, force[:, None], h)

@@ -36,8 +36,8 @@ def whole(derivatives, residuals) -> tuple[np.ndarray, np.ndarray]:
     return matrix, np.concatenate(residuals)
 
 
-def test_solution_of_the_whole():
-    """Assert that eliminating and solving at once give the same step, and the same fall."""
+def test_solution_and_inverse_of_the_whole():
+    """Assert that eliminating and solving at once give one step, one fall and one inverse."""
     derivatives, residuals = random_problem()
     matrix, right = whole(derivatives, residuals)
     expected = np.linalg.lstsq(matrix, right, rcond=None)[0]
@@ -46,6 +46,10 @@ def test_solution_of_the_whole():
     assert step == pytest.approx(expected, rel=1e-9)
     fall = right @ right - np.sum((right - matrix @ expected) ** 2)
     assert reduced.decrement == pytest.approx(fall, rel=1e-9)
+
+    expected = np.linalg.inv(matrix.T @ matrix)[-N_COEFFICIENTS:, -N_COEFFICIENTS:]
+    assert reduced.inverse == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert reduced.information @ expected == pytest.approx(np.eye(N_COEFFICIENTS), abs=1e-9)
 
 
 def test_what_each_state_explains_alone():
@@ -56,16 +60,6 @@ def test_what_each_state_explains_alone():
         own = d[:, :N_STATES]
         left = r - own @ np.linalg.lstsq(own, r, rcond=None)[0]
         assert fall == pytest.approx(r @ r - left @ left, rel=1e-9)
-
-
-def test_inverse_is_that_of_the_whole():
-    """Assert that the coefficients' block of the whole inverse is the reduced inverse."""
-    derivatives, residuals = random_problem()
-    matrix, _ = whole(derivatives, residuals)
-    expected = np.linalg.inv(matrix.T @ matrix)[-N_COEFFICIENTS:, -N_COEFFICIENTS:]
-    reduced = solve_arrow(*equations(derivatives, residuals), N_STATES)
-    assert reduced.inverse == pytest.approx(expected, rel=1e-9, abs=1e-12)
-    assert reduced.information @ expected == pytest.approx(np.eye(N_COEFFICIENTS), abs=1e-9)
 
 
 def test_damping_multiplies_the_diagonal():

@@ -1,9 +1,17 @@
 """Covariance from few blocks, against closed forms and brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from flexid.estimators.cluster_covariance import Clusters, cluster_influences
+import flexid.estimators.cluster_covariance as cluster_covariance
+from flexid.estimators.cluster_covariance import (
+    Clusters,
+    cluster_influences,
+    covariance_root,
+    unbiased,
+)
 
 LENGTHS = (40, 25, 60, 30, 45)
 SEGMENTS = np.array([0, 0, 1, 1, 1])
@@ -84,7 +92,7 @@ def test_units_do_not_matter():
     """Assert that unknowns in other units have influences in these units."""
     residuals = np.random.default_rng(4).standard_normal(200)
     blocks = derivatives()
-    units = np.array([1e3, 1e-2, 1.0, 1e-6, 10.0])
+    units = np.array([1e8, 1e-2, 1.0, 1e-6, 10.0])
     plain, freedom = cluster_influences(clusters(blocks, residuals))
     scaled, same = cluster_influences(clusters([block * units for block in blocks], residuals))
     assert scaled * units[OWN:, None] == pytest.approx(plain, rel=1e-6)
@@ -101,3 +109,43 @@ def test_what_one_block_decides_is_not_shown(seen):
     influences, freedom = cluster_influences(problem)
     assert freedom == pytest.approx([3.0, 0.0])
     assert np.all(influences[1] == 0.0)
+
+
+def test_own_unknowns_on_which_nothing_depends_change_nothing():
+    """Assert that influences are those without an initial state that no sample shows."""
+    problem = clusters(derivatives(), np.random.default_rng(4).standard_normal(200))
+    normal = np.pad(problem.normal, ((0, 0), (1, 0), (1, 0)))
+    padded = replace(problem, normal=normal, scores=np.pad(problem.scores, ((0, 0), (1, 0))))
+    for found, expected in zip(
+        cluster_influences(padded), cluster_influences(problem), strict=True
+    ):
+        assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_segments_may_be_taken_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch):
+    """Assert that seven segments of two blocks are as they are together."""
+    blocks = np.random.default_rng(9).standard_normal((14, 10, 3))
+    normal, scores = blocks.transpose(0, 2, 1) @ blocks, blocks.sum(axis=1)
+    problem = Clusters(normal, scores, np.repeat(np.arange(7), 2), 1e-3 * np.eye(2))
+    together = cluster_influences(problem)
+    monkeypatch.setattr(cluster_covariance, "_AT_ONCE", 4)
+    for found, expected in zip(cluster_influences(problem), together, strict=True):
+        assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(("shown", "factor"), [(0.19, 0.0), (0.21, (4.0 / 0.21) ** 0.5)])
+def test_what_the_blocks_hardly_show_is_not_shown(shown: float, factor: float):
+    """Assert that below a twentieth of a variance nothing is said, and beyond it all of it."""
+    influences, squares, across = np.array([[1.0, -2.0]]), np.array([0.5]), np.array([0.1])
+    inverse, gram = np.array([[4.0]]), np.array([[[0.05]]])
+    found, freedom = unbiased(influences, inverse, np.array([shown]), squares, across, gram)
+    assert found == pytest.approx(factor * np.array([[1.0, -2.0]]))
+    assert freedom == pytest.approx([shown**2 / (0.5 + 0.2**2 - 2.0 * 0.1) if factor else 0.0])
+
+
+def test_a_root_leaves_out_what_is_zero_but_for_rounding():
+    """Assert that a covariance of rank one has a root of rank one, and what undoes it."""
+    covariance = np.array([[1.0, 1.0 - 1e-14], [1.0 - 1e-14, 1.0]])
+    root, undone = covariance_root(covariance)
+    assert root @ root.T == pytest.approx(covariance)
+    assert undone.T @ root == pytest.approx(np.diag([0.0, 1.0]), abs=1e-12)

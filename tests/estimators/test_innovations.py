@@ -104,17 +104,13 @@ def test_kernel_is_a_kalman_filter():
     assert apart(replace(problem, observer=observer), samples) < 1e-3
 
 
-def test_gains_of_states_are_kalmans():
-    """Assert that positions and velocities are corrected as by the exact filter."""
-    observer = observed(disturbed_samples(2)).observer
-    assert observer is not None
-    assert observer.gain[0] == pytest.approx(kalman_gain()[:4], rel=1e-6)
-
-
-def test_innovations_are_those_of_a_kalman_filter():
-    """Assert that the gains made for the truth foresee as much as the exact filter."""
+def test_gains_are_kalmans():
+    """Assert that states are corrected as by the exact filter, and foreseen as well."""
     samples = disturbed_samples(2)
-    assert apart(observed(samples), samples) < 1e-3
+    problem = observed(samples)
+    assert problem.observer is not None
+    assert problem.observer.gain[0] == pytest.approx(kalman_gain()[:4], rel=1e-6)
+    assert apart(problem, samples) < 1e-3
 
 
 def test_whitened_innovations_are_white():
@@ -232,16 +228,11 @@ def held(found: Innovations) -> np.ndarray:
     return np.abs(fit.values - VALUES) <= quantile * fit.standard_deviations
 
 
-def test_sizes_are_recovered():
-    """Assert that sizes of disturbances and noise are found to a factor of 1.5, none known."""
-    found = fitted(6, known=False).sizes
-    assert np.abs(np.log(found.disturbances / DISTURBANCES)).max() < np.log(1.5)
-    assert np.abs(np.log(found.sensors / NOISE)).max() < np.log(1.5)
-
-
-def test_coefficients_are_recovered():
-    """Assert that intervals hold the truth, and are no wider than a tenth of it."""
+def test_sizes_and_coefficients_are_recovered():
+    """Assert that sizes are found to a factor of 1.5, none known, and coefficients to a tenth."""
     found = fitted(6, known=False)
+    assert np.abs(np.log(found.sizes.disturbances / DISTURBANCES)).max() < np.log(1.5)
+    assert np.abs(np.log(found.sizes.sensors / NOISE)).max() < np.log(1.5)
     assert held(found).all()
     fit = described(found.problem, found.minimum, 0, 60.0)
     assert np.all(fit.standard_deviations[[0, 1, 3]] < 0.05 * VALUES[[0, 1, 3]])

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_motion import fall
+from made_motion import CART, fall, held_cart
 from noisy_joint import (
     POSITION_NOISE,
     TRUTH,
@@ -27,12 +27,10 @@ from flexid.estimators.segmented_motion import By, Point, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
-from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.recording.recording import Hold
 from flexid.simulation.free_run import free_run
 
 JOINT = flexible_joint()
-CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"}),))
 
 
 def fit(samples: Samples, duration: float = 1.0, velocities: bool = False) -> PredictionErrorFit:
@@ -51,15 +49,6 @@ def simulated(hold: Hold = "linear", n: int = 8000) -> Samples:
     torque = np.repeat(np.random.default_rng(9).normal(0.0, 30.0, n // 50), 50)[:, None]
     x = free_run(JOINT, TRUTH, [0.1, 0.0, 0.2, 0.5], torque, 1e-3, hold)
     return Samples(x[:, ::2], None, torque, 1e-3)
-
-
-def held_cart(n: int = 600, h: float = 0.01) -> Samples:
-    """A cart under a random force, constant over each interval, integrated exactly."""
-    force = np.random.default_rng(1).standard_normal(n)
-    acceleration = 2.0 * force + 0.3
-    velocity = np.concatenate(([0.7], 0.7 + h * np.cumsum(acceleration[:-1])))
-    position = np.cumsum(np.concatenate(([0.1], (h * velocity + 0.5 * h * h * acceleration)[:-1])))
-    return Samples(position[:, None], None, force[:, None], h)
 
 
 def correlated(seed: int, rho: float = 0.9) -> Samples:

@@ -4,29 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_motion import CART, held_cart
 from noisy_joint import VALUES, clean_motion, joint_samples, torque, worst_error
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
-from flexid.models.parametric_system import ParametricSystem, Row
 
 JOINT = flexible_joint()
-CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"}),))
 
 
 def positions_only(samples: Samples) -> Samples:
     """The same record as encoders give it."""
     return replace(samples, velocities=None)
-
-
-def held_cart(n: int = 400, h: float = 0.01, seed: int = 1) -> Samples:
-    """A cart under a random force, constant over each interval, integrated exactly."""
-    force = np.random.default_rng(seed).standard_normal(n)
-    acceleration = 2.0 * force + 0.3
-    velocity = np.concatenate(([0.7], 0.7 + h * np.cumsum(acceleration[:-1])))
-    position = np.cumsum(np.concatenate(([0.1], (h * velocity + 0.5 * h * h * acceleration)[:-1])))
-    return Samples(position[:, None], None, force[:, None], h)
 
 
 @pytest.mark.parametrize(("first", "median", "largest"), [(0, 0.012, 0.04), (1000, 0.024, 0.08)])

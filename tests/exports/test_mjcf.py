@@ -104,6 +104,7 @@ def test_dry_friction_slides_and_sticks(side, place):
     """Assert that friction opposes motion with its torque, and holds what it can at rest."""
     scene = _scene({"theta1": 0.0, "alpha2": 0.0, f"{side}_coulomb": 2.0})
     assert not scene.notes
+    assert "0.05 rad/s" in _scene({"alpha_coulomb": 1.0}, coulomb_velocity=0.05).notes[0]
     moving, resting = np.zeros(4), np.zeros(4)
     moving[2 * place + 1] = 1.0
     found = _accelerations(scene, moving, 0.0)
@@ -154,12 +155,6 @@ def test_what_has_no_place_is_named(more, about, said):
     x = np.array([0.3, 1.0, 0.2, 2.0])
     plain = _accelerations(_scene({}), x, 1.0)
     np.testing.assert_array_equal(_accelerations(scene, x, 1.0), plain)
-
-
-def test_smoothed_friction_is_named():
-    """Assert that friction which the estimate has smooth is said to be dry in the scene."""
-    scene = _scene({"alpha_coulomb": 1.0}, coulomb_velocity=0.05)
-    assert "0.05 rad/s" in scene.notes[0]
 
 
 def test_a_spring_with_two_dampings_is_named():

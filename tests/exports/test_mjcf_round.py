@@ -12,22 +12,13 @@ import pytest
 from flexid.errors import SettingError
 from flexid.exports.mujoco_log import mujoco_log
 from flexid.library.export import export
-from flexid.library.identify import identify
-from flexid.library.joint_estimate import JointEstimate
 from flexid.library.logs import read_log
 
 
-@pytest.fixture(scope="module")
-def estimate(examples) -> JointEstimate:
-    """The example log, identified."""
-    log = examples / "flexible_joint.csv"
-    return identify(log, terms=("gravity", "motor_viscous"), hold="zero")
-
-
 @pytest.fixture
-def document(estimate):
+def document(example_estimate):
     """The same as its file has it, to be changed."""
-    return json.loads(json.dumps(estimate.document))
+    return json.loads(json.dumps(example_estimate.document))
 
 
 def _stored(document, folder):
@@ -36,29 +27,29 @@ def _stored(document, folder):
     return path
 
 
-def test_the_example_goes_round(estimate, examples, tmp_path):
+def test_the_example_goes_round(example_estimate, examples, tmp_path):
     """Assert that the scene, played the log's torque, is as far off as the fit itself.
 
     The log begins at rest. Its encoders' noise is 1e-4 rad, and rounded to 16 bits.
     """
-    (scene,), warnings = export(estimate, to="mjcf", out=tmp_path / "scene")
+    (scene,), warnings = export(example_estimate, to="mjcf", out=tmp_path / "scene")
     log = read_log(examples / "flexible_joint.csv")
     (recorded,) = log.recordings
     played = mujoco_log(scene, recorded.needed_input, recorded.sample_time)
-    own = estimate.validate(log).residuals[np.inf]
+    own = example_estimate.validate(log).residuals[np.inf]
     for channel in ("link_position", "motor_position", "deflection"):
         off = getattr(played, channel) - getattr(recorded, channel)
         assert np.sqrt(np.mean(off**2)) < 1.05 * own[channel]
     assert warnings == ()
 
 
-def test_the_command_writes_the_same(estimate, document, tmp_path, flexid):
+def test_the_command_writes_the_same(example_estimate, document, tmp_path, flexid):
     """Assert that a stored estimate becomes the scene that the library writes of it at once."""
     path = _stored(document, tmp_path)
     done = flexid("export", path, "--to", "mjcf", "--out", tmp_path / "command")
     assert (done.status, done.stderr) == (0, "")
     assert done.stdout.split() == [str(tmp_path / "command" / "joint.xml")]
-    (made,), _ = export(estimate, to="mjcf", out=tmp_path / "library")
+    (made,), _ = export(example_estimate, to="mjcf", out=tmp_path / "library")
     assert made.read_text() == (tmp_path / "command" / "joint.xml").read_text()
 
 
@@ -122,7 +113,7 @@ def test_what_has_no_value_is_refused(document, tmp_path, flexid, from_file):
     assert not (tmp_path / "scene").exists()
 
 
-def test_options_of_an_estimator_are_refused(estimate, tmp_path):
+def test_options_of_an_estimator_are_refused(example_estimate, tmp_path):
     """Assert that what a scene has no use for is not passed over."""
     with pytest.raises(SettingError, match="has no estimator"):
-        export(estimate, to="mjcf", out=tmp_path / "scene", sample_time=1e-3)
+        export(example_estimate, to="mjcf", out=tmp_path / "scene", sample_time=1e-3)

@@ -3,6 +3,8 @@
 # MuJoCo's compiled half has no type stubs, so pyright cannot see what it exports.
 # pyright: reportAttributeAccessIssue=false
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -119,21 +121,16 @@ def test_dry_friction_stops(tmp_path):
         ({"torque": np.array([1.0, np.nan])}, "a list of finite numbers"),
         ({"torque": np.ones((3, 2))}, "a list of finite numbers"),
         ({"model": "missing.xml"}, "no such file"),
+        ({"model": "nonsense.xml"}, r"MuJoCo cannot load it: .*nonsense"),
     ],
 )
-def test_what_cannot_be_played(scene, keywords, message):
+def test_what_cannot_be_played(scene, monkeypatch, keywords, message):
     """Assert that each wrong argument is answered in a sentence that says what there is."""
+    monkeypatch.chdir(scene.parent)
+    Path("nonsense.xml").write_text("<mujoco><nonsense/></mujoco>")
     given = {"model": scene, "torque": np.ones(5), "sample_time": SAMPLE_TIME} | keywords
     with pytest.raises(SettingError, match=message):
         mujoco_log(**given)
-
-
-def test_a_file_that_is_no_scene(tmp_path):
-    """Assert that MuJoCo's own reason is handed on."""
-    path = tmp_path / "scene.xml"
-    path.write_text("<mujoco><nonsense/></mujoco>")
-    with pytest.raises(SettingError, match=r"MuJoCo cannot load it: .*nonsense"):
-        mujoco_log(path, np.ones(5), SAMPLE_TIME)
 
 
 def test_without_mujoco(scene, monkeypatch):

@@ -186,14 +186,9 @@ def test_an_online_estimator_steps_as_its_replay(build, examples):
     assert replayed[-1].any()
 
 
-def test_an_estimate_is_a_plant(examples, tmp_path):
+def test_an_estimate_is_a_plant(example_estimate, tmp_path):
     """Assert that an estimate, or its file, gives a plant with the values that were found."""
-    estimate = flexid.identify(
-        examples / "flexible_joint.csv",
-        terms=["gravity", "motor_viscous"],
-        hold="zero",
-        segment_duration=2.0,
-    )
+    estimate = example_estimate
     estimate.save(tmp_path / "estimate.json")
     for what in (estimate, tmp_path / "estimate.json"):
         plant = flexid.plant_io_system(what, name="arm")

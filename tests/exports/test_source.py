@@ -5,17 +5,14 @@ from math import nan
 
 import pytest
 
-import flexid
 from flexid.errors import SettingError
 from flexid.exports.request import source_of_identification
 
 
 @pytest.fixture(scope="module")
-def result():
+def result(example_estimate):
     """An identification of the example."""
-    return flexid.identify(
-        "examples/flexible_joint.csv", terms=("gravity", "motor_viscous"), hold="zero"
-    ).result
+    return example_estimate.result
 
 
 def doubted(result, name="alpha2", **changes):

@@ -7,9 +7,14 @@ white noise.
 import numpy as np
 from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
 
-from flexid.recording.recording import Log, Recording
+from flexid.estimators.channel_timing import Timing
+from flexid.identification.full_model.model import Data, Structure, data_of
+from flexid.identification.preparation.joint import flexible
+from flexid.models.flexible_joint import PAPER_TERMS
+from flexid.recording.recording import Hold, Log, Recording
+from flexid.recording.velocities import with_velocities
 
-JOINT = {
+ACTING = {
     "link_inertia": 1.0,
     "motor_inertia": 0.3,
     "joint_stiffness": 100.0,
@@ -86,7 +91,7 @@ def made(
     table = torque(np.arange(-0.02, duration + 0.04, _TABLE_STEP))
     smooth = Smooth(np.empty(0) if held else table, input_delay - 0.02, _TABLE_STEP)
     states, link = simulate(
-        Drive(**{**JOINT, **more}),
+        Drive(**{**ACTING, **more}),
         times,
         times - link_delay,
         times + input_delay,
@@ -113,3 +118,21 @@ def made(
 def log(recording: Recording) -> Log:
     """A log of one recording."""
     return Log((recording,), (), recording.source, recording.source)
+
+
+JOINT = flexible()
+
+
+def structure(*terms: str, hold: Hold = "cubic") -> Structure:
+    """The flexible joint with these terms alone, nothing sought of its timing."""
+    on = {coefficient for term in terms for coefficient in JOINT.terms[term]}
+    return Structure(JOINT, frozenset(JOINT.optional - on), Timing(hold))
+
+
+PAPER = structure(*PAPER_TERMS)
+
+
+def data(*recordings: Recording) -> Data:
+    """Recordings as a fit takes them, each of its own log."""
+    with_speeds = [with_velocities(recording) for recording in recordings]
+    return data_of(JOINT, with_speeds, range(len(recordings)))

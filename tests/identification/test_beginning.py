@@ -90,9 +90,50 @@ def by_length(monkeypatch):
     return set_up
 
 
-def test_a_start_that_explains_the_log_ends_the_search(by_length):
-    """Assert that nothing else is tried after it."""
-    assert by_length({("a", 0): [1.0, 1.0, 1.05]}, [9.0]) == ([1.0, 1.0, 1.05], [("a", 0)])
+WAYS = {
+    "a start that explains the log ends the search": (
+        {("a", 0): [1.0, 1.0, 1.05]}, [9.0], [1.0, 1.0, 1.05], "a",
+    ),
+    "two that agree end it": (
+        {("a", 0): [3.0, 4.0, 5.0], ("c", 0): [3.0, 4.0, 5.04]}, [9.0], [3.0, 4.0, 5.0], "abc",
+    ),
+    "two that the same longer segments stop agree as well": (
+        {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.0]}, [9.0], [1.0, 1.0], "ab",
+    ),
+    "a smaller model that leaves less is taken in their place": (
+        {("a", 0): [2.0, 3.0], ("b", 0): [2.0, 3.0]}, [2.0, 2.5], [2.0, 2.5], "ab",
+    ),
+    "two within the noise need not agree": (
+        {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.05], ("c", 0): [1.0] * 3}, [9.0], [1.0] * 2, "ab",
+    ),
+    "of starts that disagree the last may be the best": (
+        {("a", 0): [3.0, 4.0, 9.0], ("b", 0): [3.0, 4.0, 7.0], ("e", 1): [2.0] * 3},
+        [3.0] * 3, [2.0] * 3, "",
+    ),
+    "and so may a smaller model": (
+        {("a", 0): [3.0, 4.0, 9.0], ("b", 0): [3.0, 4.0, 7.0], ("e", 1): [2.0] * 3},
+        [1.0] * 3, [1.0] * 3, "",
+    ),
+    "a fit is not better for having come further": (
+        {("a", 0): [1.3, 40.0, 900.0], ("b", 0): [1.2, 1.2]}, [9.0] * 3, [1.2, 1.2], "",
+    ),
+    "nor worse": (
+        {("a", 0): [1.2, 1.2], ("b", 0): [1.2, 1.2, 1.3]}, [9.0] * 3, [1.2, 1.2, 1.3], "",
+    ),
+    "a short fit within the noise is taken where no other goes further": (
+        {("a", 0): [1.0, 1.0]}, [1.0, 1.0, 1.2], [1.0, 1.0], "",
+    ),
+    "a poor start is better than none": ({("c", 0): [3.0, 4.0]}, None, [3.0, 4.0], ""),
+    "smaller models are the last resort": ({}, [5.0, 6.0], [5.0, 6.0], ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("ends", "smaller", "taken", "starts"), WAYS.values(), ids=[*WAYS])
+def test_what_is_taken(by_length, ends, smaller, taken, starts):
+    """Assert which fits are taken; where it matters, that no other start was tried before."""
+    found, tried = by_length(ends, smaller)
+    assert found == taken
+    assert not starts or tried == [(start, 0) for start in starts]
 
 
 def test_other_holds_are_tried_where_no_start_leads_with_the_first(by_length):
@@ -125,49 +166,6 @@ def test_the_shortest_segments_are_halved_twice_at_most(by_length, finest, halvi
     assert {count for _, count in tried} == {0, halvings}
 
 
-def test_two_that_agree_end_the_search(by_length):
-    """Assert that what no model explains is sought until another start confirms it."""
-    found, tried = by_length({("a", 0): [3.0, 4.0, 5.0], ("c", 0): [3.0, 4.0, 5.04]}, [9.0])
-    assert found == [3.0, 4.0, 5.0]
-    assert tried == [("a", 0), ("b", 0), ("c", 0)]
-
-
-def test_two_that_get_as_far_agree_as_well(by_length):
-    """Assert that where the same longer segments stop two starts, no third one is tried."""
-    found, tried = by_length({("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.0]}, [9.0])
-    assert found == [1.0, 1.0]
-    assert tried == [("a", 0), ("b", 0)]
-    assert by_length({("a", 0): [2.0, 3.0], ("b", 0): [2.0, 3.0]}, [2.0, 2.5])[0] == [2.0, 2.5]
-
-
-def test_two_that_explain_as_much_need_not_agree(by_length):
-    """Assert that within the sensors' noise it does not matter which minimum a start ended in."""
-    ends = {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.05], ("c", 0): [1.0, 1.0, 1.0]}
-    found, tried = by_length(ends, [9.0])
-    assert found == [1.0, 1.0]
-    assert tried == [("a", 0), ("b", 0)]
-
-
-def test_the_least_residuals_win(by_length):
-    """Assert that of starts that disagree the best is taken, be it the last."""
-    ends = {("a", 0): [3.0, 4.0, 9.0], ("b", 0): [3.0, 4.0, 7.0], ("e", 1): [2.0, 2.0, 2.0]}
-    assert by_length(ends, [3.0, 3.0, 3.0])[0] == [2.0, 2.0, 2.0]
-    assert by_length(ends, [1.0, 1.0, 1.0])[0] == [1.0, 1.0, 1.0]
-
-
-def test_climbs_are_compared_over_the_longest_segments_of_both(by_length):
-    """Assert that a fit_by_length is not worse for having come further, nor better."""
-    ends = {("a", 0): [1.3, 40.0, 900.0], ("b", 0): [1.2, 1.2]}
-    assert by_length(ends, [9.0, 9.0, 9.0])[0] == [1.2, 1.2]
-    ends = {("a", 0): [1.2, 1.2], ("b", 0): [1.2, 1.2, 1.3]}
-    assert by_length(ends, [9.0, 9.0, 9.0])[0] == [1.2, 1.2, 1.3]
-
-
-def test_what_explains_a_part_of_the_ladder_needs_no_smaller_model(by_length):
-    """Assert that a short fit within the noise is taken where no other goes further."""
-    assert by_length({("a", 0): [1.0, 1.0]}, [1.0, 1.0, 1.2])[0] == [1.0, 1.0]
-
-
 def test_a_delay_beyond_the_data_is_no_start(by_length):
     """Assert that a fit whose channel has no partners left does not count."""
     ends = {("a", 0): [1.0, 1.0, 1.0], ("b", 0): [2.0, 2.0, 2.0], ("c", 0): [2.0, 2.0, 2.0]}
@@ -175,13 +173,7 @@ def test_a_delay_beyond_the_data_is_no_start(by_length):
     assert by_length(ends, [9.0], late=0.009)[0] == [1.0, 1.0, 1.0]
 
 
-def test_a_poor_start_is_better_than_none(by_length):
-    """Assert that what one start found is kept where no smaller model leads anywhere."""
-    assert by_length({("c", 0): [3.0, 4.0]}, None)[0] == [3.0, 4.0]
+def test_where_nothing_leads_anywhere(by_length):
+    """Assert that no start and no smaller model is an error."""
     with pytest.raises(ConvergenceError):
         by_length({}, None)
-
-
-def test_smaller_models_are_the_last_resort(by_length):
-    """Assert that they are taken where every start fails."""
-    assert by_length({}, [5.0, 6.0])[0] == [5.0, 6.0]

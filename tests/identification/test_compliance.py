@@ -5,25 +5,18 @@ from math import nan
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, made
+from made_joint import COEFFICIENTS, PAPER, data, made
 
-from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.fitting import fit_to
-from flexid.identification.full_model.model import Structure, data_of
 from flexid.identification.judgement.compliance import (
     compare_with_rigid,
     of_link_alone,
     one_encoder,
 )
-from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Validation, Verdict
-from flexid.models.flexible_joint import PAPER_TERMS
 
-JOINT = flexible()
-ON = {c for term in PAPER_TERMS for c in JOINT.terms[term]}
-PAPER = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("cubic"))
 STIFF = 10_000.0  # N m/rad
 START = 3333
 
@@ -40,26 +33,16 @@ def compared(log: SplitRecordings, shown: float):
     return compare_with_rigid(PAPER, log, Validation({"deflection": shown}, ()))
 
 
-@pytest.fixture(scope="module")
-def bent():
-    """What a flexible joint's log says, and how well the flexible joint predicts it."""
+def test_spring_that_bends_is_seen():
+    """Assert that a deflection far beyond noise is explained, and a rigid joint predicts less."""
     log = recordings(100.0, 1e-5)
-    fitted, _ = fit_to(PAPER, data_of(JOINT, log.fitted, log.groups), COEFFICIENTS, 1.0)
-    validation = validate(fitted, data_of(JOINT, log.whole, log.groups), log.starts)
-    return compare_with_rigid(PAPER, log, validation), validation
-
-
-def test_spring_that_bends_is_seen(bent):
-    """Assert that a flexible joint's deflection, far beyond noise, is explained."""
-    compliance, validation = bent
+    fitted, _ = fit_to(PAPER, data(*log.fitted), COEFFICIENTS, 1.0)
+    validation = validate(fitted, data(*log.whole), log.starts)
+    compliance = compare_with_rigid(PAPER, log, validation)
     assert compliance.visible
     assert compliance.deflection > 1000 * compliance.deflection_noise
     assert validation.fit_percent["motor_position"] > 99.9
-
-
-def test_rigid_joint_falls_back(bent):
-    """Assert that the rigid joint predicts a flexible one's motor, but worse."""
-    assert bent[0].rigid_fit_percent["motor_position"] < 95
+    assert compliance.rigid_fit_percent["motor_position"] < 95
 
 
 def test_deflection_that_is_noise_is_not_seen():

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, log, made
+from made_joint import COEFFICIENTS, data, log, made, structure
 
 import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
-from flexid.estimators.channel_timing import Timing
 from flexid.estimators.integration_error import MOST, refinement
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model import fits_by_length
@@ -24,21 +23,15 @@ from flexid.identification.full_model.model import (
     ROUGH,
     Data,
     Fitted,
-    Structure,
-    data_of,
 )
 from flexid.identification.identify import identify
-from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.settings import Settings
-from flexid.recording.velocities import with_velocities
 
 TERMS = ("gravity", "motor_viscous", "motor_coulomb")
 STIFF = {"joint_stiffness": 1500.0, "motor_coulomb_up": 2.0, "motor_coulomb_down": 2.0}
 FINE_NOISE, COARSE_NOISE = 1e-6, 1e-3  # rad
 
-JOINT = flexible()
-ON = {c for term in TERMS for c in JOINT.terms[term]}
-STRUCTURE = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("zero"))
+STRUCTURE = structure(*TERMS, hold="zero")
 START = {
     **COEFFICIENTS,
     "theta2": 1500.0,
@@ -49,14 +42,13 @@ START = {
 
 def recorded(noise: float) -> Data:
     """Six seconds with dry friction."""
-    recording = made(4, 6.0, noise=noise, held=True, **STIFF)
-    return data_of(JOINT, [with_velocities(recording)], [0])
+    return data(made(4, 6.0, noise=noise, held=True, **STIFF))
 
 
 def by_length(noise: float) -> list[Fitted]:
     """Fits to them over segments of growing length."""
-    data = recorded(noise)
-    return fit_by_length(STRUCTURE, data, START, lengths(data))
+    made_up = recorded(noise)
+    return fit_by_length(STRUCTURE, made_up, START, lengths(made_up))
 
 
 def test_fine_encoders_want_shorter_steps():

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, NOISE, SAMPLE_TIME, made
+from made_joint import COEFFICIENTS, JOINT, NOISE, PAPER, SAMPLE_TIME, data, made
 from scipy.stats import t
 
 import flexid.identification.full_model.fitting as fitting
@@ -21,23 +21,8 @@ from flexid.identification.full_model.fitting import (
     lengths,
     refit,
 )
-from flexid.identification.full_model.model import FINE, LINK, Data, Structure, data_of
+from flexid.identification.full_model.model import FINE, LINK, Data, Structure
 from flexid.identification.full_model.starting import least_squares_start
-from flexid.identification.preparation.joint import flexible
-from flexid.models.flexible_joint import PAPER_TERMS
-from flexid.recording.recording import Recording
-from flexid.recording.velocities import with_velocities
-
-JOINT = flexible()
-ON = {c for term in PAPER_TERMS for c in JOINT.terms[term]}
-PAPER = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("cubic"))
-
-
-def data(*recordings: Recording) -> Data:
-    """Recordings as a fit takes them, each of its own log."""
-    return data_of(
-        JOINT, [with_velocities(recording) for recording in recordings], range(len(recordings))
-    )
 
 
 @pytest.fixture(scope="module")

@@ -192,7 +192,7 @@ def test_an_interval_knows_that_the_width_follows():
     assert noise.deviations[place] < 0.75 * scatter
 
 
-@pytest.mark.parametrize("true_gap", [0.1, LARGE])
+@pytest.mark.parametrize("true_gap", [pytest.param(0.1, marks=pytest.mark.thorough), LARGE])
 def test_a_gap_as_large_as_the_deflection(true_gap, fits_seen: list[FinalFits]):
     """Assert that play is found to which no fit without it leads, and hold and terms with it.
 

@@ -54,6 +54,22 @@ def test_the_other_row_stands_for_itself(negative, own, other):
     assert {found[name].verdict for name in other} == {"determined"}
 
 
+@pytest.mark.parametrize("theta2", [-100.0, -1e-3])
+def test_a_negative_stiffness_leaves_the_motor_s_parameters_alone(theta2):
+    """Assert that nothing that rests on the link is determined, and all that is the motor's is.
+
+    A stiffness that the log leaves free says nothing of the rest, be it negative.
+    """
+    found = {**(both := judged({**VALUES, "theta2": theta2}))[0], **both[1]}
+    determined = {name for name, each in found.items() if each.verdict == "determined"}
+    assert determined == MOTOR | {"joint_stiffness", "motor_inertia", "motor_viscous_friction"}
+    free, parameters = judged({**VALUES, "theta2": theta2}, {"theta2": np.inf})
+    assert {free[name].verdict for name in MOTOR} == {"determined"}
+    assert (free["theta2"].verdict, parameters["motor_inertia"].verdict) == (
+        "undetermined", "determined",
+    )  # fmt: skip
+
+
 def test_coefficients_and_parameters_by_hand():
     """Assert values, intervals and slopes of what was estimated, and of what follows from it.
 

@@ -45,7 +45,7 @@ def alone():
 
 
 def test_link_is_found_without_a_torque(alone):
-    """Assert that stiffness and gravity over the link's inertia are found, and nothing else."""
+    """Assert that stiffness and gravity over the link's inertia are found, without a warning."""
     assert alone.model == "link"
     truth = {"joint_stiffness_per_link_inertia": 100.0, "gravity_torque_per_link_inertia": 5.0}
     assert set(alone.parameters) == set(truth)
@@ -56,9 +56,6 @@ def test_link_is_found_without_a_torque(alone):
         assert found.verdict == "determined"
         assert found.unit == "1/s^2"
 
-
-def test_nothing_is_amiss(alone):
-    """Assert that a log without a torque is no reason for a warning, and is said to be one."""
     assert alone.warnings == ()
     assert {c.verdict for c in alone.coefficients.values()} == {"determined"}
     assert "the link alone, since the log has no input" in alone.summary[0]
@@ -86,6 +83,7 @@ def test_what_the_motor_does_is_of_no_account():
 SETTINGS = Settings(terms=("gravity",), link_delay=0.0, segment_duration=1.0)
 
 
+@pytest.mark.thorough
 def test_intervals_allow_for_the_motor_encoder():
     """Assert that of twenty logs with 14-bit encoders about one interval in twenty misses.
 

@@ -60,9 +60,3 @@ def test_what_a_model_needs_is_asked_for(left_out, model, says):
     """Assert that a model without its channels is refused, with one that the log has."""
     with pytest.raises(SettingError, match=says):
         prepare([recorded(left_out)], SHARE, model)
-
-
-def test_unknown_model_is_refused():
-    """Assert that the known models are listed."""
-    with pytest.raises(SettingError, match="flexible"):
-        Settings(model="elastic")  # type: ignore[arg-type]

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, log, made
+from made_joint import COEFFICIENTS, PAPER, data, log, made
 from scipy.stats import t
 
 import flexid.identification.estimation.model_error as modelling
@@ -20,29 +20,23 @@ from flexid.identification.estimation.model_error import (
     widened,
 )
 from flexid.identification.full_model.fitting import fit_to
-from flexid.identification.full_model.model import Fitted, Structure, data_of
+from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
-from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
-from flexid.recording.velocities import with_velocities
 
-JOINT = flexible()
-ON = {c for term in PAPER_TERMS for c in JOINT.terms[term]}
-PAPER = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("cubic"))
 TRUTH = np.array([*COEFFICIENTS.values()])
 
 
 @cache
 def fitted(seed: int, held: bool = False, **more: float) -> tuple[Fitted, ModelError]:
     """The paper's model fitted to ten seconds of a drive that may have more, and its error."""
-    recording = with_velocities(made(seed, 10.0, held=held, **more))
+    log = data(made(seed, 10.0, held=held, **more))
     structure = replace(PAPER, timing=Timing("zero" if held else "cubic"))
-    data = data_of(JOINT, [recording], (0,))
-    found, lengths_fitted = fit_to(structure, data, COEFFICIENTS, 1.0)
+    found, lengths_fitted = fit_to(structure, log, COEFFICIENTS, 1.0)
     return found, model_error(found, lengths_fitted, THRESHOLDS)
 
 
@@ -86,22 +80,18 @@ def test_a_step_that_was_not_taken_widens():
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_backlash_widens(seed):
-    """Assert that a gap of 6 mrad, which no term describes, is seen, and that its bias is covered.
+@pytest.mark.parametrize(
+    ("more", "missed"),
+    [({"half_gap": 0.003}, 2.0), ({"ripple_torque": 0.5, "ripple_number": 10}, 0)],
+)
+def test_what_no_term_describes_widens(more: dict[str, float], missed: float, seed: int):
+    """Assert that a gap of 6 mrad and a ripple are seen, and that their bias is covered.
 
-    The fit's own intervals miss the stiffness by far.
+    The gap's own intervals of the fit miss the stiffness by far.
     """
-    found, error = fitted(seed, half_gap=0.003)
+    found, error = fitted(seed, **more)
     assert error.share > 0.5
-    assert misses(found, Estimate.of(found.fit)).max() > 2.0
-    assert misses(found, widened(found, error)).max() < 1.0
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_ripple_of_the_torque_widens(seed):
-    """Assert that a torque that repeats ten times a turn is seen, and that its bias is covered."""
-    found, error = fitted(seed, ripple_torque=0.5, ripple_number=10.0)
-    assert error.share > 0.5
+    assert misses(found, Estimate.of(found.fit)).max() > missed
     assert misses(found, widened(found, error)).max() < 1.0
 
 
@@ -267,10 +257,9 @@ def test_error_is_what_residuals_beyond_noise_allow():
 @pytest.fixture(scope="module")
 def stand_in():
     """A gap in the spring, for which a cubic spring stands in."""
-    recording = with_velocities(made(3, 10.0, half_gap=1e-3))
     structure = replace(PAPER, absent=PAPER.absent - {"alpha_cubic", "theta_cubic"})
-    data = data_of(JOINT, [recording], (0,))
-    found, lengths_fitted = fit_to(structure, data, COEFFICIENTS, 1.0)
+    log = data(made(3, 10.0, half_gap=1e-3))
+    found, lengths_fitted = fit_to(structure, log, COEFFICIENTS, 1.0)
     return found, model_error(found, lengths_fitted, THRESHOLDS)
 
 
@@ -340,11 +329,9 @@ def test_usual_terms_are_no_stand_ins():
 @pytest.fixture(scope="module")
 def driving():
     """A damping of the spring that came out negative, beside a friction of the link."""
-    recording = with_velocities(made(3, 10.0, joint_damping=-0.05))
     more = {"alpha_damping", "theta_damping", "theta_viscous"}
     structure = replace(PAPER, absent=PAPER.absent - more)
-    data = data_of(JOINT, [recording], (0,))
-    return fit_to(structure, data, COEFFICIENTS, 1.0)[0]
+    return fit_to(structure, data(made(3, 10.0, joint_damping=-0.05)), COEFFICIENTS, 1.0)[0]
 
 
 def test_a_negative_friction_may_be_none(driving):
@@ -386,11 +373,7 @@ def test_a_friction_drives_beyond_noise(name, deviations, driving):
     found = with_value(fitted(1)[0], name, deviations)
     limits = replace(THRESHOLDS, friction_sign=4.0)
     assert driving_frictions(found, limits) == ({name} if driving else set())
-
-
-def test_frictions_that_brake_are_not_doubted():
-    """Assert that nothing is added where none drives."""
-    assert not driving_covariance(fitted(1)[0], frozenset()).any()
+    assert not driving_covariance(found, frozenset()).any()
 
 
 def test_a_driving_friction_is_doubted_and_named():

@@ -9,6 +9,7 @@ from flexid.identification.preparation.joint import flexible, rigid
 from flexid.identification.preparation.settings import Settings, check_against, check_for
 
 REFUSED = {
+    "unknown model": ({"model": "elastic"}, "flexible"),
     "unknown term": ({"terms": ("gravity", "turbulence")}, "turbulence"),
     "unknown coefficient": ({"known": {"stiffness": 3.0}}, "stiffness"),
     "inertia of zero": ({"known": {"motor_inertia": 0.0}}, "no possible value"),

@@ -147,26 +147,19 @@ def test_half_an_eccentric_gear_that_is_kept_keeps_the_other():
     assert left(fit, ("alpha_ecc_sine",)) == {"alpha_ecc_sine", "alpha_ecc_cosine"}
 
 
-def test_few_degrees_of_freedom_ask_for_more():
-    """Assert that with five degrees of freedom Student's t decides, not the normal distribution."""
-    edge = float(t.isf(0.01, 5.0))
-    assert edge > normal(0.02) + 0.5
-    assert left(alone("theta_offset", edge + 0.02, freedom=5.0)) == {"theta_offset"}
-    assert left(alone("theta_offset", edge - 0.02, freedom=5.0)) == set()
-
-
-def test_correlated_residuals_ask_for_more():
-    """Assert that where deviations are three times those of white noise, a term needs as much."""
-    edge = 3.0 * normal(0.02)
-    assert left(alone("theta_offset", edge + 0.05, spread=3.0)) == {"theta_offset"}
-    assert left(alone("theta_offset", edge - 0.05, spread=3.0)) == set()
-
-
-def test_blocks_that_agree_by_chance_prove_nothing():
-    """Assert that deviations below those of the sensors' noise are taken for these."""
-    edge = normal(0.02)
-    assert left(alone("theta_offset", edge + 0.02, spread=0.1)) == {"theta_offset"}
-    assert left(alone("theta_offset", edge - 0.02, spread=0.1)) == set()
+@pytest.mark.parametrize(
+    ("edge", "more"),
+    [
+        (float(t.isf(0.01, 5.0)), {"freedom": 5.0}),
+        (3.0 * normal(0.02), {"spread": 3.0}),
+        (normal(0.02), {"spread": 0.1}),
+    ],
+    ids=["Student's t", "three times white noise", "blocks that agree by chance"],
+)
+def test_deviations_are_those_of_the_blocks_but_no_less_than_noise(edge, more):
+    """Assert that what a term needs follows from the scatter of blocks and their number."""
+    assert left(alone("theta_offset", edge + 0.05, **more)) == {"theta_offset"}
+    assert left(alone("theta_offset", edge - 0.05, **more)) == set()
 
 
 @pytest.mark.parametrize(
@@ -197,19 +190,14 @@ def test_spring_and_gain_stay():
     assert [test.name for test in tests] == ["theta1"]
 
 
-@pytest.mark.parametrize(("size", "stays"), [(2.4, True), (2.2, False)])
-def test_delays_go_like_terms(size, stays):
-    """Assert that a delay which chance explains is sought no more."""
-    quadratic = alone(INPUT, size, sought=(INPUT,))
-    structure, _ = eliminate(cast(Fitted, quadratic), (), LIMITS)
-    assert structure.timing.sought == ((INPUT,) if stays else ())
-
-
-@pytest.mark.parametrize(("margin", "stays"), [(0.91, True), (0.89, False)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_delays_beyond_the_margin_are_none(side, margin, stays):
-    """Assert that a delay longer than what is left of the log at its ends is sought no more."""
-    quadratic = alone(INPUT, side * 9.0, sought=(INPUT,), margin=margin)
+@pytest.mark.parametrize(
+    ("size", "margin", "stays"),
+    [(2.4, 10.0, True), (2.2, 10.0, False), (9.0, 0.91, True), (9.0, 0.89, False)],
+)
+def test_delays_go_like_terms(side, size, margin, stays):
+    """Assert that one that chance explains, or longer than the margin, is sought no more."""
+    quadratic = alone(INPUT, side * size, sought=(INPUT,), margin=margin)
     structure, _ = eliminate(cast(Fitted, quadratic), (), LIMITS)
     assert structure.timing.sought == ((INPUT,) if stays else ())
 

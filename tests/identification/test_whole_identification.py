@@ -43,54 +43,37 @@ def automatic(clean):
     return identify([clean])
 
 
-def test_given_choices_are_kept(alone):
-    """Assert that what the settings fix is what was done, and leads to the truth."""
+def test_a_log_that_tells_everything(alone):
+    """Assert that given choices are kept, all is determined and true, and the noise is left."""
     assert alone.choices.terms == TERMS
     assert alone.choices.segment_duration == pytest.approx(1.0, rel=0.1)
     assert alone.choices.alignment.input_delay.status == "given"
     assert_true(alone, COEFFICIENTS)
 
-
-def test_everything_is_determined(alone):
-    """Assert that a log that tells everything leaves no doubt and no warning."""
     assert {c.verdict for c in alone.coefficients.values()} == {"determined"}
     assert {p.verdict for p in alone.parameters.values()} == {"determined"}
     assert alone.warnings == ()
     assert alone.compliance.visible
 
-
-def test_physical_parameters_follow(alone):
-    """Assert that inertias, stiffness, gravity and friction come out in SI units."""
     assert set(alone.parameters) == set(TRUTH)
     for name, true in TRUTH.items():
         assert alone.parameters[name].value == pytest.approx(true, rel=1e-3), name
 
-
-def test_held_out_end_is_predicted_by_the_rest(alone):
-    """Assert that the last third is predicted to the noise, at every horizon there is room for."""
     assert all(fit > 99.9 for fit in alone.validation.fit_percent.values())
     assert list(alone.validation.horizons) == [0.05, 0.2, 1.0]
     assert alone.validation.runs[0].time[0] == pytest.approx(10.0 * 2 / 3, abs=0.01)
 
-
-def test_right_model_has_residuals_of_the_noise(alone):
-    """Assert that what is left is as large as the encoders' noise, and no model error."""
     assert list(alone.residual_excess.values()) == pytest.approx([1.0, 1.0], abs=0.1)
     assert alone.model_error.share == 0.0
 
 
 def test_nothing_need_be_set(automatic):
-    """Assert that without any setting every parameter is found, and the torque is smooth."""
+    """Assert that without any setting all is found, and nothing that is not there."""
     for name, true in TRUTH.items():
         assert automatic.parameters[name].value == pytest.approx(true, rel=1e-3), name
         assert automatic.parameters[name].verdict == "determined"
-    assert set(TERMS) <= set(automatic.choices.terms)
     assert automatic.choices.hold == "cubic"
     assert automatic.choices.coulomb_velocity is None
-
-
-def test_nothing_is_found_that_is_not_there(automatic):
-    """Assert that a log of the paper's terms without delays leaves these alone."""
     assert automatic.choices.terms == TERMS
     assert automatic.choices.alignment.link_delay.status == "none"
 
@@ -109,16 +92,11 @@ def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFi
     assert delay.interval[1] - delay.interval[0] > 1.5 * (bare[1] - bare[0])
 
 
-def test_what_was_left_out_has_a_size(automatic):
-    """Assert that terms that were taken away come with how large they could be: hardly anything."""
-    friction = automatic.removed["motor_coulomb_friction"]
-    lower, upper = friction.interval
+def test_evidence_is_given_for_each_term(automatic):
+    """Assert that terms that stay and that went have values, and what went could hardly be any."""
+    lower, upper = automatic.removed["motor_coulomb_friction"].interval
     assert -1e-3 < lower <= upper < 1e-3
     assert "motor_inertia" not in automatic.removed
-
-
-def test_evidence_is_given_for_each_term(automatic):
-    """Assert that each optional term has a value, a deviation and a chance, and gravity none."""
     evidence = {e.name: e for e in automatic.choices.term_evidence}
     assert {"alpha_coulomb", "theta_viscous", "input_delay"} <= set(evidence)
     assert evidence["theta1"].kept
@@ -200,27 +178,14 @@ def test_right_inertia_is_taken(clean):
     assert_true(result, COEFFICIENTS)
 
 
-@pytest.fixture(scope="module")
-def doubled(clean):
-    """The same with a motor inertia twice what it is."""
-    return identify([clean], replace(SETTINGS, known={"motor_inertia": 0.6}))
-
-
-def test_wrong_inertia_is_told(doubled):
-    """Assert that knowledge which the log contradicts earns a sentence with what the log says."""
+def test_wrong_inertia_is_told(clean):
+    """Assert that what the log contradicts earns a sentence, and leaves nothing determined."""
+    doubled = identify([clean], replace(SETTINGS, known={"motor_inertia": 0.6}))
     assert any(
         "motor_inertia is known as 0.6" in warning and "it says 0.3 ±" in warning
         for warning in doubled.warnings
     )
-
-
-def test_wrong_inertia_leaves_no_coefficient_determined(doubled):
-    """Assert that with a contradicted inertia no coefficient is called known, nor given."""
     assert {c.verdict for c in doubled.coefficients.values()} == {"undetermined"}
-
-
-def test_wrong_inertia_leaves_no_parameter_determined(doubled):
-    """Assert the same of physical parameters."""
     assert "determined" not in {p.verdict for p in doubled.parameters.values()}
 
 

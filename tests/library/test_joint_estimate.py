@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import polars as pl
 import pytest
@@ -23,11 +24,9 @@ def log(examples):
 
 
 @pytest.fixture(scope="module")
-def estimate(log):
-    """What is found in it; the terms are given, so that it takes less time."""
-    return flexid.identify(
-        pl.read_csv(log), terms=["gravity", "motor_viscous"], hold="zero", segment_duration=2.0
-    )
+def estimate(example_estimate):
+    """What is found in it."""
+    return example_estimate
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +113,7 @@ def test_values_as_a_frame(estimate, backend):
 
 
 def test_it_shows_itself(estimate, loaded):
-    """Assert that a line, a text and a page have the parameters, and the page a figure."""
+    """Assert that a line, a text and a page have the parameters, and a warning no markup."""
     assert re.fullmatch(
         r"<JointEstimate: flexible joint, parameters: 5 determined.*>", repr(estimate)
     )
@@ -126,9 +125,6 @@ def test_it_shows_itself(estimate, loaded):
     assert page.count("<img") == 1
     assert "<img" not in loaded._repr_html_()
 
-
-def test_a_page_spells_text_that_is_not_its_own(estimate):
-    """Assert that a warning cannot put markup into a notebook."""
     spiked = replace(estimate.result, warnings=("<script>alert(1)</script>",))
     assert "<script>" not in flexid.JointEstimate(spiked)._repr_html_()
 
@@ -138,13 +134,14 @@ FIGURES = ("fit", "residuals", "regions", "estimates", "excitation", "bode")
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_leave_matplotlib_as_it_is(estimate, name):
-    """Assert that a figure comes back as a notebook shows it, and that no setting stays."""
+    """Assert that a figure is as a notebook shows it, needs no display, and leaves no setting."""
     before = dict(mpl.rcParams)
     figure = getattr(estimate.plot, name)()
     assert isinstance(figure, Figure)
     assert figure.axes
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined] - in a notebook
     assert dict(mpl.rcParams) == before
+    assert plt.get_fignums() == []  # pyplot, which would choose a display, holds none
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -159,15 +156,6 @@ def test_figures_are_drawn_in_the_place_of_axes(estimate, name):
     assert right not in own.axes
     with pytest.raises(SettingError, match=r"ax.*plt\.subplots"):
         getattr(estimate.plot, name)(ax=Figure().add_axes((0, 0, 1, 1)))
-
-
-def test_no_figure_needs_a_display(estimate):
-    """Assert that pyplot, which would choose a display, holds no figure."""
-    import matplotlib.pyplot as plt
-
-    for name in FIGURES:
-        getattr(estimate.plot, name)()
-    assert plt.get_fignums() == []
 
 
 def test_regions_have_any_level(estimate):

@@ -40,18 +40,12 @@ def test_a_pinned_run_is_dashed_and_lies_behind():
     assert lines[0].colour == lines[2].colour
 
 
-def test_zero_is_a_gap_on_a_logarithmic_axis():
-    """Assert that what vanishes is left out rather than drawn at some small number."""
+def test_an_error_is_drawn_by_its_size():
+    """Assert that a stretch shows its largest value, and zero is a gap on a logarithmic axis."""
     (line,) = play_chart(played(1.0), None).panels[0].marks
     assert isinstance(line, Line)
     assert np.isnan(line.y).any()
     assert np.nanmin(line.y) > 0.0
-
-
-def test_a_stretch_shows_its_largest_value():
-    """Assert that an error that passes zero is shown by its size."""
-    (line,) = play_chart(played(1.0), None).panels[0].marks
-    assert isinstance(line, Line)
     assert line.y[0] == 1.0
     assert len(line.y) <= 160
 

@@ -47,18 +47,14 @@ def test_the_first_screen_says_how_much_is_predicted(result, word, tone, then):
     assert second.word == then
 
 
-def test_the_rest_is_spoken_of_where_there_is_one():
-    """Assert that one channel has no rest."""
+def test_what_the_first_answer_rests_on():
+    """Assert that one channel has no rest, and that an error is a multiple of the noise."""
     (first, _) = page(MADE, ()).answers
     assert str(first.content[0]) == "Of the motor position in a free run."
     both = replace(MADE, fit_percent={"motor_position": 97.53, "link_position": 98.0}, horizons={})
     (first, _) = page(both, ()).answers
     assert str(first.content[0]) == "Of the motor position in a free run, and more of the rest."
-
-
-def test_residuals_are_held_against_noise():
-    """Assert that what a free run is off is named as a multiple of the noise."""
-    first, _ = page(MADE, ()).answers
+    (first, _) = page(MADE, ()).answers
     assert str(first.content[-1]) == "The error is at most 2.5 times the sensor noise."
 
 

@@ -10,7 +10,6 @@ from flexid.report.terminal import laid_out
 from flexid.report.watch import (
     Sparks,
     live_view,
-    negligible,
     parts,
     sparkline,
 )
@@ -43,18 +42,6 @@ def test_the_report_begins_with_the_health(session: Session):
 def parameter(name: str, low: float, high: float, verdict: Verdict) -> ParameterEstimate:
     """One in the middle of its interval."""
     return ParameterEstimate(name, "", 0.5 * (low + high), 0.1, (low, high), verdict, "")
-
-
-def test_what_may_be_none_is_named():
-    """Assert that a determined interval about zero is said to be one, and no other."""
-    found = (
-        parameter("motor_coulomb_friction", -0.3, 0.2, "determined"),
-        parameter("joint_damping", 0.01, 0.2, "determined"),
-        parameter("link_viscous_friction", -0.3, 0.2, "undetermined"),
-        parameter("gravity_angle", -0.01, 0.01, "determined"),
-        parameter("joint_stiffness", 0.0, 0.0, "determined"),
-    )
-    assert negligible(found) == ["motor_coulomb_friction"]
 
 
 def test_a_friction_that_is_not_there_is_negligible(monkeypatch: pytest.MonkeyPatch):

@@ -107,9 +107,9 @@ def options_of(
 
 
 @pytest.fixture(scope="module")
-def result():
+def result(example_estimate):
     """An identification of the example."""
-    return flexid.identify(LOG, terms=("gravity", "motor_viscous"), hold="zero").result
+    return example_estimate.result
 
 
 def test_a_stream_takes_model_and_filter_of_the_estimate(result):

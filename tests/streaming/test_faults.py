@@ -137,17 +137,6 @@ def test_after_a_gap_it_is_as_if_a_new_recording_began():
         np.testing.assert_allclose(found, added, rtol=1e-6, atol=1e-9 * np.abs(added).max())
 
 
-def test_a_gap_that_is_hidden_would_corrupt_the_estimate():
-    """Assert that the test above can fail: with even times over a gap the estimate is spoilt."""
-    samples = stream(12.0)
-    hidden = np.concatenate((samples[:2500], samples[2630:]))
-    hidden[:, TIME] = H * np.arange(len(hidden))
-    # The guard sees the jump even so, but for one that the motion could have made.
-    session = watched(hidden)
-    assert session.counts.gaps == 0
-    assert session.counts.outliers == 3
-
-
 @pytest.mark.parametrize("begins", [0.3, -0.3])
 def test_encoders_that_wrap_are_unwrapped(begins: float):
     """Assert that an absolute encoder may pass its zero at any time, and begin behind it."""
@@ -231,7 +220,7 @@ def test_a_dead_encoder_teaches_nothing(column):
 
 
 def test_an_encoder_that_comes_back_is_learnt_from_again():
-    """Assert that the fault ends with its cause."""
+    """Assert that a fault ends with its cause, and that both encoders may rest together."""
     samples = stream(12.0)
     samples[2000:3000, LINK] = samples[2000, LINK]
     session = watched(samples)
@@ -239,9 +228,6 @@ def test_an_encoder_that_comes_back_is_learnt_from_again():
     assert session.health.health is Health.CONVERGED
     assert errors(session).max() < CLOSE
 
-
-def test_an_encoder_at_rest_is_not_stuck():
-    """Assert that both may stand still together."""
     samples = stream()
     rest = np.repeat(samples[-1:], 1000, axis=0)
     rest[:, TIME] += H * np.arange(1, 1001)

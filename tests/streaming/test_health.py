@@ -84,8 +84,4 @@ def test_values_are_those_of_the_exported_c():
         "sensor fault",
     ]
     assert [*map(int, Health)] == [0, 1, 2, 3, 4]
-
-
-def test_every_limit_has_its_reason():
-    """Assert that each has a unit and says why it is what it is."""
     assert all(unit and reason for _, _, unit, reason in LIMITS.table())

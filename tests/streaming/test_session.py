@@ -168,9 +168,5 @@ def test_clocks_that_no_drive_has(options: dict, words: str):
     WatchOptions(sample_time=H, filter_rate=62.0)
     with pytest.raises(SettingError, match=words):
         WatchOptions(**{"sample_time": H, **options})
-
-
-def test_samples_of_another_width_are_refused():
-    """Assert that a sample needs time, both positions and the input."""
     with pytest.raises(SettingError, match="give 4 numbers"):
         Session(OPTIONS).feed(np.zeros((3, 3)))

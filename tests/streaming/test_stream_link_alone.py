@@ -86,15 +86,11 @@ def test_a_log_without_a_torque_is_followed(tmp_path: Path):
         assert same(follower.session, watched(motion(2.0), OPTIONS))
 
 
-def test_one_encoder_needs_an_input(tmp_path: Path):
-    """Assert that a motor alone without a torque says nothing, and is refused."""
+def test_what_the_link_alone_cannot_be(tmp_path: Path):
+    """Assert that a motor alone without a torque, and a hold without an input, are refused."""
     with pytest.raises(RecordingError, match="no torque, current or voltage"):
         chosen_channels("log", {"time": None, "motor_position": None}, ())  # type: ignore[dict-item]
     with pytest.raises(RecordingError, match="link position"):
         chosen_channels("log", {"time": None, "motor_position": None}, (), "link")  # type: ignore[dict-item]
-
-
-def test_a_hold_is_refused():
-    """Assert that the behaviour of an input that is not there cannot be said."""
     with pytest.raises(SettingError, match="the link alone has none"):
         WatchOptions(H, (), "link", hold="zero")

@@ -23,12 +23,8 @@ def test_an_address_says_all():
     )
     assert read_choices(dict(parse_qsl(choices.query, keep_blank_values=True))) == choices
     assert read_choices(dict(parse_qsl(Choices().query))) == Choices()
-
-
-def test_no_term_is_a_choice():
-    """Assert that a model without further terms is not taken for one that the log shows."""
-    choices = Choices(terms=())
-    assert read_choices(dict(parse_qsl(choices.query, keep_blank_values=True))) == choices
+    bare = Choices(terms=())  # no term at all is not what the log shows
+    assert read_choices(dict(parse_qsl(bare.query, keep_blank_values=True))) == bare
 
 
 def test_choices_as_a_column_map():
@@ -41,10 +37,6 @@ def test_choices_as_a_column_map():
         "gear_ratio": 101.0,
     }
     assert Choices().column_map is None
-
-
-def test_a_gear_ratio_may_be_a_fraction():
-    """Assert that 1/101 is what it says."""
     assert read_choices({"column.time": "t", "gear_ratio": "1/101"}).gear_ratio == 1.0 / 101.0
 
 
