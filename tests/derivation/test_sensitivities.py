@@ -194,7 +194,8 @@ def test_columns_are_derivatives_of_the_step(plain, name):
     for stage, then in enumerate([*stages[1:], end]):
         functions["memory_slopes"](then, x, p, at, b[stage], q[stage])
     after = z.ravel().copy()
-    functions["vary"](after, n, h, a.ravel(), r.ravel(), b.ravel(), q.ravel())
+    undisturbed = np.zeros(len(system.rows) * width), np.ones(len(system.rows))
+    functions["vary"](after, n, h, a.ravel(), r.ravel(), b.ravel(), q.ravel(), *undisturbed)
     after = after.reshape(z.shape)
     for column in range(1, n):
         dp = np.zeros(len(p))

@@ -320,22 +320,25 @@ def _vary(symbolic: SymbolicSystem) -> str:
 def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] = ()) -> str:
     """Source of ``vary``: four stages of one column, so that a loop has nothing inside.
 
-    The acceleration of each row depends on the states at the places of its pattern; the path of
-    each memory goes with the positions at its places.
+    The acceleration of each row depends on the states at the places of its pattern, and on its
+    disturbance if it is free; the path of each memory goes with the positions at its places.
     """
     rows, memories = len(patterns), len(paths)
     size = 2 * rows + memories
     ahead: list[str] = []
     body: list[str] = [f"        _s{i} = _z[{i} * WIDTH + _j]" for i in range(size)]
+    body += [f"        _d{j} = _free{j} * _d[{j} * WIDTH + _j]" for j in range(rows)]
 
     def known(name: str, source: str) -> str:
         ahead.append(f"    {name} = {source}")
         return name
 
+    for j in range(rows):
+        known(f"_free{j}", f"_free[{j}]")
     at = "_s"  # the names of the column's states at a stage
     for stage in range(4):
         for j, pattern in enumerate(patterns):
-            products = [f"_r[({stage} * {rows + memories} + {j}) * WIDTH + _j]"]
+            products = [f"_r[({stage} * {rows + memories} + {j}) * WIDTH + _j]", f"_d{j}"]
             first = (stage * (rows + memories) + j) * size
             products += [
                 f"{known(f'_a{stage}_{j}_{i}', f'_a[{first + i}]')} * {at}{i}" for i in pattern
@@ -365,7 +368,7 @@ def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] 
         at = then
     body += [f"        _z[{i} * WIDTH + _j] = _y{i}" for i in range(size)]
     return function(
-        "vary(_z, _n, _step, _a, _r, _b, _q)",
+        "vary(_z, _n, _step, _a, _r, _b, _q, _d, _free)",
         "Columns 1 to _n - 1 of _z after a step, along the four stages of the state.",
         "    _half = 0.5 * _step\n    _sixth = _step / 6.0",
         "\n".join(ahead),

@@ -363,7 +363,6 @@ class SegmentedMotion:
         columns[places.DELAY] = carried if delay else 0
         if self.observer is not None:  # what corrects the state depends on how late outputs are
             carried = size
-            columns[places.ARE_DISTURBED] = 1
         columns[places.IN_USE] = 1 + carried
         columns[places.AT + wanted] = 1 + states + np.arange(len(wanted))
         return columns

@@ -31,7 +31,7 @@ GRAZING = 0.1
 
 # What a model does, and what is where in the array `columns`; see the template ``model``.
 STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
-IN_USE, DELAY, ARE_DISTURBED, ARE_DRY, AT = range(5)
+IN_USE, DELAY, ARE_DRY, AT = range(4)
 
 # A model: its address, its sizes, and what lies where in `work`.
 Model = namedtuple(

@@ -56,7 +56,15 @@ def memory_slopes(
     _x: _Array, _start: _Array, _p: _Array, _at: NDArray[np.int64], _b: _Array, _q: _Array
 ) -> None: ...
 def vary(
-    _z: _Array, _n: int, _step: float, _a: _Array, _r: _Array, _b: _Array, _q: _Array
+    _z: _Array,
+    _n: int,
+    _step: float,
+    _a: _Array,
+    _r: _Array,
+    _b: _Array,
+    _q: _Array,
+    _d: _Array,
+    _free: _Array,
 ) -> None: ...
 
 # Of a closed loop.

@@ -61,12 +61,12 @@ DISTURBANCE = DRY_ROWS + N_ROWS
 COEFFICIENTS = DISTURBANCE + N_ROWS
 CONSTANTS = COEFFICIENTS + N_COEFFICIENTS
 CORNERS = CONSTANTS + N_CONSTANTS  # what is zero at each corner, at two places
-WORK_SIZE = CORNERS + 2 * N_CORNERS
+FREE = CORNERS + 2 * N_CORNERS  # 0 of each row that sticks, else 1
+WORK_SIZE = FREE + N_ROWS
 
 # In the array `columns`: how many columns are in use, that of the state included; the column of the
-# delay of the inputs; whether disturbances have derivatives, and whether a row may stick; and the
-# column of each coefficient.
-IN_USE, DELAY, ARE_DISTURBED, ARE_DRY, AT = range(5)
+# delay of the inputs; whether a row may stick; and the column of each coefficient.
+IN_USE, DELAY, ARE_DRY, AT = range(4)
 
 # What to do.
 STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
@@ -110,17 +110,14 @@ def slopes_at(x, place, stage, work, columns):
     a_size, r_size = N_EQUATIONS * N_STATES, N_EQUATIONS * WIDTH
     a = part(work, BY_STATE + stage * a_size, a_size)
     r = part(work, BY_REST + stage * r_size, r_size)
-    kept = columns[IN_USE] if columns[ARE_DISTURBED] else 0
-    for i in range(N_ROWS * WIDTH if kept else 0):
-        r[i] = 0.0  # `slopes` leaves alone what does not depend on the model
     modes = part(work, MODES, N_ROWS)
     p = part(work, COEFFICIENTS, N_COEFFICIENTS)
     c = part(work, CONSTANTS, N_CONSTANTS)
     slopes(x, u, du, modes, p, c, part(columns, AT, N_COEFFICIENTS), columns[DELAY], a, r)
     for row in range(N_ROWS):
-        for j in range(1, kept):
-            r[row * WIDTH + j] += work[DISTURBED + row * WIDTH + j]
+        work[FREE + row] = 1.0
         if work[DRY_ROWS + row] != 0.0 and modes[row] == 0.0:
+            work[FREE + row] = 0.0
             for i in range(N_STATES):
                 a[row * N_STATES + i] = 0.0
             for j in range(WIDTH):
@@ -158,7 +155,8 @@ def carry(work, columns, place, span, h):
     z = part(work, Z, N_STATES * WIDTH)
     a = part(work, BY_STATE, 4 * N_EQUATIONS * N_STATES)
     r = part(work, BY_REST, 4 * N_EQUATIONS * WIDTH)
-    vary(z, columns[IN_USE], span * h, a, r, b, q)
+    d, free = part(work, DISTURBED, N_ROWS * WIDTH), part(work, FREE, N_ROWS)
+    vary(z, columns[IN_USE], span * h, a, r, b, q, d, free)
 
 
 def _run(work, columns, place, span, h, source, target, what):
