@@ -19,7 +19,7 @@ from flexid.models.flexible_joint import DISSIPATIVE
 
 CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is known better
 _FURTHER_MODES = 0.003  # of a link's inertia: by its next bending mode it looks heavier
-_CABLE = 0.01  # of the spring's torque, that a cable adds: it pulls the link back as gravity does
+_CABLE = 0.03  # of the spring's torque, that a cable adds: it pulls the link back as gravity does
 _ECCENTRICITY = 5e-4  # rad: 0.03 degrees, once per turn, of encoders in good joints
 _GAUGE = 0.02  # of the scale of a deflection's sensor: strain gauges are calibrated to 3 or 4 %
 _DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of its range takes away
