@@ -22,7 +22,7 @@ from benchmarks.ensemble_peers import (
 from benchmarks.size import sized
 from benchmarks.table1 import JR, TRUE
 from benchmarks.timing import Timing, measure, timed
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import pd_gravity
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import Ensemble, simulate_ensemble
 from flexid.simulation.loop import ClosedLoop

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.report import markdown
 from benchmarks.size import sized
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import pd_gravity
 from flexid.control.references import sinusoid
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples

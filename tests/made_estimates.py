@@ -7,7 +7,7 @@ import numpy as np
 
 from flexid.analysis.excitation import excitation_of_gram
 from flexid.identification.judgement.compliance import Compliance
-from flexid.identification.judgement.verdict import verdict
+from flexid.identification.judgement.estimates import verdict
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.result.identification import Choices, Identification
 from flexid.identification.vocabulary.estimate import Estimate

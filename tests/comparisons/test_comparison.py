@@ -10,7 +10,7 @@ from scipy.stats import chi2, ttest_ind
 from flexid.comparisons.comparison import compare_estimates, holm
 from flexid.comparisons.differences import hotelling
 from flexid.errors import SettingError
-from flexid.identification.judgement.verdict import verdict
+from flexid.identification.judgement.estimates import verdict
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate

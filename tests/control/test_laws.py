@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexid.control.computed_torque import computed_torque
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import computed_torque, pd_gravity
 from flexid.control.references import constant, sinusoid
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import flexible_joint

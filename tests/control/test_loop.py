@@ -3,9 +3,9 @@
 import pytest
 
 from flexid.control.controller import Controller
+from flexid.control.laws import robust_law
 from flexid.control.loop import LoopDeclaration
 from flexid.control.references import constant
-from flexid.control.robust import robust_law
 from flexid.errors import ExpressionError, ModelError
 from flexid.models.parametric_system import ParametricSystem, Row
 

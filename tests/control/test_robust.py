@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from flexid.control.controller import REFERENCE_NAMES
-from flexid.control.robust import robust_law
+from flexid.control.laws import robust_law
 from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.errors import ExpressionError, ModelError
 

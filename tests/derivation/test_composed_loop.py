@@ -7,10 +7,9 @@ import pytest
 import sympy as sp
 
 from flexid.control.controller import REFERENCE_NAMES, Controller
+from flexid.control.laws import pd_gravity, robust_law
 from flexid.control.loop import LoopDeclaration
-from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import Multisine, Reference, sinusoid
-from flexid.control.robust import robust_law
 from flexid.derivation.closed_loop import compose_loop
 from flexid.derivation.observer import derive_observer
 from flexid.derivation.symbolic import symbol

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.estimators.arrow import solve_arrow
+from flexid.estimators.normal_equations import solve_arrow
 
 N_SEGMENTS, N_STATES, N_COEFFICIENTS = 5, 4, 3
 

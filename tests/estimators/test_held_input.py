@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from flexid.estimators.held_input import held_input
+from flexid.estimators.channel_timing import held_input
 from flexid.recording.recording import Hold
 
 H = 0.004  # s

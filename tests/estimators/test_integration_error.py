@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.gauss_newton import minimise
-from flexid.estimators.integration_error import MOST, NEGLIGIBLE, refinement
+from flexid.estimators.gauss_newton import MOST, NEGLIGIBLE, minimise, refinement
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion

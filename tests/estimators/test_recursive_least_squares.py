@@ -8,14 +8,13 @@ from noisy_joint import SAMPLE_TIME, TRUTH, VALUES, joint_samples, torque, worst
 from scipy.integrate import solve_ivp
 from scipy.stats import t
 
-from flexid.estimators.filter_rate import FASTEST
 from flexid.estimators.online import Status
 from flexid.estimators.recursive_least_squares import (
     LEAST_INFORMATION,
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
-from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.state_variable_filter import FASTEST, filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 
 JOINT = flexible_joint()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.estimators.scaled_inverse import least_with
+from flexid.estimators.normal_equations import least_with
 
 
 def test_the_rest_follows_what_is_zero():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from flexid.estimators.shrunken_covariance import shrunken
+from flexid.estimators.cluster_covariance import shrunken
 
 MIXED = np.random.default_rng(8).standard_normal((6, 6))
 WHITE = MIXED @ MIXED.T

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flexid.control.robust import robust_law
+from flexid.control.laws import robust_law
 from flexid.errors import ExperimentError
 from flexid.experiments import Experiment, read_experiment
 from flexid.simulation.closed_loop import loop_kernel

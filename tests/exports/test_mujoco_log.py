@@ -71,7 +71,7 @@ def test_torque_between_samples(scene, hold):
 @pytest.mark.parametrize("delay", [0.004, 0.0047])
 def test_a_late_torque_is_late(scene, tmp_path, delay):
     """Assert that a scene with a delay moves as one without it whose torque comes later."""
-    from flexid.estimators.held_input import held_input
+    from flexid.estimators.channel_timing import held_input
 
     late = tmp_path / "late.xml"
     late.write_text(mjcf_scene(JointModel("flexible", JOINT, "zero", {"input_delay": delay})).xml)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import flexid
+from flexid.control.laws import robust_law
 from flexid.control.references import Multisine
-from flexid.control.robust import robust_law
 from flexid.errors import ModelError, SettingError
 from flexid.exports.python_control import observer_start, signal
 from flexid.simulation.closed_loop import simulate

@@ -8,7 +8,7 @@ from made_joint import COEFFICIENTS, data, log, made, structure
 
 import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
-from flexid.estimators.integration_error import MOST, refinement
+from flexid.estimators.gauss_newton import MOST, refinement
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model import fits_by_length
 from flexid.identification.full_model.fitting import (

@@ -6,8 +6,8 @@ import pytest
 from made_joint import made
 
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.full_model.mirrored import mirrored, turned_round
 from flexid.identification.full_model.model import Structure
+from flexid.identification.full_model.starting import mirrored, turned_round
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.preparation.settings import Settings

@@ -17,7 +17,7 @@ from flexid.kernels import store
 SIMULATE = """
 import sys
 from flexid.control.references import sinusoid
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import pd_gravity
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.sampled import simulate_sampled
 from flexid.simulation.loop import ClosedLoop

@@ -14,10 +14,9 @@ from numba.core import config
 from numba.core.ccallback import CFunc
 
 from flexid.arrays import FloatArray
+from flexid.control.laws import pd_gravity, robust_law
 from flexid.control.loop import LoopDeclaration
-from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import sinusoid
-from flexid.control.robust import robust_law
 from flexid.derivation.closed_loop import compose_loop
 from flexid.derivation.loop_source import lane_loop_source, stiff_loop_source
 from flexid.derivation.model_functions import model_functions

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.models.flexible_joint import TERMS, flexible_joint
-from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms
-from flexid.models.row_alone import row_alone
+from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row_alone
 from flexid.simulation.free_run import free_run
 
 

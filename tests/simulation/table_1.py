@@ -1,8 +1,8 @@
 """The closed loop of Huang (2003), Table I."""
 
 from flexid.control.controller import Controller
+from flexid.control.laws import robust_law
 from flexid.control.references import sinusoid
-from flexid.control.robust import robust_law
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.loop import ClosedLoop
 

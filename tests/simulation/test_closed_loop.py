@@ -10,9 +10,8 @@ import pytest
 from table_1 import table_1
 
 from flexid.control.controller import Controller
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import pd_gravity, robust_law
 from flexid.control.references import Multisine
-from flexid.control.robust import robust_law
 from flexid.errors import SettingError, SimulationError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row

@@ -8,7 +8,7 @@ import pytest
 from table_1 import table_1
 
 from flexid.analysis.excitation import excitation
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import pd_gravity
 from flexid.control.references import sinusoid
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import pd_gravity
 from flexid.control.references import constant
 from flexid.errors import SettingError, SimulationError
 from flexid.models.flexible_joint import flexible_joint

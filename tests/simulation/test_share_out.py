@@ -5,7 +5,7 @@ from collections import Counter
 
 import pytest
 
-from flexid.simulation.threads import share_out
+from flexid.simulation.ensemble import share_out
 
 
 @pytest.mark.parametrize("workers", [1, 2, 5])

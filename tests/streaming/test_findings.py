@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from moving_joint import LINK, MOTOR, NOISE, H, stream, watched
 
-from flexid.identification.judgement.verdict import verdict
+from flexid.identification.judgement.estimates import verdict
 from flexid.streaming.options import WatchOptions
 
 WITH_COULOMB = WatchOptions(H, ("gravity", "motor_viscous", "motor_coulomb"), hold="linear")

@@ -10,10 +10,10 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_start import filtered, starts
 from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.cluster_covariance import shrunken
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point
 from flexid.estimators.segments import Segments
-from flexid.estimators.shrunken_covariance import shrunken
 from flexid.identification.full_model.fitting import (
     LONGEST,
     Steps,

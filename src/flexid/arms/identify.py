@@ -19,8 +19,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED
 from flexid.identification.full_model.model import Structure
 from flexid.identification.judgement.compliance import WEAK_FIT
-from flexid.identification.judgement.estimates import judged_value
-from flexid.identification.judgement.verdict import verdict
+from flexid.identification.judgement.estimates import judged_value, verdict
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.result.warnings import model_warnings
 from flexid.identification.vocabulary.estimate import Estimate

@@ -23,7 +23,7 @@ from flexid.cli.generated import (
     working,
 )
 from flexid.errors import SettingError
-from flexid.models.arm_name import is_arm_file
+from flexid.library.arguments import is_arm_file
 
 _OF_AN_ARM = ("logs", "model", "columns")
 

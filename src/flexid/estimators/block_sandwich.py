@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.estimators.cluster_covariance import covariance_root, unbiased, unbiasing
-from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.normal_equations import scaled_inverse
 from flexid.symmetric import eigen
 
 BLOCK_DURATION = 1.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.scaled_inverse import NULL
+from flexid.estimators.normal_equations import NULL
 from flexid.estimators.unknowns import Unknowns
 
 Bounds = Mapping[str, tuple[float, float]]

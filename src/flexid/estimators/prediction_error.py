@@ -15,8 +15,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import cluster_influences
-from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights
-from flexid.estimators.integration_error import refinement
+from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights, refinement
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.arrow import Reduced, solve_arrow
 from flexid.estimators.block_sandwich import block_duration
 from flexid.estimators.channel_timing import INPUT, ChannelTiming, Timing
 from flexid.estimators.cluster_covariance import Clusters
+from flexid.estimators.normal_equations import Reduced, solve_arrow
 from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.threads import in_threads
 from flexid.estimators.unknowns import Unknowns
@@ -133,7 +133,7 @@ class SegmentedMotion:
     def at(self, point: Point, weights: FloatArray, refinement: int = 1) -> "SegmentedMotion":
         """The same with weights, and with steps short enough for the motion about a point.
 
-        `flexid.estimators.integration_error` says how many times as many its data want.
+        `flexid.estimators.gauss_newton` says how many times as many its data want.
         """
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest

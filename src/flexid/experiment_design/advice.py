@@ -16,7 +16,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.samples import Samples
 from flexid.experiment_design.rehearsal import Rehearsal
-from flexid.identification.judgement.verdict import verdict
+from flexid.identification.judgement.estimates import verdict
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS

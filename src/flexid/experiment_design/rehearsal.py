@@ -21,9 +21,9 @@ from flexid.estimators.segments import divide, first_states
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.full_model.model import Data
 from flexid.identification.full_model.starting import least_squares_start
-from flexid.identification.judgement.verdict import verdict
+from flexid.identification.judgement.estimates import verdict
 from flexid.identification.result.identification import Identification
-from flexid.identification.structure.following import following_states
+from flexid.identification.structure.validation import following_states
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Verdict
 from flexid.identification.vocabulary.intervals import interval
 from flexid.stored_estimates.joint_model import JointModel

@@ -9,11 +9,9 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any, Literal
 
-from flexid.control.computed_torque import COEFFICIENTS, computed_torque
 from flexid.control.controller import Controller
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import COEFFICIENTS, computed_torque, pd_gravity, robust_law
 from flexid.control.references import Multisine, constant, sinusoid
-from flexid.control.robust import robust_law
 from flexid.errors import (
     AccelerationError,
     ExperimentError,

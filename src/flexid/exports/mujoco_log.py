@@ -11,7 +11,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError, SimulationError
-from flexid.estimators.held_input import held_input
+from flexid.estimators.channel_timing import held_input
 from flexid.recording.recording import Hold, Recording
 
 if TYPE_CHECKING:

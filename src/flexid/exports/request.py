@@ -10,7 +10,7 @@ from string import Template
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from flexid.errors import SettingError
-from flexid.estimators.filter_rate import check_filter_rate
+from flexid.estimators.state_variable_filter import check_filter_rate
 from flexid.models.flexible_joint import CONSTANT_UNITS, SQUARES
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.terms import SMOOTHING

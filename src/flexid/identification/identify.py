@@ -17,9 +17,8 @@ from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.amplifier import IDEAL, amplifier_of
-from flexid.identification.full_model.mirrored import turned_round
 from flexid.identification.full_model.model import LINK, Structure, data_of
-from flexid.identification.full_model.starting import smooth_unknowns
+from flexid.identification.full_model.starting import smooth_unknowns, turned_round
 from flexid.identification.judgement.compliance import (
     compare_with_rigid,
     of_link_alone,
@@ -35,10 +34,8 @@ from flexid.identification.preparation.ahead import compile_ahead
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
 from flexid.identification.preparation.recordings import SplitRecordings, prepare
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.result.identification import Choices, Identification, provenance, summary
 from flexid.identification.result.observer_stream import stream
-from flexid.identification.result.provenance import provenance
-from flexid.identification.result.summary import summary
 from flexid.identification.result.warnings import (
     amplifier_warnings,
     compliance_warnings,

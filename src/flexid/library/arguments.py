@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypedDict, TypeVar
 
 from flexid.errors import ArgumentError, SettingError, did_you_mean
-from flexid.models.arm_name import is_arm_file
 
 if TYPE_CHECKING:
     from threadpoolctl import threadpool_limits
@@ -225,6 +224,11 @@ def _name(function: str, argument: str, value: Any) -> str:
             "model", f"{value!r} is an arm: only flexid identify, the command, takes it"
         )
     return value
+
+
+def is_arm_file(model: str) -> bool:
+    """Whether the word after ``--model`` is the path of a TOML file, which is that of an arm."""
+    return model.lower().endswith(".toml")
 
 
 def as_number(function: str, argument: str, value: Any) -> float:

@@ -8,8 +8,18 @@ x1, x2 are position and velocity at the link side of the gear. This is the flexi
 (2003), eq. (4), for a stiffness without bound; beta1 is then the inverse of the inertia of motor
 and link *together*, not of the motor alone. Viscous friction is gamma_viscous + gamma_asymmetry
 forwards and gamma_viscous - gamma_asymmetry backwards.
+
+A row of a joint may stand alone, too, driven by the measured motion of the other side. The spring
+couples the two rows. Where the other side's position and velocity are measured, they are inputs
+like any other, and one row needs nothing of the other row's friction, inertia or input:
+
+    x1' = x2
+    x2' = -theta1 sin x1 - theta2 (x1 - x3)
+
+is the link of Huang (2003), eq. (4), with the motor's position x3 as its input.
 """
 
+import re
 from collections.abc import Collection, Mapping
 
 from flexid.models.parametric_system import ParametricSystem
@@ -99,3 +109,23 @@ def rigid_terms(flexible_terms: Collection[str]) -> tuple[str, ...]:
     """
     found = {_RIGID_COUNTERPART[term] for term in flexible_terms if term in _RIGID_COUNTERPART}
     return tuple(term for term in RIGID_TERMS if term in found)
+
+
+def row_alone(system: ParametricSystem, name: str) -> ParametricSystem:
+    """One row of a system, with the states of the other rows as inputs.
+
+    >>> from flexid.models.flexible_joint import flexible_joint
+    >>> row_alone(flexible_joint(), "link").inputs
+    ('x3', 'x4')
+    >>> row_alone(flexible_joint(), "motor").inputs
+    ('x1', 'x2', 'u')
+    """
+    row = next(row for row in system.rows if row.name == name)
+    others = [state for state in system.states if state not in (row.coordinate, row.velocity)]
+    used = {*re.findall(r"[^\W\d]\w*", " ".join([*row.regressors.values(), row.known]))}
+    return ParametricSystem(
+        f"{system.name}, {name} alone",
+        (row,),
+        (*others, *(u for u in system.inputs if u in used)),
+        {c: value for c, value in system.constants.items() if c in used},
+    )

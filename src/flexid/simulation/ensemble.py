@@ -5,8 +5,10 @@ noise. Nothing is kept of a run but its end and its measures, which are added up
 Threads share the runs; what comes out of a run depends on neither their number nor the other runs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from threading import Lock
 from types import ModuleType
 
 import numpy as np
@@ -22,10 +24,39 @@ from flexid.simulation.closed_loop import (
     loop_kernel,
 )
 from flexid.simulation.loop import ClosedLoop
-from flexid.simulation.run import split_columns
-from flexid.simulation.sample_grid import SampleGrid
+from flexid.simulation.run import SampleGrid, split_columns
 from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
-from flexid.simulation.threads import share_out
+
+
+def share_out(count: int, workers: int, job: Callable[[int], None]) -> None:
+    """Call ``job(0)`` … ``job(count - 1)``, several at a time.
+
+    Threads are enough, because compiled code lets other threads run. What a job raises ends all
+    of them, each after the job at hand, and is raised here; so does an interrupt.
+    """
+    if workers == 1:
+        for place in range(count):
+            job(place)
+        return
+    places = iter(range(count))
+    lock = Lock()
+    stopped = False
+
+    def serve() -> None:
+        while not stopped:
+            with lock:
+                place = next(places, None)
+            if place is None:
+                return
+            job(place)
+
+    with ThreadPoolExecutor(min(workers, max(count, 1))) as pool:
+        try:
+            for served in [pool.submit(serve) for _ in range(min(workers, count))]:
+                served.result()
+        finally:
+            stopped = True
+
 
 STATUS = ("finished", "too many steps", "step too small", "not finite", "diverged")
 """What became of a run, by its status number.

@@ -17,8 +17,7 @@ from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.simulation.loop import ClosedLoop
-from flexid.simulation.run import Run, split_columns
-from flexid.simulation.sample_grid import SampleGrid
+from flexid.simulation.run import Run, SampleGrid, split_columns
 from flexid.simulation.substeps import runge_kutta_substeps
 
 Law = Callable[[float, FloatArray, FloatArray], ArrayLike]

@@ -7,7 +7,7 @@ from math import inf, isfinite
 from typing import Any, Literal
 
 from flexid.errors import SettingError
-from flexid.estimators.filter_rate import FASTEST, SLOWEST, check_filter_rate
+from flexid.estimators.state_variable_filter import FASTEST, SLOWEST, check_filter_rate
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.settings import Settings
@@ -15,8 +15,7 @@ from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.result.identification import Identification
 from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, SQUARES, TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.rigid_joint import rigid_joint, rigid_terms
-from flexid.models.row_alone import row_alone
+from flexid.models.rigid_joint import rigid_joint, rigid_terms, row_alone
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.sampling import check_sample_time
 from flexid.recording.wraps import TURN

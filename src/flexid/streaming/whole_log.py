@@ -21,8 +21,7 @@ from flexid.identification.judgement.estimates import widest
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import stated
-from flexid.identification.result.identification import Choices, Identification
-from flexid.identification.result.summary import summary
+from flexid.identification.result.identification import Choices, Identification, summary
 from flexid.identification.result.warnings import (
     amplifier_warnings,
     compliance_warnings,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
+from flexid.control.laws import robust_law
 from flexid.control.references import Multisine
-from flexid.control.robust import robust_law
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.physical import joint_coefficients

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 
 from flexid.errors import SettingError
 from flexid.readers.formats import kinds, suffixes
-from flexid.studio.pages import assets, fragment
+from flexid.studio.window import assets, fragment
 
 if TYPE_CHECKING:
     from starlette.requests import Request

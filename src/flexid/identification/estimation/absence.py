@@ -17,7 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.scaled_inverse import least_with, scaled_inverse
+from flexid.estimators.normal_equations import least_with, scaled_inverse
 from flexid.identification.full_model.model import Fitted
 
 

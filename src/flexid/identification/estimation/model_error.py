@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.shrunken_covariance import shrunken
+from flexid.estimators.cluster_covariance import shrunken
 from flexid.identification.full_model.fitting import fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted
 from flexid.identification.structure.gap import PLAY, is_dead_zone

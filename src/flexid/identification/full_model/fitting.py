@@ -12,10 +12,16 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
-from flexid.estimators.gauss_newton import ITERATIONS, NEARLY_NOISE, Minimum, minimise
-from flexid.estimators.integration_error import MOST, refinement
+from flexid.estimators.gauss_newton import (
+    ITERATIONS,
+    MOST,
+    NEARLY_NOISE,
+    Minimum,
+    minimise,
+    refinement,
+)
+from flexid.estimators.normal_equations import least_with
 from flexid.estimators.samples import FloatArray
-from flexid.estimators.scaled_inverse import least_with
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide
 from flexid.estimators.unknowns import Unknowns

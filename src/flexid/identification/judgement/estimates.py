@@ -1,26 +1,57 @@
-"""Intervals and verdicts: from an estimate to coefficients and physical parameters."""
+"""Intervals and verdicts: from an estimate to coefficients and physical parameters.
+
+The verdict on each number follows from the width of its interval, and from nothing else.
+
+Whatever is doubted, the structure, model error, correlated residuals, delays, widens the interval;
+a verdict reads its width.
+"""
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
+from math import isfinite
 from typing import Any, TypeVar
 
 import numpy as np
 
 from flexid.estimators.unknowns import FIXED, Unknowns
-from flexid.identification.judgement.verdict import verdict
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     ParameterEstimate,
     ValueEstimate,
+    Verdict,
     balance_of,
 )
 from flexid.identification.vocabulary.intervals import POSITIVE, interval, propagated
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import CONSTANT_UNITS
 from flexid.models.parameter_kinds import Product
+
+Judged = tuple[Verdict, str]
+
+
+def verdict(
+    value: float,
+    interval: tuple[float, float],
+    effect: float = float("inf"),
+    thresholds: Thresholds = THRESHOLDS,
+) -> Judged:
+    """Judge a number by its interval; the reason of a determined one is empty."""
+    half = 0.5 * (interval[1] - interval[0])
+    if not isfinite(half):
+        return "undetermined", "the log holds no information on it"
+    relative = half / abs(value) if value else float("inf")
+    if relative <= thresholds.determined_width or effect <= thresholds.negligible_share:
+        return "determined", ""
+    reason = f"its interval reaches {_percent(relative)} to either side"
+    return ("weak" if relative <= thresholds.weak_width else "undetermined"), reason
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %" if share < 10.0 else "far"
+
 
 V = TypeVar("V", bound=ValueEstimate)
 

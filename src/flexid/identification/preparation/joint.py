@@ -38,8 +38,7 @@ from flexid.models.physical import (
     physical_parameters,
     rigid_parameters,
 )
-from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
-from flexid.models.row_alone import row_alone
+from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint, row_alone
 from flexid.models.terms import SMOOTHING, with_dry_friction
 from flexid.recording.recording import Recording
 from flexid.recording.wraps import TURN

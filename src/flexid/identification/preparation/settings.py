@@ -7,8 +7,8 @@ from math import isfinite, isnan
 from typing import Literal
 
 from flexid.errors import SettingError, did_you_mean
-from flexid.estimators.filter_rate import check_filter_rate
 from flexid.estimators.segments import FEWEST_SAMPLES
+from flexid.estimators.state_variable_filter import check_filter_rate
 from flexid.identification.preparation.joint import Joint, Kind
 from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS

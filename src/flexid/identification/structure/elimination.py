@@ -16,7 +16,7 @@ from scipy.special import fdtrc
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
-from flexid.estimators.scaled_inverse import least_with, scaled_inverse
+from flexid.estimators.normal_equations import least_with, scaled_inverse
 from flexid.identification.full_model.fits_by_length import FitsByLength, best_hold
 from flexid.identification.full_model.fitting import fit_by_length, fit_like, longer_fits
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure

@@ -18,8 +18,42 @@ from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.structure.following import following_states
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
+from flexid.symmetric import pseudo_inverse
+
+_MOST_STEPS = 10
+_NULL = 1e-9  # of the largest eigenvalue
+_CONVERGED = 1e-6  # relative fall of the sum of squares that the last step promises
+
+
+def following_states(
+    model: SegmentedMotion,
+    values: FloatArray,  # (k,)
+    windows: Segments,
+) -> FloatArray:
+    """First states for which a model follows its windows best, its coefficients given.
+
+    Returns shape (n_windows, n_states).
+    """
+    problem = replace(model, segments=windows)
+    states = problem.start_states
+    equations = problem.equations(Point(values, states), "states")
+    for _ in range(_MOST_STEPS):
+        firsts = problem.first_blocks[:-1]
+        normal = np.add.reduceat(equations.normal, firsts, axis=0)
+        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
+        scale = np.sqrt(np.einsum("sii->si", normal))
+        scale = np.where(scale > 0.0, scale, 1.0)
+        inverse = pseudo_inverse(normal / (scale[:, :, None] * scale[:, None, :]), _NULL)
+        step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
+        if np.sum(step * gradient) <= _CONVERGED * equations.cost:
+            return states + step
+        trial = problem.equations(Point(values, states + step), "states")
+        if not trial.cost < equations.cost:
+            break
+        states, equations = states + step, trial
+    return states
+
 
 Follower = Callable[
     [SegmentedMotion, FloatArray, Segments, NDArray[np.int64]], tuple[SegmentedMotion, FloatArray]

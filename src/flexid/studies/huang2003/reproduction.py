@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from flexid.control.pd_gravity import pd_gravity
+from flexid.control.laws import pd_gravity
 from flexid.simulation.closed_loop import simulate
 from flexid.studies.huang2003.claims import decide_claims
 from flexid.studies.huang2003.evidence import Claim

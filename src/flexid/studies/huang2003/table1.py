@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from flexid.control.laws import robust_law
 from flexid.control.references import Multisine
-from flexid.control.robust import robust_law
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.physical import joint_coefficients
 from flexid.simulation.loop import ClosedLoop
