@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import polars as pl
 import pytest
 from joint_log import Columns, assert_words, csv_text, joint_columns, read_columns, refused, without
+from scipy.io import savemat
 
 from flexid.recording import Log
 from flexid.recording.read import read_log
@@ -138,7 +141,7 @@ REFUSED = {
     ),
     "numbers of samples": (
         headed(HEADER.replace("time", "sample")),
-        "there is no time.*numbers of the samples are a time by scale = 0.001 for 1 ms",
+        "there is no time.*without a time, write sample_time = 0.001 for 1 ms",
     ),
 }
 
@@ -150,6 +153,78 @@ def test_refused(name: str, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text(text, encoding="utf-8")
     assert_words(words, refused(read_log, path))
+
+
+def with_holes(cell: str, every: int) -> str:
+    """The log whose link position has a value in the first of every so many rows."""
+    rows = [line.split(",") for line in LINES]
+    for place, row in enumerate(rows):
+        row[1] = row[1] if place % every == 0 else cell
+    return "\n".join([HEADER, *map(",".join, rows)]) + "\n"
+
+
+@pytest.mark.parametrize("cell", ["", "NaN", "NA", "n/a", "null", "None", "#N/A", "-"])
+def test_two_rates_in_one_table(cell: str, tmp_path: Path) -> None:
+    """Assert that rows in which one sensor was not read make a log of the slower rate."""
+    path = tmp_path / "log.csv"
+    path.write_text(with_holes(cell, 2), encoding="utf-8")
+    log = read_log(path)
+    (recording,) = log.recordings
+    assert recording.sample_time == pytest.approx(0.01)
+    for name in ("link_position", "motor_position"):
+        np.testing.assert_allclose(getattr(recording, name), COLUMNS[name][::2], atol=1e-12)
+    assert_words("'motor_position', 'motor_torque' had time stamps of their own", log.warnings[0])
+
+
+def test_few_values_are_missing() -> None:
+    """Assert that their rows are left out, or the whole log where each row lacks one."""
+    columns = {name: values.copy() for name, values in COLUMNS.items()}
+    columns["motor_torque"][100] = columns["link_position"][[0, 399]] = np.nan
+    log = read_columns(columns)
+    assert [len(recording) for recording in log.recordings] == [99, 298]
+    assert_words("no value in 3 of 400 rows .at 0 s, 0.5 s, 1.995 s", log.warnings[0])
+    columns["link_position"][:] = np.nan
+    assert_words("'link_position'.*it has 0 samples", refused(read_columns, columns))
+
+
+def test_rows_that_are_written_twice() -> None:
+    """Assert that each counts once where all of it is the same."""
+    twice = np.sort(np.r_[np.arange(400), 7, 7, 300])
+    log = read_columns({name: values[twice] for name, values in COLUMNS.items()})
+    np.testing.assert_array_equal(log.recordings[0].motor_position, COLUMNS["motor_position"])
+    assert_words("rows written twice .at 0.035 s, 0.035 s, 1.5 s; 3 in all", log.warnings[0])
+
+
+def test_no_time_but_a_sample_time() -> None:
+    """Assert that a column map may say how far rows are apart, and not beside a time."""
+    columns = without(COLUMNS, "time")
+    given = {"sample_time": "1/200", **{name: name for name in columns}}
+    (recording,) = read_columns(columns, given).recordings
+    np.testing.assert_allclose(recording.time, COLUMNS["time"], atol=1e-12)
+    for bad, words in {
+        0.9: "0.9 s is outside 1e-06 to 0.5 s",
+        "fast": "'fast' is not a number of seconds",
+    }.items():
+        assert_words(words, refused(read_columns, columns, {**given, "sample_time": bad}))
+    message = refused(read_columns, COLUMNS, {**given, "time": "time"})
+    assert_words("key 'sample_time': the map names a column for the time, too", message)
+
+
+UNITS = {
+    "a drive's own unit": ({"motor_torque": 1000.0}, "holds whole numbers only, up to .*N m"),
+    "thousandths": ({"motor_torque": 999.5}, "gives .* W, more than 20000 that a joint's drive"),
+}
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_numbers_in_another_unit(name: str) -> None:
+    """Assert that a size or a form that no SI unit makes likely is named."""
+    factors, words = UNITS[name]
+    columns = {n: factors.get(n, 1.0) * values for n, values in COLUMNS.items()}
+    if name != "thousandths":
+        columns |= {n: np.round(columns[n]) for n in factors}
+    log = read_columns(columns)
+    assert any(re.search(words, warning) for warning in log.warnings), log.warnings
 
 
 def test_a_torque_of_the_link_is_not_the_motors(tmp_path: Path) -> None:
@@ -196,10 +271,47 @@ def table(folder: Path) -> Path:
     return folder / "log.npz"
 
 
+def own_times(folder: Path) -> Path:
+    """Signals of a simulation, each with a time of its own."""
+    signals = without(COLUMNS, "time")
+    savemat(
+        folder / "log.mat",
+        {"out": {name: {"Time": COLUMNS["time"], "Data": v} for name, v in signals.items()}},
+    )
+    return folder / "log.mat"
+
+
+def structs_with_names(folder: Path) -> Path:
+    """Signals in cells, each of which says its name in a field."""
+    signals = [{"Name": name, "Data": values} for name, values in COLUMNS.items()]
+    savemat(folder / "log.mat", {"run": {"Y": np.array(signals, dtype=object)}})
+    return folder / "log.mat"
+
+
+def matrix_with_names(folder: Path) -> Path:
+    """A matrix whose columns have names in an attribute."""
+    with h5py.File(folder / "log.h5", "w") as file:
+        file["run"] = np.column_stack([*COLUMNS.values()])
+        file["run"].attrs["columns"] = [*COLUMNS]
+    return folder / "log.h5"
+
+
+def matrix_of_pandas(folder: Path) -> Path:
+    """A matrix whose columns have names in another array."""
+    with h5py.File(folder / "log.h5", "w") as file:
+        file["df/block0_values"] = np.column_stack([*COLUMNS.values()])
+        file["df/block0_items"] = np.array([name.encode() for name in COLUMNS])
+    return folder / "log.h5"
+
+
 BINARY: dict[Callable[[Path], Path], dict[str, object] | None] = {
     records: None,
     lists: {"link_position": "q[0]", "motor_position": "q[1]"},
     vectors: None,
+    own_times: None,
+    structs_with_names: None,
+    matrix_with_names: None,
+    matrix_of_pandas: None,
     matrix: {name: f"log[:,{place}]" for place, name in enumerate(COLUMNS)},
     table: None,
 }
@@ -209,6 +321,29 @@ BINARY: dict[Callable[[Path], Path], dict[str, object] | None] = {
 def test_binary(made: Callable[[Path], Path], tmp_path: Path) -> None:
     """Assert that nested columns and arrays are signals by their paths."""
     same_numbers(read_log(made(tmp_path), BINARY[made]))
+
+
+def test_dates_of_numpy(tmp_path: Path) -> None:
+    """Assert that an array of dates is a time."""
+    stamps = np.datetime64("2024-05-01", "ns") + (1e9 * COLUMNS["time"]).astype("timedelta64[ns]")
+    signals: dict[str, Any] = {**COLUMNS, "time": stamps}
+    np.savez(tmp_path / "log.npz", **signals)
+    assert read_log(tmp_path / "log.npz").recordings[0].sample_time == pytest.approx(0.005)
+
+
+def test_signals_with_times_that_differ(tmp_path: Path) -> None:
+    """Assert that they are brought to the slower of two clocks, each in its unit."""
+    time = COLUMNS["time"]
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["link/time_ms"] = 1e3 * time[::2]
+        file["link/position"] = COLUMNS["link_position"][::2]
+        file["motor/time"] = time
+        file["motor/position"] = COLUMNS["motor_position"]
+    log = read_log(tmp_path / "log.h5")
+    np.testing.assert_allclose(
+        log.recordings[0].motor_position, COLUMNS["motor_position"][::2], atol=1e-12
+    )
+    assert any("had time stamps of their own" in warning for warning in log.warnings)
 
 
 def test_a_sensor_that_is_read_rarely_is_named() -> None:

@@ -24,7 +24,7 @@ from flexid.recording.text import read_table
 from flexid.toml_file import parse_toml, read_bytes
 
 _NEEDED = (("motor_position",), ("link_position", "deflection"), INPUTS)
-_SHARED = ("time", "gear_ratio")  # keys of a column map that need no number
+_SHARED = ("time", "sample_time", "gear_ratio")  # keys of a column map that need no number
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ def _columns_of(
     for channel in (*SI_UNITS, "gear_ratio"):
         if f"{channel}_{joint}" in given:
             found[channel] = given[f"{channel}_{joint}"]
-    if "time" not in found:
+    if not {"time", "sample_time"} & {*found}:
         found["time"] = _time(file, table)
     for choices in _NEEDED:
         if any(channel in found for channel in choices):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 from flexid.readers.contents import (
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
 
 _ALL = slice(None)
+_RESOLUTIONS = ("ms", "us", "ns")
 
 
 class Arrays:
@@ -44,13 +45,19 @@ class Arrays:
         return f"{self._brackets[0]}{position + self._first}{self._brackets[1]}"
 
     def add(
-        self, path: str, shape: tuple[int, ...], dtype: np.dtype, values: Values, unit: str = ""
+        self,
+        path: str,
+        shape: tuple[int, ...],
+        dtype: np.dtype,
+        values: Values,
+        unit: str = "",
+        names: Sequence[str] = (),  # of a matrix's columns
     ) -> None:
         """Add an array, of which `values` reads a selection; what is no signal is only listed."""
         long = [axis for axis, size in enumerate(shape) if size != 1]
         if len(path) > LONGEST_PATH:
             self.others[path[:LONGEST_PATH]] = "a path too long to be named"
-        elif dtype.kind not in "iuf" or not 1 <= len(long) <= 2 or 0 in shape:
+        elif not _is_number_or_date(dtype) or not 1 <= len(long) <= 2 or 0 in shape:
             self.others[path] = f"{_kind(dtype)}, {_size(shape)}"
         elif len(long) == 1:
             self._add(path, shape, long[0], {}, dtype, values, unit)
@@ -63,6 +70,8 @@ class Arrays:
                 number = str(position + self._first)
                 name = f":,{number}" if along == first else f"{number},:"
                 name = f"{path}{self._brackets[0]}{name}{self._brackets[1]}"
+                if len({*names}) == shape[across]:
+                    name = f"{path}.{names[position]}"
                 self._add(name, shape, along, {across: position}, dtype, values, unit)
         if len(self._series) > MOST_SIGNALS:
             raise RefusedError("", "it holds too many signals: write those of one joint")
@@ -96,6 +105,11 @@ class Arrays:
                     for path, (read, where) in ((path, self._values[path]) for path in paths)
                 },
             )
+
+
+def _is_number_or_date(dtype: np.dtype) -> bool:
+    """Whether values are numbers, or dates in a resolution that Polars knows."""
+    return dtype.kind in "iuf" or dtype.name in {f"datetime64[{unit}]" for unit in _RESOLUTIONS}
 
 
 def _size(shape: tuple[int, ...]) -> str:

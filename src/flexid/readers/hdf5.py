@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.readers.arrays import Arrays
 from flexid.readers.child import still_alive
-from flexid.readers.contents import Contents, RefusedError
+from flexid.readers.contents import WIDEST, Contents, RefusedError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 _MOST_OBJECTS = 100_000
+_OF_COLUMNS = ("columns", "names", "column_names", "labels", "fields", "channels")
 _MATLABS_OWN = ("#refs#", "#subsystem#")
 _PLAIN = {"double", "single"} | {f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)}
 
@@ -54,11 +55,23 @@ def _add(found: Arrays, name: str, dataset: Any) -> None:
     if dataset.dtype.names is None:
         unit = _text(dataset.attrs.get("units") or dataset.attrs.get("unit")).strip()
         values = dataset.__getitem__
-        found.add(name, dataset.shape or (), dataset.dtype, values, unit.strip("[]()"))
+        shape, names = dataset.shape or (), _names_of_columns(dataset)
+        found.add(name, shape, dataset.dtype, values, unit.strip("[]()"), names)
         return
     for field in dataset.dtype.names:
         values = dataset.fields(field).__getitem__
         found.add(f"{name}.{field}", dataset.shape, dataset.dtype[field], values)
+
+
+def _names_of_columns(dataset: Any) -> list[str]:
+    """Names of a matrix's columns: in an attribute, or beside it as pandas writes them."""
+    beside = dataset.name.removesuffix("_values") + "_items"
+    named = [dataset.attrs[key] for key in _OF_COLUMNS if key in dataset.attrs]
+    if not named and dataset.name.endswith("_values") and beside in dataset.file:
+        items = dataset.file[beside]
+        named = [items[:]] if items.ndim == 1 and items.size <= WIDEST else []
+    names = list(named[0]) if named and getattr(named[0], "ndim", 0) == 1 else []
+    return [text for one in names if (text := _text(one).strip())]
 
 
 def _add_matlab(found: Arrays, name: str, dataset: Any) -> None:

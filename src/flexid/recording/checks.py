@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
 FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm
 DEGREES = 180.0 / np.pi
+MOST_POWER = 2e4  # W that the drive of a joint gives
+_LARGEST_INPUT = {"A": 500.0, "V": 2000.0}
+_FEWEST_LEVELS, _LEAST_LEVEL = 20, 50.0  # of whole numbers that are a drive's own unit
 _SMALLEST_MOTION = 1e-12  # of the largest value
 _COPIED = 0.01  # of the signal, up to which a copy differs: the derivative of a noisy position does
 _SAME = 0.02  # off 1, up to which a copy's factor is, in SI units or in the file's
@@ -93,6 +96,40 @@ def check_copy(file: str, name: str, channels: Mapping[str, Channel], time: Floa
                     f"{name} is the same signal as {what}, to {100.0 * off / explained:.1g} %: "
                     f"name the column of the input in a column map",
                 )
+
+
+def check_whole(file: str, name: str, channel: Channel) -> tuple[str, ...]:
+    """Warn of whole numbers without a unit: counts, or shares or thousandths of a drive's unit."""
+    values = channel.values
+    largest = float(np.abs(values).max())
+    if channel.unit_stated or largest < _LEAST_LEVEL or np.any(values != np.rint(values)):
+        return ()
+    if len(np.unique(values)) < _FEWEST_LEVELS:
+        return ()
+    return (
+        f"{file}: {channel.place}: {name} holds whole numbers only, up to {largest:.6g}, which are "
+        f"read as {channel.unit}: if a drive or an encoder counts so, write the unit, as [mA] or "
+        f"[mN m], or its scale in a column map",
+    )
+
+
+def check_power(
+    file: str, name: str, channels: Mapping[str, Channel], time: FloatArray
+) -> tuple[str, ...]:
+    """Warn of an input, or of the power of a torque, that is larger than a joint's drive gives."""
+    drive, motor = channels[name], channels["motor_position"]
+    lag = min(10, len(time) - 1)
+    values, what, most = drive.values, f"is {{:.3g}} {drive.unit}", _LARGEST_INPUT.get(drive.unit)
+    if most is None:
+        speed = (motor.values[lag:] - motor.values[:-lag]) / (time[lag:] - time[:-lag])
+        values, what, most = drive.values[lag:] * speed, "gives {:.3g} W", MOST_POWER
+    reached = float(np.quantile(np.abs(values), 0.95))
+    if reached <= most:
+        return ()
+    return (
+        f"{file}: {drive.place}: {name} {what.format(reached)}, more than {most:g} that a joint's "
+        f"drive does: check the unit, as in {name} [m{drive.unit}]",
+    )
 
 
 def check_speed(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[str, ...]:

@@ -111,6 +111,7 @@ class Clock:
         self._form: _Form | None = None
         self._is_known = False  # whether the time is stamps of this form, or no stamps
         self._keeps_form = False
+        self._rows = 0  # that were counted
         self._last: int | None = None  # tick of the last time of day
         self._days = 0  # midnights since the first one
 
@@ -159,6 +160,11 @@ class Clock:
         if found != self._form:
             self._form, self._last, self._days = found, None, 0
         self._is_known = found is not None or is_stream
+
+    def counted(self, rows: int) -> FloatArray:
+        """Numbers of the next so many rows, from 0."""
+        self._rows += rows
+        return np.arange(self._rows - rows, self._rows, dtype=np.float64)
 
     def numbers(self, table: Table, header: str, scale: float) -> FloatArray:
         """Numbers of a column of so many s each, from the first one on where that is long ago."""

@@ -14,6 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from flexid.errors import RecordingError
 from flexid.files import shown
 from flexid.recording.channel import GEARED, SI_UNITS
+from flexid.recording.limits import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.names import did_you_mean
 from flexid.toml_file import parse_toml, read_bytes
 
@@ -102,6 +103,7 @@ class ColumnMap:
     file: str  # its path, for messages; `ARGUMENT` where it is no file
     entries: Mapping[str, Entry]  # by channel
     gear_ratio: float | None  # turns of the motor per turn of the link; negative: opposite ones
+    sample_time: float | None = None  # s between rows, where no column holds the time
     unread: frozenset[str] = frozenset()  # channels that are not read, whatever columns there are
 
     @property
@@ -135,13 +137,14 @@ def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
     if not content:
         raise RecordingError(file, "", "the column map is empty: name the columns in it")
     gear_ratio = _gear_ratio(file, content.pop("gear_ratio", None))
+    sample_time = _sample_time(file, content.pop("sample_time", None), "time" in content)
     for key in content:
         if key not in SI_UNITS:
             raise RecordingError(
                 file,
                 f"key {key!r}",
                 f"this is not a channel{did_you_mean(str(key), SI_UNITS)}: use one of "
-                f"{', '.join(SI_UNITS)}, or gear_ratio",
+                f"{', '.join(SI_UNITS)}, gear_ratio or sample_time",
             )
     unread = frozenset(key for key, value in content.items() if value is False)
     entries = {k: _entry(file, k, value) for k, value in content.items() if k not in unread}
@@ -150,7 +153,7 @@ def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
         what = "has a side, but the map no gear_ratio" if key in GEARED else "has no side"
         reason = f"{key} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio"
         raise RecordingError(file, f"key '{key}.side'", reason)
-    return ColumnMap(file, entries, gear_ratio, unread)
+    return ColumnMap(file, entries, gear_ratio, sample_time, unread)
 
 
 def _no_map(raw: bytes, reason: str) -> str:
@@ -175,6 +178,27 @@ def _gear_ratio(file: str, value: object) -> float | None:
         return float(ratio)
     shown_value = repr(value) if len(repr(value)) <= 40 else repr(value)[:37] + "..."
     raise RecordingError(file, "key 'gear_ratio'", f"{shown_value} is not a ratio: {_GEAR_REMEDY}")
+
+
+def _sample_time(file: str, value: object, has_time: bool) -> float | None:
+    """Seconds between the rows of a log without a time."""
+    if value is None:
+        return None
+    place = "key 'sample_time'"
+    if has_time:
+        reason = "the map names a column for the time, too: leave one of the two out"
+        raise RecordingError(file, place, reason)
+    seconds = _quotient(value)
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float):
+        reason = f'{value!r} is not a number of seconds: write it as 0.001 or "1/1000"'
+        raise RecordingError(file, place, reason)
+    if not SHORTEST_SAMPLE_TIME <= seconds <= LONGEST_SAMPLE_TIME:
+        reason = (
+            f"{seconds:g} s is outside {SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s: "
+            f"write the seconds between two rows"
+        )
+        raise RecordingError(file, place, reason)
+    return float(seconds)
 
 
 def _entry(file: str, key: str, value: object) -> Entry:

@@ -22,7 +22,7 @@ from flexid.recording.names import (
     split_header,
     usual_channel,
 )
-from flexid.recording.si_channels import Recipe, made, recipe_of_map
+from flexid.recording.si_channels import Recipe, counted_time, made, recipe_of_map
 from flexid.recording.units import UnitError, is_relative, scale_to_si
 
 if TYPE_CHECKING:
@@ -62,7 +62,8 @@ class _Plan:
 
     @property
     def available(self) -> set[str]:
-        return set(self.found) | set(self.entries)
+        is_counted = self.column_map is not None and self.column_map.sample_time is not None
+        return set(self.found) | set(self.entries) | ({"time"} if is_counted else set())
 
 
 def read_channels(
@@ -104,6 +105,9 @@ def recipes_of(
     for name in sorted(_wanted(table, plan), key=[*SI_UNITS].index):
         if column_map is not None and name in column_map.entries:
             recipes[name] = recipe_of_map(table, name, column_map)
+            continue
+        if name == "time" and column_map is not None and column_map.sample_time is not None:
+            recipes[name] = counted_time(column_map)
             continue
         header, unit = plan.found[name]
         place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
@@ -321,7 +325,7 @@ def _require(table: Table, plan: _Plan) -> None:
     if missing != [_LINK]:
         remedy = f"rename the columns or say in {what} which is which"
         if missing == ["time"]:
-            remedy += "; numbers of the samples are a time by scale = 0.001 for 1 ms there"
+            remedy += "; for rows without a time, write sample_time = 0.001 for 1 ms there"
         raise RecordingError(
             table.file, table.header, f"there is no {labels}; found {table.listing}: {remedy}"
         )

@@ -20,6 +20,7 @@ SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma
 BLANK = " "  # the separator where columns are separated by any number of blanks
 COMMENTS = ("#", "%", "//")
 LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megabyte in all
+_MORE_ROWS = 3  # of numbers after the first: fewer may be lines of a preamble
 LONGEST_LINE = 1_000_000  # bytes
 _DATE_AND_BLANKS = re.compile(r"\s*[\d./-]{8,10} \d\d?:\d\d:[\d.,]{2,20}\S{0,9}\s+[+-]?[\d.]")
 
@@ -181,7 +182,7 @@ def _first_row(plain: list[_Line]) -> tuple[_Line, str, int] | None:
             cells = split(line.text, separator)
             if not _is_row(cells, all_of_them=separator == BLANK):
                 continue
-            following = plain[index + 1 : index + 2]
+            following = plain[index + 1 : index + 1 + _MORE_ROWS]
             if all(len(split(other.text, separator)) == len(cells) for other in following) and all(
                 _is_row(split(other.text, separator)) for other in following
             ):

@@ -6,6 +6,8 @@ LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in m
 MOST_ROWS = 5_000_000  # an identification in memory takes 2 kB for each
 MOST_COLUMNS = 10_000
 MOST_CELLS = 100_000_000  # a small file may hold any number of empty or equal ones
+LONGEST_SAMPLE_TIME = 0.5  # s
+SHORTEST_SAMPLE_TIME = 1e-6  # s
 
 
 def check_cells(file: str, rows: int, columns: int) -> None:

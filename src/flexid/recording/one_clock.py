@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from math import ceil
 from typing import TYPE_CHECKING, NamedTuple
@@ -9,13 +10,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.recording.names import quoted
-from flexid.recording.sampling import EVEN, GAP, interpolated
+from flexid.recording.caution import Caution, Rank
+from flexid.recording.channel import INPUTS
+from flexid.recording.names import first_times, quoted
+from flexid.recording.sampling import EVEN, GAP, MOST_GAPS, interpolated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from flexid.arrays import FloatArray
+    from flexid.recording.channel import Channel
 
 _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
 _PASSED = 0.8  # of half the slower rate, up to which an input passes
@@ -86,6 +90,41 @@ def on_one_clock(
             f"all channels at the faster rate",
         )
     return times[usable], columns, warnings
+
+
+def without_holes(
+    file: str, channels: dict[str, Channel], time: Channel
+) -> tuple[dict[str, Channel], Channel, tuple[str, ...]]:
+    """Channels of which none lacks a value, with their time, and warnings.
+
+    Rows with an empty cell are left out where they are few. Where they are many the channels were
+    sampled at different rates, and each has the times at which it has values.
+    """
+    there = {name: ~np.isnan(channel.values) for name, channel in channels.items()}
+    whole = np.logical_and.reduce([*there.values()])
+    if whole.all():
+        return channels, time, ()
+    missing = [channels[name].place for name, own in there.items() if not own.all()]
+    if np.mean(~whole) <= MOST_GAPS:
+        first = first_times([f"{each:.6g} s" for each in time.values[~whole]])
+        warning = (
+            f"{file}: {' and '.join(missing)}: no value in {np.count_nonzero(~whole)} of "
+            f"{len(whole)} rows (at {first}), which were left out: log every channel in every "
+            f"sample"
+        )
+        kept = {name: replace(own, values=own.values[whole]) for name, own in channels.items()}
+        return kept, replace(time, values=time.values[whole]), (Caution(warning, Rank.DATA),)
+    clocks, signals = {}, []
+    for name, channel in channels.items():
+        own = there[name]
+        clock = next((one for one, stamps in clocks.items() if np.array_equal(stamps, own)), "")
+        clock = clock or channel.column
+        clocks[clock] = own
+        signals.append(Signal(name, clock, channel.values[own], name in INPUTS))
+    stamps = {clock: time.values[own] for clock, own in clocks.items()}
+    times, columns, warnings = on_one_clock(file, stamps, signals)
+    found = {name: replace(own, values=columns[name]) for name, own in channels.items()}
+    return found, replace(time, values=times), warnings
 
 
 def _slow(stamps: FloatArray, values: FloatArray, ratio: float) -> FloatArray:

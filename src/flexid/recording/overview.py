@@ -10,7 +10,7 @@ from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.columns import sources
 from flexid.recording.names import cut, split_header, usual_channel
-from flexid.recording.series import TIME, names_of
+from flexid.recording.series import TIME, names_of, with_own_times
 from flexid.recording.text import read_table
 
 if TYPE_CHECKING:
@@ -52,7 +52,8 @@ def overview(path: Path) -> FileOverview:
         table = read_table(path)
         return _overview(table, table.frame.height, _cells(table.frame))
     with Reading(path) as reading:
-        names, series = names_of(reading), reading.series
+        known = with_own_times(reading, None)
+        names, series = names_of(known), known.series
         cells = {}
         if reading.is_table:
             _, frame = next(reading.frames([one.path for one in series], _ROWS))

@@ -11,9 +11,10 @@ from flexid.recording.channel import INPUTS, VELOCITIES, Channel
 from flexid.recording.columns import read_channels
 from flexid.recording.frozen import without_frozen
 from flexid.recording.measured_velocity import check_velocity
+from flexid.recording.one_clock import without_holes
 from flexid.recording.outliers import mended
 from flexid.recording.recording import Log, Recording
-from flexid.recording.sampling import check_increasing, even_grid, to_grid
+from flexid.recording.sampling import even_grid, to_grid, without_repeats
 from flexid.recording.series import table_of_file
 from flexid.recording.slow_motion import motion_warnings
 
@@ -39,11 +40,12 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     origins = {name: channel.origin for name, channel in channels.items()}
     time = channels.pop("time")
     checks.check_magnitude(table.file, "time", time)
-    check_increasing(table, time.column, time.values)
+    channels, time, repeated = without_repeats(table, channels, time)
+    channels, time, holes = without_holes(table.file, channels, time)
     channels, time, frozen = without_frozen(table.file, channels, time)
     channels, values, odd = mended(table.file, channels, time.values)
     time = replace(time, values=values)
-    warnings += frozen + odd
+    warnings += repeated + holes + frozen + odd
     grid = even_grid(table, time.column, time.values)
     warnings += grid.warnings
     warnings += _check_each(table.file, channels)
@@ -74,6 +76,7 @@ def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:
         checks.check_varies(file, name, channel)
         warnings += cautions(Rank.DATA, checks.check_saturation(file, name, channel))
         warnings += cautions(Rank.DATA, checks.check_repeats(file, name, channel))
+        warnings += cautions(Rank.SCALE, checks.check_whole(file, name, channel))
     return warnings
 
 
@@ -121,12 +124,13 @@ def _check_together(file: str, channels: dict[str, Channel], time: FloatArray) -
     encoders = {name: channels[name] for name in ENCODERS if name in channels}
     for name, channel in encoders.items():
         checks.check_moves(file, name, channel)
+    warnings: tuple[str, ...] = ()
     for name in INPUTS:
         if name in channels:
             checks.check_copy(file, name, channels, time)
-    warnings: tuple[str, ...] = ()
+            warnings += checks.check_power(file, name, channels, time)
     if len(encoders) == 2:
-        warnings = checks.check_two_encoders(file, *encoders.values())
+        warnings += checks.check_two_encoders(file, *encoders.values())
     for name, channel in encoders.items():
         warnings += checks.check_speed(file, name, channel, time)
     return warnings

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexid.errors import RecordingError, SettingError
+from flexid.recording.caution import Caution, Rank
 from flexid.recording.clock import is_stamp
+from flexid.recording.limits import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.names import first_times
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from numpy.typing import NDArray
+
     from flexid.arrays import FloatArray
+    from flexid.recording.channel import Channel
     from flexid.recording.table import Table
 
 FEWEST_SAMPLES = 20  # of a recording
 FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept out
-LONGEST_SAMPLE_TIME = 0.5  # s
-SHORTEST_SAMPLE_TIME = 1e-6  # s
 GAP = 1.5  # sample times between two samples; a single lost sample makes 2
 MOST_GAPS = 0.05  # share of the steps
 EVEN = 1e-3  # of a sample time: what a printed time is off by
@@ -43,12 +46,41 @@ class Grid:
     warnings: tuple[str, ...]
 
 
-def check_increasing(table: Table, column: str, time: FloatArray) -> None:
-    """Raise with the first row whose time does not come after the one before."""
-    steps = np.diff(time)
+def without_repeats(
+    table: Table, channels: dict[str, Channel], time: Channel
+) -> tuple[dict[str, Channel], Channel, tuple[str, ...]]:
+    """Samples whose time increases, without rows that are written twice, and a warning of these.
+
+    Raises
+    ------
+    RecordingError
+        With the first row whose time does not come after the one before.
+    """
+    steps = np.diff(time.values)
     if np.all(steps > 0.0):
+        return channels, time, ()
+    again = steps == 0.0
+    for channel in channels.values():
+        values = channel.values
+        again &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    _check_increasing(table, time.column, time.values, (steps > 0.0) | again)
+    kept = np.concatenate(([True], ~again))
+    first = first_times([f"{each:.6g} s" for each in time.values[~kept]])
+    warning = (
+        f"{table.file}: rows written twice (at {first}; {np.count_nonzero(again)} in all) were "
+        f"taken once: log every sample once"
+    )
+    found = {name: replace(own, values=own.values[kept]) for name, own in channels.items()}
+    return found, replace(time, values=time.values[kept]), (Caution(warning, Rank.DATA),)
+
+
+def _check_increasing(
+    table: Table, column: str, time: FloatArray, is_next: NDArray[np.bool_]
+) -> None:
+    """Raise with the first row whose time does not come after the one before."""
+    if np.all(is_next):
         return
-    index = int(np.argmax(~(steps > 0.0))) + 1
+    index = int(np.argmax(~is_next)) + 1
     before, now = f"{time[index - 1]:.9g}", f"{time[index]:.9g}"
     reason = (
         f"time repeats ({now} s): remove the repeated row, or write the time with more digits"

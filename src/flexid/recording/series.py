@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from contextlib import closing, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexid.errors import RecordingError
@@ -19,9 +19,9 @@ from flexid.recording.names import (
     quoted,
     shortest_ends,
     split_header,
-    usual_channel,
 )
 from flexid.recording.one_clock import Signal, on_one_clock
+from flexid.recording.own_times import OwnTimes, header_of, nearest, other_length, times_beside
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 
@@ -52,7 +52,24 @@ def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> G
         yield from tables_of(reading, columns, size)
 
 
-def names_of(reading: Reading) -> Table:
+def with_own_times(reading: Reading, columns: MapSource | None) -> Reading | OwnTimes:
+    """A file, with a time for each signal where its names tell no common one but these."""
+    times = times_beside(reading.series)
+    if reading.is_table or _is_clocked(reading) or not times:
+        return reading
+    own = OwnTimes(reading, times)
+    with suppress(RecordingError):
+        found, _ = sources(names_of(reading), columns)
+        used = {time for of in found.values() for path in of if (time := nearest(path, times))}
+        if columns is not None or used <= {*found["time"]}:
+            return reading
+    with suppress(RecordingError):
+        sources(names_of(own), columns)
+        return own
+    return reading
+
+
+def names_of(reading: Reading | OwnTimes) -> Table:
     """A table without rows, from which is decided what is read."""
     import polars as pl
 
@@ -71,21 +88,22 @@ def names_of(reading: Reading) -> Table:
         kinds = {one.path: _TEMPORAL.get(one.kind.partition("(")[0], "Float64") for one in series}
         frame = pl.DataFrame(schema={path: getattr(pl, kind) for path, kind in kinds.items()})
         return Table(file, "", 1, "row", frame, reading.sha256)
-    short = shortest_ends(map(_header, series))
+    short = shortest_ends(map(header_of, series))
     headers = list(short)
     if _is_clocked(reading):  # these are the time; a signal that is called so is not
         for header, end in short.items():
             if folded(split_header(end)[0]) == "time":
                 short[header] = f"logged {end}"
         headers = [TIME, *headers]
-    kinds = {_header(one): f"{one.kind}, {one.length} values" for one in series}
+    kinds = {header_of(one): f"{one.kind}, {one.length} values" for one in series}
     frame = pl.DataFrame(schema=dict.fromkeys(headers, pl.Float64))
     kinds |= reading.others
     return Table(file, "", 1, "row", frame, reading.sha256, (), short, kinds)
 
 
-def tables_of(reading: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
+def tables_of(opened: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
     """Tables of about so many rows of the signals that a log needs; without a size, one of all."""
+    reading = with_own_times(opened, columns)
     file, wanted = reading.file, _wanted(reading, columns)
     lengths = {one.path: one.length for one in wanted.chosen.values()}
     empty = [path for path, length in lengths.items() if not length]
@@ -123,34 +141,31 @@ class _Wanted(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def _wanted(reading: Reading, columns: MapSource | None) -> _Wanted:
+def _wanted(reading: Reading | OwnTimes, columns: MapSource | None) -> _Wanted:
     names = names_of(reading)
     found, warnings = sources(names, columns)
     time = TIME if _is_clocked(reading) else None
     headers = {channel: [one for one in of if one != time] for channel, of in found.items()}
     used = {header for of in headers.values() for header in of}
-    chosen = {_header(one): one for one in reading.series if _header(one) in used}
+    chosen = {header_of(one): one for one in reading.series if header_of(one) in used}
     return _Wanted(names, headers, chosen, warnings)
 
 
-def _is_clocked(reading: Reading) -> bool:
+def _is_clocked(reading: Reading | OwnTimes) -> bool:
     """Whether signals have time stamps of their own."""
     return any(one.clock for one in reading.series)
-
-
-def _header(series: Series) -> str:
-    """Its path, with the unit in brackets."""
-    return f"{series.path} [{series.unit}]" if series.unit else series.path
 
 
 Part = tuple["polars.DataFrame", tuple[str, ...]]  # with warnings
 
 
-def _together(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
+def _together(reading: Reading | OwnTimes, wanted: _Wanted, size: int | None) -> Iterator[Part]:
     """Columns of a table, or arrays of one length and of one time."""
     paths = {one.path: header for header, one in wanted.chosen.items()}
-    time = wanted.chosen[wanted.headers["time"][0]]
+    times = wanted.headers["time"] or [*wanted.chosen]  # where they are counted, as many as any
+    time = wanted.chosen[times[0]]
     clocks = {} if reading.is_table else _own_times(reading, wanted, time)
+    clocks = clocks if wanted.headers["time"] else {}
     for _, frame in reading.frames({**paths, **dict.fromkeys(clocks)}, size or MOST_ROWS):
         for clock, path in clocks.items():
             if not frame[clock].equals(frame[time.path]):
@@ -158,25 +173,15 @@ def _together(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[P
         yield frame.select([*paths]).rename(paths), ()
 
 
-def _own_times(reading: Reading, wanted: _Wanted, time: Series) -> dict[str, str]:
+def _own_times(reading: Reading | OwnTimes, wanted: _Wanted, time: Series) -> dict[str, str]:
     """Arrays of times that stand nearer to a chosen one than the chosen time, which it names."""
     lengths = {one.path: one.length for one in reading.series}
-    beside: dict[str, list[str]] = {}
-    for path in lengths:
-        folder, name = _split(path)
-        usual = usual_channel(name)
-        if usual is not None and usual[0] == "time":
-            beside.setdefault(folder, []).append(path)
+    beside = times_beside(reading.series)
     found = {}
     for one in wanted.chosen.values():
         if one.length != time.length:
-            raise RecordingError(
-                reading.file,
-                f"{one.path!r}",
-                f"it has {one.length} values where {time.path!r} has {time.length}: bring the two "
-                f"to one clock, and save them at one length",
-            )
-        clock = _nearest(one.path, beside)
+            raise other_length(reading.file, one, time)
+        clock = nearest(one.path, beside)
         if clock and clock != time.path:
             if lengths[clock] != time.length:
                 raise _other_times(reading.file, one.path, clock, time)
@@ -193,23 +198,7 @@ def _other_times(file: str, path: str, clock: str, time: Series) -> RecordingErr
     )
 
 
-def _nearest(path: str, clocks: dict[str, list[str]]) -> str:
-    """The array of times that stands nearest to another array; empty where it is not clear."""
-    folder = path
-    while folder:
-        folder, _ = _split(folder)
-        if folder in clocks:
-            return clocks[folder][0] if len(clocks[folder]) == 1 else ""
-    return ""
-
-
-def _split(path: str) -> tuple[str, str]:
-    """The path of what an array stands in, and its own name."""
-    at = max(path.rfind("/"), path.rfind("."))
-    return (path[:at], path[at + 1 :]) if at >= 0 else ("", path)
-
-
-def _clocked(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
+def _clocked(reading: Reading | OwnTimes, wanted: _Wanted, size: int | None) -> Iterator[Part]:
     """Signals with clocks of their own, brought to one; with a size, damage comes last."""
     first = [wanted.chosen[header] for header in wanted.headers.get("motor_position", ())]
     clocks = list(dict.fromkeys(one.clock for one in (*first, *wanted.chosen.values())))

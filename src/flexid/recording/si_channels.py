@@ -52,9 +52,20 @@ def recipe_of_map(table: Table, name: str, column_map: ColumnMap) -> Recipe:
     )
 
 
+def counted_time(column_map: ColumnMap) -> Recipe:
+    """The time of rows that are so far apart as a column map says."""
+    seconds = column_map.sample_time
+    assert seconds is not None
+    return Recipe({}, column_map.file, "key 'sample_time'", scale=seconds, is_mapped=True)
+
+
 def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
     """A channel by its recipe; raise where a cell or a unit is bad."""
     headers = [*recipe.weights]
+    if not headers:
+        values = recipe.scale * clock.counted(table.frame.height)
+        origin = Origin({}, recipe.scale, 0.0, "s", None)
+        return Channel(values, "s", "sample_time", True, origin)
     if name == "time":
         for header in headers:
             stamps = clock.stamped(table, header)
@@ -79,7 +90,7 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
             if name == "time":  # counted from its beginning, if that is long ago
                 numbers = clock.numbers(table, header, factor * recipe.scale * weight)
             else:
-                numbers = table.numbers(header)
+                numbers = table.numbers(header, holes=True)
             total += weight * numbers
         values = factor * (recipe.scale * total + recipe.offset)
     scale, offset = factor * recipe.scale, factor * recipe.offset

@@ -6,8 +6,8 @@ Of the link, with what its viscous and dry friction and a late encoder add,
 
 All of it may be smoothed alike, and then it holds for the smoothed signals: no derivative is taken
 of noise. A position that has a share of its own in the deflection, beside these, has another scale
-than the other position. A torque, or a deflection, that repeats with 57.3 times the angle or with
-1/57.3 of it, and not with the angle, is gravity in another unit.
+than the other position. A torque, or a deflection, that repeats with 57.3 or 2π times the angle or
+with 1/57.3 of it, and not with the angle, is gravity in another unit.
 """
 
 from __future__ import annotations
@@ -35,6 +35,11 @@ _DEGREES = 180.0 / np.pi
 _FITS_BETTER = 0.2
 """Of the squares left over by gravity in the unit as read, those in another unit: 0.4 or more in
 logs that are right, 0.1 or less in most that are wrong."""
+_WRONG_UNITS = (  # factor; whether a share of the angle itself is allowed for as it is read
+    (_DEGREES, False, "radians read as degrees"),
+    (1.0 / _DEGREES, True, "degrees read as radians"),
+    (2.0 * np.pi, True, "turns read as radians"),
+)
 _WIDE = 1.0  # rad of motion: in less an angle is too much like its sine
 _CERTAIN = 10.0  # standard errors: up to 7 where nothing is wrong, 50 of 0.5 % in most logs
 _SMALLEST, _LARGEST = 0.003, 0.1
@@ -58,12 +63,11 @@ def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
         return _left_over(smoothed(moved), [smoothed(np.sin(angle)), smoothed(np.cos(angle))], more)
 
     # What a spring or a controller makes in proportion to the angle is no gravity in degrees.
-    if left(_DEGREES, *others) < _FITS_BETTER * left(1.0, *others):
-        wrong = "radians read as degrees"
-    elif left(1.0 / _DEGREES, *others) < _FITS_BETTER * left(1.0, *others, smoothed(sensed)):
-        wrong = "degrees read as radians"
-    else:
-        wrong = ""
+    as_read, as_spring = left(1.0, *others), left(1.0, *others, smoothed(sensed))
+    wrong = ""
+    for factor, beside, words in _WRONG_UNITS:
+        if not wrong and left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
+            wrong = words
     if wrong:
         yield Caution(
             f"{place}: the load repeats with the angle, which moves by {np.ptp(sensed):.3g} rad as "

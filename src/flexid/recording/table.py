@@ -31,6 +31,7 @@ _GROUPED = (  # 1'234.5, 1 234,5, 1,234.5, 1.234,5
 _DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[-:./]\d\d?[-:./]\d\d|\d+:\d\d|\d+ days? "
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
+_HOLE = r"(?i)^\s*(?:[+-]?nan(?:\(ind\))?|n/?a|#n/?a|null|none|-+)?\s*$"
 _TIME_REMEDY = f"the time may be seconds, or stamps such as {EXAMPLE}"
 
 
@@ -118,8 +119,10 @@ class Table:
         """Where the value of column `name` in row `index` (from 0) stands in the file."""
         return f"{self.row_word} {line_of(self.first_row, index, self.left_out)}, column {name!r}"
 
-    def numbers(self, name: str) -> FloatArray:
+    def numbers(self, name: str, *, holes: bool = False) -> FloatArray:
         """A column as finite numbers, shape (n,); raise with the first cell that is none.
+
+        With holes an empty cell is NaN, as is one that says so in a word.
 
         Of a stream such a cell is NaN, or as it stands there: a few cells come at a time, for which
         an operation of Polars takes longer than all else.
@@ -148,8 +151,22 @@ class Table:
             total = values.sum()
         # It is finite only if all numbers are, and faster than asking each.
         if not (np.isfinite(total) or np.isfinite(values).all()):
-            raise self._no_number(name, np.flatnonzero(~np.isfinite(values)))
+            bad = ~np.isfinite(values)
+            if holes:
+                bad &= ~self._is_hole(name)
+                values[~np.isfinite(values) & ~bad] = np.nan
+            if bad.any():
+                raise self._no_number(name, np.flatnonzero(bad))
         return values
+
+    def _is_hole(self, name: str) -> NDArray[np.bool_]:
+        """Which cells of a column say that there is no value."""
+        import polars as pl
+
+        column = self.frame[name]
+        if column.dtype.is_numeric():
+            return (column.is_null() | column.cast(pl.Float64).is_nan().fill_null(False)).to_numpy()
+        return column.fill_null("").str.contains(_HOLE).to_numpy()
 
     @cached_property
     def has_decimal_commas(self) -> bool:

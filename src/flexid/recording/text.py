@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from flexid.errors import RecordingError
 from flexid.files import read_bytes, shown
 from flexid.readers.formats import looks_like
-from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of, without_twins
+from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of, split, without_twins
 from flexid.recording.limits import LARGEST_FILE, check_cells
 from flexid.recording.table import Table, line_of
 
@@ -77,7 +77,8 @@ def read_table(path: Path) -> Table:
         first, more = layout.left_out[0], len(layout.left_out) - 1
         lines = f"line {first} and {more} more were" if more else f"line {first} was"
         warnings += (
-            f"{file}: {lines} left out, as they are blank, a comment or the column names once more",
+            f"{file}: {lines} left out, as blank, a comment, the column names once more, or a last "
+            f"row that is not complete",
         )
     header, digest = f"line {layout.header_line}", hashlib.sha256(raw).hexdigest()
     return Table(
@@ -100,6 +101,7 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
     if not body:
         reason = "no samples follow the header: export the log again"
         raise RecordingError(file, f"line {layout.header_line}", reason)
+    layout, body = _without_cut_row(layout, text, body)
     header = text.split(b"\n", layout.header_line)[layout.header_line - 1].strip()
     if b"\n" + header in body:
         layout, body = _samples(layout, body, header)
@@ -110,6 +112,16 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
         if not layout.left_out:
             raise
     return layout, _frame(file, layout, body)
+
+
+def _without_cut_row(layout: Layout, text: bytes, body: bytes) -> tuple[Layout, bytes]:
+    """Rows without the last one where the file ends in it, as where its logger was killed."""
+    start = body.rfind(b"\n") + 1
+    cells = split(body[start:].decode("utf-8", errors="replace"), layout.separator)
+    if not start or text.endswith(b"\n") or len(cells) >= len(layout.names):
+        return layout, body
+    number = layout.first_line + body.count(b"\n")
+    return replace(layout, left_out=(number,)), body[: start - 1]
 
 
 def _samples(layout: Layout, body: bytes, header: bytes) -> tuple[Layout, bytes]:

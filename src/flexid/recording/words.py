@@ -42,8 +42,8 @@ _OTHERS = {
         "consigne riferimento consigna"
     ),
     "filler": (
-        "meas measured act actual enc encoder side sensor value data shaft of the ist istwert "
-        "gemessen mesure de du la le del della do da van"
+        "meas measured act actual enc encoder side sensor value values data shaft of the "
+        "ist istwert gemessen mesure de du la le del della do da van"
     ),
     "filler of time": "date stamp elapsed rel relative since start sim simulation ros abs system",
 }
