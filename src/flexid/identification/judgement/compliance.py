@@ -19,7 +19,8 @@ from flexid.recording.velocities import position_noise
 WEAK_FIT = 50.0
 """Part of the deflection, in per cent, that the spring has to explain in a free run to be one."""
 
-_DURATIONS = (0.3, 2.0)  # s, segments of the rival's fits: which suit a wrong model is not known
+_DURATION = 2.0  # s, of the segments of the rival's fit: over 0.3 s it fits the noise of its speed
+_ITERATIONS = 3  # of that fit: a model that is far off has no best fit to end at
 _BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
 
 
@@ -62,7 +63,7 @@ def _compliance(
 
 
 def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, float]:
-    """Best free run of the rigid joint with the same terms; NaN where it cannot be fitted."""
+    """Free run of the rigid joint with the same terms; NaN where it cannot be fitted."""
     joint = rigid()
     terms = rigid_terms(structure.terms)
     absent = joint.optional - {c for term in terms for c in joint.terms[term]}
@@ -70,21 +71,15 @@ def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, 
     training = data_of(joint, recordings.fitted, recordings.groups)
     rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
     whole = data_of(joint, recordings.whole, recordings.groups)
-    fits, start = [], None
-    for duration in _DURATIONS:
-        try:
-            divisions = lengths(training, duration, duration)
-            start = start or starts(rival, training, divisions[0])[0]
-            # A model that is far off has no best fit to end at: as near as it comes will do.
-            found = fit_by_length(rival, training, start, divisions, insist=False)
-        except (ConvergenceError, SettingError):
-            continue
-        free_run = validate(found[-1], whole, recordings.starts, horizons=())
-        fits.append(free_run.fit_percent)
-    tested = [fit for fit in fits if not np.isnan(fit["motor_position"])]
-    if not tested:
+    divisions = lengths(training, _DURATION, _DURATION)
+    try:
+        start = starts(rival, training, divisions[0])[0]
+        found = fit_by_length(
+            rival, training, start, divisions, insist=False, iterations=_ITERATIONS
+        )
+    except (ConvergenceError, SettingError):
         return dict.fromkeys(joint.channels, np.nan)
-    return max(tested, key=lambda fit: fit["motor_position"])
+    return dict(validate(found[-1], whole, recordings.starts, horizons=()).fit_percent)
 
 
 def one_encoder() -> Compliance:
