@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from flexid.control.loop import LoopDeclaration
 from flexid.derivation.closed_loop import control_law
 from flexid.derivation.loop_source import loop_function
-from flexid.derivation.model_functions import linearisation_function, regressor_function
+from flexid.derivation.model_functions import regressor_function
 from flexid.derivation.sampled_observer import sampled_observer_functions
 from flexid.derivation.source import function, row_function, tuple_text
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
@@ -29,7 +29,6 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
         (
             sampled_observer_functions(system, purpose) + _sizes(declaration),
             regressor_function(symbolic),
-            linearisation_function(symbolic),
             row_function("as_states", "Values of all states", states),
             row_function("as_parameters", "Parameters", len(declaration.parameter_names)),
             _sense_function(states),

@@ -96,6 +96,22 @@ def unpack(array: str, symbols: Sequence[sp.Symbol]) -> str:
     return "\n".join(f"    {name} = {array}[{place}]" for place, name in enumerate(symbols))
 
 
+CALLED_IMPORTS = f"""{IMPORTS}
+
+from numba import cfunc, types
+
+_numbers = types.CPointer(types.float64)"""
+"""The import lines of a module with functions that other kernels call by their addresses."""
+
+
+def called(arrays: int) -> str:
+    """Decorator of such a function, whose arguments are arrays."""
+    return f"""cfunc(
+    types.void({", ".join(["_numbers"] * arrays)}),
+    cache=True, error_model="numpy", _nrt=False,
+)"""
+
+
 DECORATORS = """
 # What runs at every stage of a step allocates nothing. References to arrays are then not counted,
 # which costs more than the mathematics. Python does not call these functions: their wrappers would

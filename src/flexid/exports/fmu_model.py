@@ -16,7 +16,6 @@ from flexid.exports.request import EstimatorSettings, ExportSource, filled
 from flexid.kernels.templates.bound import BOUND
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING
-from flexid.simulation.free_run import free_run_kernel
 from flexid.simulation.substeps import STEPS_PER_TIME_CONSTANT, fastest_pole
 
 FIRST_INTEGER = 1001
@@ -228,7 +227,7 @@ def _fastest(system: ParametricSystem, values: dict[str, float]) -> float:
     p = np.array([values[name] for name in system.coefficients])
     c = np.array(list(system.constants.values()), dtype=np.float64)
     rest, still = np.zeros(len(system.states)), np.zeros(len(system.inputs))
-    return fastest_pole(free_run_kernel(system), rest, still, p, c)
+    return fastest_pole(system, rest, still, p, c)
 
 
 def _health() -> str:

@@ -20,8 +20,8 @@ from flexid.errors import SettingError
 from flexid.estimators.online import OnlineEstimator
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.free_run import free_run_kernel
 from flexid.simulation.loop import ClosedLoop, check_values
+from flexid.simulation.substeps import plain_model
 
 if TYPE_CHECKING:
     from control import InterconnectedSystem, NonlinearIOSystem
@@ -44,13 +44,14 @@ def plant(
     """A model as a continuous system whose output is its state."""
     control = python_control()
     params = _complete("coefficients", coefficients, system.coefficients)
-    kernel, count = free_run_kernel(system), len(system.states)
+    model, count = plain_model(system), len(system.states)
 
     def update(_t: float, x: Any, u: Any, given: Mapping[str, float]) -> FloatArray:
         rates = np.empty(count)
         p = np.array([given[c] for c in system.coefficients], dtype=np.float64)
         c = np.array([given[c] for c in system.constants], dtype=np.float64)
-        kernel.right_hand_side(_vector(x), _vector(u), p, c, rates)
+        with np.errstate(all="ignore"):
+            model.right_hand_side(_vector(x), _vector(u), p, c, rates)
         return rates
 
     return control.nlsys(

@@ -27,8 +27,8 @@ from flexid.errors import SettingError
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.intervals import quantile
-from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.substeps import plain_model
 from flexid.stored_estimates.joint_model import JointModel
 from flexid.symmetric import eigen
 
@@ -168,7 +168,7 @@ def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatA
 
     They are affine in the coefficients, so unit vectors tell the parts apart.
     """
-    slopes_of = load_kernel("linear_model", [system.digest], lambda: _source(system)).slopes
+    slopes_of = plain_model(system).slopes
     rows, count = len(system.rows), len(system.coefficients)
     x, u = np.zeros(2 * rows), np.zeros(len(system.inputs))
     x[::2] = rest
@@ -183,12 +183,6 @@ def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatA
     for parts in (slopes, gains):
         parts[1:] -= parts[0]
     return slopes[:, 1::2, ::2], slopes[:, 1::2, 1::2], gains[:, 1::2]
-
-
-def _source(system: ParametricSystem) -> str:
-    from flexid.derivation.model_functions import linear_model
-
-    return linear_model(system)
 
 
 _RADII = np.array([0.0, 0.25, 0.5, 0.75, 1.0])

@@ -86,22 +86,23 @@ def _run(
     loop: tuple[int, FloatArray, FloatArray],
 ) -> tuple[FloatArray, int]:
     """States (n, n_states), and how many of them were reached before the motion diverged."""
-    kernel = free_run_kernel(system)
     x = np.asarray(start, dtype=float)
     p = np.array([coefficients[name] for name in system.coefficients])
     c = np.array(list(system.constants.values()), dtype=float)
-    substeps = runge_kutta_substeps(kernel, x, first_input, p, c, sample_time)
+    substeps = runge_kutta_substeps(system, x, first_input, p, c, sample_time)
     states = np.empty((len(inputs), len(x)))
-    return states, kernel.free_run(x, inputs, loop, p, c, sample_time, held, substeps, states)
+    templates = ("compiled", "bound", "runge_kutta", "free_run")
+    run = load_kernel("free_run", (), None, templates).free_run
+    address = _compiled_rates(system).right_hand_side.address
+    return states, run(address, x, inputs, loop, p, c, sample_time, held, substeps, states)
 
 
-def free_run_kernel(system: ParametricSystem) -> ModuleType:
-    """Compiled module with ``right_hand_side``, ``linearised`` and ``free_run`` of a system."""
+def _compiled_rates(system: ParametricSystem) -> ModuleType:
+    """What the run calls of a model."""
 
     def build() -> str:
-        from flexid.derivation.model_functions import moving_model
+        from flexid.derivation.model_functions import compiled_rates
 
-        return moving_model(system, "Free run")
+        return compiled_rates(system)
 
-    templates = ("bound", "held_rates", "runge_kutta", "free_run")
-    return load_kernel("free_run", [system.digest], build, templates)
+    return load_kernel("rates", [system.digest], build)

@@ -120,7 +120,7 @@ def run_sampled(
         loop.parameters[np.newaxis],
         _constants(loop),
         (sampling.noise(grid.count, kernel.N_STATES), *sampling.sensors),
-        (sampling.input_limit, _substeps(kernel, loop, sampling.sample_time)),
+        (sampling.input_limit, _substeps(loop, sampling.sample_time)),
         (loop.start_estimates, _observer_settings(loop, sampling.sample_time)),
         grid.count,
         record,
@@ -155,11 +155,11 @@ def _constants(loop: ClosedLoop) -> FloatArray:
     return np.array(list(loop.system.constants.values()), dtype=np.float64)
 
 
-def _substeps(kernel: ModuleType, loop: ClosedLoop, sample_time: float) -> int:
+def _substeps(loop: ClosedLoop, sample_time: float) -> int:
     start = np.array(loop.initial_state)
-    still = np.zeros(kernel.N_INPUTS)
+    still = np.zeros(len(loop.system.inputs))
     p, c = loop.true_coefficients, _constants(loop)
-    return runge_kutta_substeps(kernel, start, still, p, c, sample_time)
+    return runge_kutta_substeps(loop.system, start, still, p, c, sample_time)
 
 
 def _run_called(
@@ -177,7 +177,7 @@ def _run_called(
     noise = drawn if len(drawn) else np.zeros((grid.count, len(x)))
     settings = tuple(_observer_settings(loop, h).tolist())
     parameters = kernel.as_parameters(loop.parameters[np.newaxis], 0)
-    substeps = _substeps(kernel, loop, h)
+    substeps = _substeps(loop, h)
     current = kernel.first_state(loop.start_estimates)
     reference = np.stack([loop.reference.evaluate(grid.times, d) for d in range(5)], axis=1)
     limited = 0

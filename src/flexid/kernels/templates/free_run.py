@@ -1,5 +1,9 @@
-"""The motion of a model under a recorded input, or of one whose drive follows a reference."""
+"""The motion of a model under a recorded input, or of one whose drive follows a reference.
 
+All models share this kernel, which calls a model's right-hand side by its address.
+"""
+
+from collections import namedtuple
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -7,13 +11,29 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.bound import BOUND
-    from flexid.kernels.templates.generated import N_INPUTS, N_STATES
-    from flexid.kernels.templates.held_rates import Motion
-    from flexid.kernels.templates.runge_kutta import room_for_a_step, runge_kutta
+    from flexid.kernels.templates.compiled import call, equations, inlined
+    from flexid.kernels.templates.runge_kutta import runge_kutta
+
+# The address of the model, the input at the start of an interval and its change over it,
+# coefficients, constants, and room for the input within.
+Motion = namedtuple("Motion", "address start change p c u")
 
 
-@njit(cache=True, error_model="numpy")
-def free_run(x0, u, loop, p, c, h, held, substeps, out):
+@inlined
+def rates_at(x, place, motion, rate):
+    """Rates of x at a place within the interval."""
+    for j in range(motion.u.shape[0]):
+        motion.u[j] = motion.start[j] + place * motion.change[j]
+    call(motion.address, x, motion.u, motion.p, motion.c, rate)
+
+
+@inlined
+def recall(x, start, motion):
+    """Leave memories as their rates make them."""
+
+
+@njit(**equations)
+def free_run(address, x0, u, loop, p, c, h, held, substeps, out):
     """Integrate the model under its inputs, in steps of h / substeps seconds.
 
     Between samples the input is held or interpolated linearly. The loop is (tracked, reference,
@@ -22,27 +42,26 @@ def free_run(x0, u, loop, p, c, h, held, substeps, out):
     Returns the number of samples written: fewer than asked for if the motion diverged.
     """
     tracked, reference, gains = loop
-    x = x0.copy()
-    work = room_for_a_step()
-    end = work[0]
-    change = np.zeros(N_INPUTS)
-    room = np.empty(N_INPUTS)
+    n_states, n_inputs = x0.shape[0], u.shape[1]
+    x, end = x0.copy(), np.empty(n_states)
+    work = end, np.empty(n_states), np.empty(4 * n_states)
+    change, room = np.zeros(n_inputs), np.empty(n_inputs)
     for k in range(u.shape[0]):
         if reference.shape[0] > 0:
             u[k, 0] += gains[0] * (reference[k, 0] - x[tracked])
             u[k, 0] += gains[1] * (reference[k, 1] - x[tracked + 1])
-        for j in range(N_STATES):
+        for j in range(n_states):
             if not abs(x[j]) < BOUND and k > 0:
                 return k
             out[k, j] = x[j]
         if k + 1 == u.shape[0]:
             break
         if not held:
-            for j in range(N_INPUTS):
+            for j in range(n_inputs):
                 change[j] = u[k + 1, j] - u[k, j]
-        motion = Motion(u[k], change, p, c, room)
+        motion = Motion(address, u[k], change, p, c, room)
         for s in range(substeps):
             runge_kutta(x, s / substeps, 1.0 / substeps, h, motion, work)
-            for j in range(N_STATES):
+            for j in range(n_states):
                 x[j] = end[j]
     return u.shape[0]

@@ -8,18 +8,9 @@ of x that follow from the path since the start of the step.
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numba import njit
-
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import N_STATES, inlined
+    from flexid.kernels.templates.generated import inlined
     from flexid.kernels.templates.model import rates_at, recall
-
-
-@njit(cache=True, error_model="numpy")
-def room_for_a_step():
-    """Arrays for the end of a step, rates, and the states of the four stages."""
-    return np.empty(N_STATES), np.empty(N_STATES), np.empty(4 * N_STATES)
 
 
 @inlined
@@ -30,22 +21,25 @@ def node(stage):
 
 @inlined
 def runge_kutta(x, place, span, h, motion, work):
-    """Bring x over a span of an interval of h seconds; the end is the first array of the work."""
+    """Bring x over a span of an interval of h seconds.
+
+    The work has room for the end, the latest rates, and the states of the four stages.
+    """
     end, rate, stages = work
-    step = span * h
-    for i in range(N_STATES):
+    step, n = span * h, x.shape[0]
+    for i in range(n):
         end[i] = x[i]
         stages[i] = x[i]
     for stage in range(4):
         weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
-        at_stage = stages[stage * N_STATES : (stage + 1) * N_STATES]
+        at_stage = stages[stage * n : (stage + 1) * n]
         rates_at(at_stage, place + node(stage) * span, motion, rate)
-        for i in range(N_STATES):
+        for i in range(n):
             end[i] += weight * rate[i]
         if stage < 3:
             reach = node(stage + 1) * step
-            then = stages[(stage + 1) * N_STATES : (stage + 2) * N_STATES]
-            for i in range(N_STATES):
+            then = stages[(stage + 1) * n : (stage + 2) * n]
+            for i in range(n):
                 then[i] = x[i] + reach * rate[i]
             recall(then, x, motion)
     recall(end, x, motion)
