@@ -141,7 +141,10 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
         lambda: estimate(recursive_least_squares(JOINT, H, velocities=True)),
         LEAST_SQUARES,
     ),
-    "guard of a stream": (watch_a_stream, {"encoder_turns", "limits", "stream_guard"}),
+    "guard of a stream": (
+        watch_a_stream,
+        {"compiled", "arrays", "encoder_turns", "limits", "stream_guard"},
+    ),
 }
 
 

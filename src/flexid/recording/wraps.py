@@ -63,10 +63,10 @@ def without_wraps(time: FloatArray, readings: FloatArray, turn: float) -> tuple[
     """
     from flexid.kernels.store import load_kernel  # few logs wrap
 
-    kernel = load_kernel("encoder_turns", (), None, ("encoder_turns",))
-    positions = np.empty(len(readings))
+    kernel = load_kernel("encoder_turns", (), None, ("compiled", "encoder_turns"))
+    gear, positions = kernel.first_gear(), np.empty(len(readings))
     sample_time = float(np.median(np.diff(time)))
-    gear = kernel.unwrapped_log(time, readings, turn, sample_time, positions)
+    kernel.unwrapped_log(time, readings, turn, sample_time, gear, positions)
     if gear[kernel.PERIOD] < 0.0:  # what looked like a wrap was none
         return without_wraps(time, readings, 0.0)
     return positions, float(gear[kernel.PERIOD])

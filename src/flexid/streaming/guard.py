@@ -109,8 +109,8 @@ class Guard:
         from_deflection: bool,
         motor_turn: float = 0.0,  # as in `WatchOptions`
     ) -> None:
-        self._kernel = _kernel(n_positions, n_inputs)
-        self._width = n_positions + n_inputs
+        self._kernel = _kernel()
+        self._n_positions, self._n_inputs = n_positions, n_inputs
         fewest = (max(FEWEST_STILL, time / sample_time) for time in (STILL_TIME, DEAD_TIME))
         self._settings = np.array(
             [
@@ -121,13 +121,15 @@ class Guard:
 
     def first_state(self) -> FloatArray:
         """State before the first sample."""
-        return self._kernel.first_state()
+        return self._kernel.first_state(self._n_positions, self._n_inputs)
 
     def guard(self, state: FloatArray, samples: FloatArray) -> Guarded:
         """Judge samples, until an encoder is found stuck that was not before."""
-        rows = np.empty((2 * len(samples), self._width))
+        rows = np.empty((2 * len(samples), self._n_positions + self._n_inputs))
         fates = np.empty(len(samples))
-        new, judged, filled, still = self._kernel.guard(state, samples, self._settings, rows, fates)
+        new, judged, filled, still = self._kernel.guard(
+            state, samples, self._settings, self._n_positions, rows, fates
+        )
         return Guarded(new, judged, rows[:filled], int(still))
 
     def counts(self, state: FloatArray) -> Counts:
@@ -145,9 +147,7 @@ class Guard:
         return float(state[self._kernel.LAST_TIME])
 
 
-def _kernel(n_positions: int, n_inputs: int) -> ModuleType:
-    def build() -> str:
-        return f'"""Guard of a stream."""\n\nN_ROWS = {n_positions}\nN_INPUTS = {n_inputs}\n'
-
-    sizes = [str(n_positions), str(n_inputs)]
-    return load_kernel("stream_guard", sizes, build, ("encoder_turns", "limits", "stream_guard"))
+def _kernel() -> ModuleType:
+    """The compiled guard, which is the same for all streams."""
+    templates = ("compiled", "arrays", "encoder_turns", "limits", "stream_guard")
+    return load_kernel("stream_guard", (), None, templates)

@@ -9,8 +9,13 @@ is nearest to where the latest speed leads. Where that cannot be known, the near
 before is taken, and it is counted.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.compiled import equations, rounded
 
 TURN = 2.0 * np.pi
 NEAR = 3.5  # sample times from one reading to the next within which a jump is a wrap: two are lost
@@ -25,7 +30,7 @@ SEEN_AT, SEEN, LEAST, MOST, PERIOD, OFFSET, ODD, WRAPPED, UNCLEAR, NEWEST, SECON
 N_GEAR = 12
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def whole_turns(step):
     """Turns by which an encoder jumped at the link's side, from one sample to the next."""
     if abs(step) <= np.pi:
@@ -34,23 +39,30 @@ def whole_turns(step):
     return turns if abs(step - TURN * turns) <= 0.5 * np.pi else 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def first_gear(gear):
-    """Fill in the state before the first reading."""
-    gear[:] = 0.0
-    gear[SEEN_AT], gear[SEEN] = np.nan, np.nan
+def first_gear():
+    """State before the first reading."""
+    gear = np.zeros(N_GEAR)
+    gear[[SEEN_AT, SEEN, NEWEST, SECOND, THIRD]] = np.nan
     gear[LEAST], gear[MOST] = np.inf, -np.inf
-    gear[NEWEST:] = np.nan
+    return gear
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
+def forget_speeds(gear):
+    """Know no speed, where the motion is another."""
+    for i in range(NEWEST, N_GEAR):
+        gear[i] = np.nan
+
+
+@rounded
 def latest_speed(gear):
     """Median of the latest three, which one outlier does not move; of fewer the slowest; rad each.
 
     They are counted in samples.
     """
     if not np.isnan(gear[THIRD]):
-        return np.median(gear[NEWEST:])
+        low, high = min(gear[NEWEST], gear[SECOND]), max(gear[NEWEST], gear[SECOND])
+        return max(low, min(high, gear[THIRD]))
     if np.isnan(gear[NEWEST]):
         return 0.0
     if np.isnan(gear[SECOND]) or abs(gear[NEWEST]) <= abs(gear[SECOND]):
@@ -58,7 +70,7 @@ def latest_speed(gear):
     return gear[SECOND]
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def believe_reading(gear, time, reading, turn):
     """The position of a reading that is no outlier."""
     gear[ODD] = 0.0
@@ -69,7 +81,7 @@ def believe_reading(gear, time, reading, turn):
     return reading - gear[OFFSET]
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def look_for_period(gear, reading, unexpected, turn):
     """Find what it wraps by, where it jumps by that beside the motion that is expected."""
     whole = turn * np.rint(abs(unexpected) / turn)
@@ -79,14 +91,14 @@ def look_for_period(gear, reading, unexpected, turn):
         gear[PERIOD] = whole
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def behind_gear(gear, time, reading, turn, sample_time):
     """The position of a reading in front of a gear, a turn of whose motor is `turn`."""
     samples = (time - gear[SEEN_AT]) / sample_time
     if not 0.0 < samples <= NEAR:
         if not np.isnan(gear[SEEN_AT]):
             gear[UNCLEAR] += 1.0
-        gear[NEWEST:] = np.nan
+        forget_speeds(gear)
         return believe_reading(gear, time, reading, turn)
     samples = max(1.0, np.rint(samples))
     jump = reading - gear[SEEN]
@@ -108,21 +120,19 @@ def behind_gear(gear, time, reading, turn, sample_time):
     if gear[PERIOD] == 0.0 and np.isnan(gear[NEWEST]):
         step -= turn * np.rint(step / turn)  # a wrap may lie between the first two
     if is_new:
-        gear[NEWEST:] = np.nan
+        forget_speeds(gear)
     gear[THIRD], gear[SECOND], gear[NEWEST] = gear[SECOND], gear[NEWEST], step / samples
     gear[OFFSET] += period * wraps
     gear[WRAPPED] += abs(wraps)
     return believe_reading(gear, time, reading, turn)
 
 
-@njit(cache=True, error_model="numpy")
-def unwrapped_log(time, readings, turn, sample_time, positions):
-    """Fill in the positions of a whole log's encoder; returns the state behind a gear of `turn`.
+@njit(**equations)
+def unwrapped_log(time, readings, turn, sample_time, gear, positions):
+    """Fill in the positions of a whole log's encoder, and its state behind a gear of `turn`.
 
     A `turn` of zero is that of no gear.
     """
-    gear = np.empty(N_GEAR)
-    first_gear(gear)
     before, off = np.nan, 0.0
     for n in range(len(readings)):
         reading = readings[n]
@@ -131,4 +141,3 @@ def unwrapped_log(time, readings, turn, sample_time, positions):
         off += TURN * whole_turns(reading - before)
         before = reading
         positions[n] = reading - off
-    return gear

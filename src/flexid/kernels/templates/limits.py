@@ -1,7 +1,12 @@
 """Limits of sensors and inputs, found sample by sample: of a stream's, and of a whole log's."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.compiled import equations, rounded
 
 # Of a signal at its upper end: extreme, samples there, occasions, samples in a row; the level next
 # to it.
@@ -9,7 +14,7 @@ LEVEL, HITS, OCCASIONS, RUN, BESIDE, BESIDE_HITS = range(6)
 N_END = 6
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def is_limit(end):
     """Whether a signal rests at its extreme again and again, which no free signal does.
 
@@ -19,7 +24,7 @@ def is_limit(end):
     return rests and end[HITS] > 10.0 * end[BESIDE_HITS]
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def at_limit(end, level):
     """Whether the next value is at the limit of its signal."""
     if level > end[LEVEL]:
@@ -40,7 +45,7 @@ def at_limit(end, level):
     return is_limit(end)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**equations)
 def has_limit(values):
     """Whether the largest value of a whole log is a limit."""
     end = np.zeros(N_END)

@@ -12,6 +12,8 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
+    from flexid.kernels.templates.arrays import part
+    from flexid.kernels.templates.compiled import equations, rounded
     from flexid.kernels.templates.encoder_turns import (
         N_GEAR,
         PERIOD,
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
         first_gear,
         whole_turns,
     )
-    from flexid.kernels.templates.generated import N_INPUTS, N_ROWS
     from flexid.kernels.templates.limits import BESIDE, LEVEL, N_END, at_limit
 
 
@@ -37,19 +38,18 @@ N_COUNTS = 12
 SAMPLE_TIME, GAP, GATE, PEAKS, DEFLECTION = 0, 1, 2, 3, 4
 STILL_TIME, DEAD_TIME, MOVED, TWISTED, MOTOR_TURN = 5, 6, 7, 8, 9
 
-# Places in the state: counts, the clock, then what is known of each encoder and of each input.
+# Places in the state: counts, the clock, what is known of the motor's encoder in front of a gear,
+# then of each encoder and of each input.
 COUNTS_AT = 0
 LAST_TIME, FED, KEPT, SKIPPED, BROKEN, LATE_RUN, LATE_TIME = 12, 13, 14, 15, 16, 17, 18
 SCALED, STUCK_FOR, LEAST_TWIST, LARGEST_TWIST = 19, 20, 21, 22
-ENCODERS_AT = 23
+GEAR_AT = 23
+ENCODERS_AT = GEAR_AT + N_GEAR
 # Of an encoder: turns taken off, last readings as they came and as they were kept, mean and peak
 # of second differences, range; since when it stands still, and the other one's range since then.
 TURNS, READING, NEWER, OLDER, MEAN, PEAK, LOWEST, HIGHEST, STILL, FLOOR, CEILING = range(11)
 QUANTUM = 11  # smallest change of a reading so far
 N_ENCODER = 12
-INPUTS_AT = ENCODERS_AT + N_ROWS * N_ENCODER
-GEAR_AT = INPUTS_AT + 2 * N_INPUTS * N_END  # of the motor's encoder, in front of a gear
-STATE_SIZE = GEAR_AT + N_GEAR
 
 LARGEST = 1e10  # in SI: what is larger is no measurement; as in `flexid.recording.checks`
 LATE_ENOUGH = 20  # samples that are late in a row: the clock was set back
@@ -58,27 +58,28 @@ LEARNING = 20  # second differences before any is called an outlier
 MEAN_TIME, PEAK_TIME = 1.0, 60.0  # s over which mean and peak fade
 
 
-@njit(cache=True, error_model="numpy")
-def first_state():
+def first_state(n_encoders, n_inputs):
     """State before the first sample."""
-    state = np.zeros(STATE_SIZE)
-    state[LAST_TIME] = np.nan
-    state[LATE_TIME] = np.nan
+    inputs_at = ENCODERS_AT + n_encoders * N_ENCODER
+    state = np.zeros(inputs_at + 2 * n_inputs * N_END)
+    state[[LAST_TIME, LATE_TIME]] = np.nan
     state[LEAST_TWIST], state[LARGEST_TWIST] = np.inf, -np.inf
-    for j in range(N_ROWS):
-        encoder = state[ENCODERS_AT + j * N_ENCODER :]
-        encoder[READING] = np.nan
-        encoder[LOWEST], encoder[HIGHEST] = np.inf, -np.inf
-        encoder[FLOOR], encoder[CEILING] = np.inf, -np.inf
-        encoder[QUANTUM] = np.inf
-    for i in range(2 * N_INPUTS):
-        state[INPUTS_AT + i * N_END + LEVEL] = -np.inf
-        state[INPUTS_AT + i * N_END + BESIDE] = -np.inf
-    first_gear(state[GEAR_AT:])
+    state[GEAR_AT:ENCODERS_AT] = first_gear()
+    encoders = state[ENCODERS_AT:inputs_at].reshape(n_encoders, N_ENCODER)
+    encoders[:, READING] = np.nan
+    encoders[:, [LOWEST, FLOOR, QUANTUM]] = np.inf
+    encoders[:, [HIGHEST, CEILING]] = -np.inf
+    state[inputs_at:].reshape(2 * n_inputs, N_END)[:, [LEVEL, BESIDE]] = -np.inf
     return state
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
+def place_of(encoder):
+    """Where in the state an encoder begins; the inputs follow the last one."""
+    return ENCODERS_AT + encoder * N_ENCODER
+
+
+@rounded
 def steps_since(state, time, settings):
     """Whole samples from the last one to this; 0 where it repeats, negative where it is late."""
     last = state[LAST_TIME]
@@ -92,7 +93,7 @@ def steps_since(state, time, settings):
     return np.rint(steps)
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def set_back(state, time, settings):
     """Whether samples have been late, evenly and in order, for so long that the clock is another's.
 
@@ -104,12 +105,13 @@ def set_back(state, time, settings):
     return state[LATE_RUN] >= LATE_ENOUGH
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def unwrapped(state, sample, settings, x):
     """Positions without the turns that absolute encoders jump by; links from deflections."""
-    for back in range(N_ROWS):
-        j = N_ROWS - 1 - back
-        encoder = state[ENCODERS_AT + j * N_ENCODER :]
+    n = x.shape[0]
+    for back in range(n):
+        j = n - 1 - back
+        encoder = part(state, place_of(j), N_ENCODER)
         if settings[DEFLECTION] != 0.0 and j == 0:
             x[j] = x[1] + sample[1]
             continue
@@ -120,24 +122,22 @@ def unwrapped(state, sample, settings, x):
             encoder[TURNS] += turns
             state[COUNTS_AT + WRAPS] += 1.0
             encoder[READING] = sample[1 + j]
-        if j < N_ROWS - 1 and np.isnan(encoder[READING]):  # where encoders begin is not known
-            encoder[TURNS] = np.rint((sample[1 + j] - x[N_ROWS - 1]) / TURN)
+        if j < n - 1 and np.isnan(encoder[READING]):  # where encoders begin is not known
+            encoder[TURNS] = np.rint((sample[1 + j] - x[n - 1]) / TURN)
         x[j] = sample[1 + j] - TURN * encoder[TURNS]
 
 
-@njit(cache=True, error_model="numpy")
-def undo_gear(state, sample, settings):
+@rounded
+def undo_gear(state, sample, settings, n):
     """Undo the wraps of the motor's encoder in front of a gear, in the sample."""
-    reading = sample[N_ROWS]
+    reading = sample[n]
     if settings[MOTOR_TURN] <= 0.0 or not abs(reading) < LARGEST:
         return
-    gear = state[GEAR_AT:]
-    sample[N_ROWS] = behind_gear(
-        gear, sample[0], reading, settings[MOTOR_TURN], settings[SAMPLE_TIME]
-    )
+    gear = part(state, GEAR_AT, N_GEAR)
+    sample[n] = behind_gear(gear, sample[0], reading, settings[MOTOR_TURN], settings[SAMPLE_TIME])
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def is_outlier(state, x, settings):
     """Whether a position is off the straight line through the last two, more than ever before.
 
@@ -147,8 +147,8 @@ def is_outlier(state, x, settings):
     if state[KEPT] < 2.0 or state[SCALED] < LEARNING:
         return False
     k = state[SKIPPED] + 1.0
-    for j in range(N_ROWS):
-        encoder = state[ENCODERS_AT + j * N_ENCODER :]
+    for j in range(x.shape[0]):
+        encoder = part(state, place_of(j), N_ENCODER)
         off = abs(x[j] - encoder[NEWER] - k * (encoder[NEWER] - encoder[OLDER]))
         usual = max(settings[GATE] * encoder[MEAN], settings[PEAKS] * encoder[PEAK])
         if encoder[QUANTUM] < np.inf:
@@ -158,18 +158,18 @@ def is_outlier(state, x, settings):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def believe(state, x):
     """Take for the peak what a motion must have done that went on elsewhere: it may again."""
     k = state[SKIPPED] + 1.0
-    for j in range(N_ROWS):
-        encoder = state[ENCODERS_AT + j * N_ENCODER :]
+    for j in range(x.shape[0]):
+        encoder = part(state, place_of(j), N_ENCODER)
         off = abs(x[j] - encoder[NEWER] - k * (encoder[NEWER] - encoder[OLDER]))
         if state[KEPT] >= 2.0:
             encoder[PEAK] = max(encoder[PEAK], off / (0.5 * k * (k + 1.0)))
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def learn_scale(state, x, settings):
     """Take the positions' second differences into their mean and peak, and keep the positions."""
     counts = state[KEPT] >= 2.0 and state[SKIPPED] == 0.0
@@ -177,8 +177,8 @@ def learn_scale(state, x, settings):
     if counts:
         state[SCALED] += 1.0
     weight = max(1.0 / max(state[SCALED], 1.0), 1.0 - exp(-h / MEAN_TIME))
-    for j in range(N_ROWS):
-        encoder = state[ENCODERS_AT + j * N_ENCODER :]
+    for j in range(x.shape[0]):
+        encoder = part(state, place_of(j), N_ENCODER)
         if counts:
             size = abs(x[j] - 2.0 * encoder[NEWER] + encoder[OLDER])
             encoder[MEAN] += weight * (size - encoder[MEAN])
@@ -187,25 +187,26 @@ def learn_scale(state, x, settings):
         encoder[NEWER] = x[j]
         encoder[LOWEST] = min(encoder[LOWEST], x[j])
         encoder[HIGHEST] = max(encoder[HIGHEST], x[j])
-    still = max(state[ENCODERS_AT + STILL], state[ENCODERS_AT + (N_ROWS - 1) * N_ENCODER + STILL])
+    last = x.shape[0] - 1
+    still = max(state[place_of(0) + STILL], state[place_of(last) + STILL])
     if still < 0.5 * settings[STILL_TIME]:  # one that is stuck would stretch the spring for ever
-        state[LEAST_TWIST] = min(state[LEAST_TWIST], x[0] - x[N_ROWS - 1])
-        state[LARGEST_TWIST] = max(state[LARGEST_TWIST], x[0] - x[N_ROWS - 1])
+        state[LEAST_TWIST] = min(state[LEAST_TWIST], x[0] - x[last])
+        state[LARGEST_TWIST] = max(state[LARGEST_TWIST], x[0] - x[last])
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def is_stuck(state, sample, x, settings):
     """Whether an encoder has not changed while the other one moved: `STUCK` or not.
 
     One that has moved before may stand for STILL_TIME; one that never moved, for DEAD_TIME. The
     other has to move meanwhile by a share of its range, or by several times what the spring gave.
     """
-    stuck = False
+    stuck, n = False, x.shape[0]
     twist = settings[TWISTED] * max(state[LARGEST_TWIST] - state[LEAST_TWIST], 0.0)
-    for j in range(N_ROWS):
-        encoder = state[ENCODERS_AT + j * N_ENCODER :]
-        other = state[ENCODERS_AT + (N_ROWS - 1 - j) * N_ENCODER :]
-        reading, place = sample[1 + j], x[N_ROWS - 1 - j]
+    for j in range(x.shape[0]):
+        encoder = part(state, place_of(j), N_ENCODER)
+        other = part(state, place_of(n - 1 - j), N_ENCODER)
+        reading, place = sample[1 + j], x[n - 1 - j]
         if settings[DEFLECTION] != 0.0 and j == 1:  # the link was computed from the motor
             place = sample[1]
         if reading != encoder[READING]:
@@ -219,7 +220,7 @@ def is_stuck(state, sample, x, settings):
         encoder[STILL] += 1.0
         encoder[FLOOR] = min(encoder[FLOOR], place)
         encoder[CEILING] = max(encoder[CEILING], place)
-        if N_ROWS < 2 or settings[DEFLECTION] != 0.0:
+        if n < 2 or settings[DEFLECTION] != 0.0:
             continue
         moved = encoder[CEILING] - encoder[FLOOR]
         own = encoder[HIGHEST] - encoder[LOWEST]
@@ -229,20 +230,20 @@ def is_stuck(state, sample, x, settings):
     return stuck
 
 
-@njit(cache=True, error_model="numpy")
-def is_saturated(state, sample):
+@rounded
+def is_saturated(state, sample, n):
     """Whether an input stands at a limit; one that is switched off does not."""
     found = False
-    for i in range(N_INPUTS):
-        value = sample[1 + N_ROWS + i]
-        first = INPUTS_AT + 2 * i * N_END
-        at_upper = at_limit(state[first : first + N_END], value)
-        at_lower = at_limit(state[first + N_END : first + 2 * N_END], -value)
+    for i in range(sample.shape[0] - 1 - n):
+        value = sample[1 + n + i]
+        first = place_of(n) + 2 * i * N_END
+        at_upper = at_limit(part(state, first, N_END), value)
+        at_lower = at_limit(part(state, first + N_END, N_END), -value)
         found = found or ((at_upper or at_lower) and value != 0.0)
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def in_order(state, time, settings):
     """Fate of a sample by its time alone; gaps are counted, and followed by a new beginning."""
     if not abs(time) < LARGEST:
@@ -265,7 +266,7 @@ def in_order(state, time, settings):
     return TAKEN
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def judged(state, sample, settings, x):
     """Fate of a sample that came in order; its positions go into x."""
     for value in sample:
@@ -276,12 +277,12 @@ def judged(state, sample, settings, x):
         return OUTLIER
     if is_stuck(state, sample, x, settings):
         return STUCK
-    if is_saturated(state, sample):
+    if is_saturated(state, sample, x.shape[0]):
         return SATURATED
     return TAKEN
 
 
-@njit(cache=True, error_model="numpy")
+@rounded
 def look(state, sample, settings, x):
     """Fate of a sample, from which wraps are taken off; its positions go into x."""
     state[FED] += 1.0
@@ -289,7 +290,7 @@ def look(state, sample, settings, x):
     if fate in (REPEATED, LATE):  # nothing is missing for that
         return fate
     if fate == TAKEN:
-        undo_gear(state, sample, settings)
+        undo_gear(state, sample, settings, x.shape[0])
         fate = judged(state, sample, settings, x)
     if fate != TAKEN:
         state[SKIPPED] += 1.0
@@ -306,41 +307,42 @@ def look(state, sample, settings, x):
     return TAKEN
 
 
-@njit(cache=True, error_model="numpy")
-def guard(state, samples, settings, rows, fates):
+@njit(**equations)
+def guard(state, samples, settings, n_encoders, rows, fates):
     """Judge samples, until an encoder is found stuck that was not before.
 
     Returns the new state, how many samples were judged, how many rows were filled with positions
     and inputs of what may be learnt from, and for how long that encoder has stood still, in
     samples. A row without numbers stands for what is missing.
     """
-    new = state.copy()
-    x, sample = np.empty(N_ROWS), np.empty(samples.shape[1])
+    new, width = state.copy(), rows.shape[1]
+    x, sample = np.empty(n_encoders), np.empty(samples.shape[1])
     filled = 0
     for n in range(samples.shape[0]):
-        sample[:] = samples[n]
+        for i in range(samples.shape[1]):
+            sample[i] = samples[n, i]
         fate = look(new, sample, settings, x)
         fates[n] = fate
         new[COUNTS_AT + fate] += 1.0
         if fate == STUCK and new[STUCK_FOR] == 0.0:
-            for j in range(N_ROWS):
-                new[STUCK_FOR] = max(new[STUCK_FOR], new[ENCODERS_AT + j * N_ENCODER + STILL])
+            for j in range(x.shape[0]):
+                new[STUCK_FOR] = max(new[STUCK_FOR], new[place_of(j) + STILL])
             return new, n + 1, filled, new[STUCK_FOR]
         if fate != TAKEN:
             continue
         new[STUCK_FOR] = 0.0
         if new[BROKEN] != 0.0:
-            rows[filled] = np.nan
+            for i in range(width):
+                rows[filled, i] = np.nan
             new[BROKEN] = 0.0
             filled += 1
-        rows[filled, :N_ROWS] = x
-        rows[filled, N_ROWS:] = sample[1 + N_ROWS :]
+        for i in range(width):
+            rows[filled, i] = x[i] if i < n_encoders else sample[1 + i]
         filled += 1
     return new, samples.shape[0], filled, 0.0
 
 
-@njit(cache=True, error_model="numpy")
 def gear_counts(state):
     """How often the motor's encoder wrapped in front of a gear, and places that are not clear."""
-    gear = state[GEAR_AT:]
+    gear = state[GEAR_AT:ENCODERS_AT]
     return gear[WRAPPED], gear[UNCLEAR] if gear[PERIOD] > 0.0 else 0.0
