@@ -14,19 +14,14 @@ from filelock import FileLock
 
 from flexid.kernels import store
 
-SIMULATE = """
+OBSERVE = """
 import sys
-from flexid.control.references import sinusoid
-from flexid.control.laws import pd_gravity
+import numpy as np
+from flexid.estimators.parametric_observer import parametric_observer
 from flexid.models.flexible_joint import flexible_joint
-from flexid.simulation.sampled import simulate_sampled
-from flexid.simulation.loop import ClosedLoop
-loop = ClosedLoop(
-    flexible_joint(known={"beta1": 3.0}),
-    {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.3},
-    pd_gravity(), sinusoid(1.0, 2.0), {"link": 1.0, "motor": 1.0},
-)
-print(repr(simulate_sampled(loop, 0.1).states[-1, 0]), "sympy" in sys.modules)
+observer = parametric_observer(flexible_joint(), {"link": 1.0, "motor": 1.0}, 1e-3)
+samples = np.outer(np.arange(20.0), [1e-3, 1.0, 2e-3, 2.0, 3.0])
+print(repr(observer.replay(observer.init(), samples).coefficients[-1, 0]), "sympy" in sys.modules)
 """
 
 
@@ -47,12 +42,12 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_second_process_needs_no_computer_algebra(tmp_path: Path) -> None:
     """Assert that of two processes one makes the kernel, and no other ever imports SymPy."""
-    both = [run(SIMULATE, tmp_path) for _ in range(2)]
+    both = [run(OBSERVE, tmp_path) for _ in range(2)]
     first = [process.communicate(timeout=300)[0].split() for process in both]
     assert [process.returncode for process in both] == [0, 0]
     assert first[0][0] == first[1][0]
     assert sorted(imported for _, imported in first) == ["False", "True"]
-    later = run(SIMULATE, tmp_path).communicate(timeout=300)[0].split()
+    later = run(OBSERVE, tmp_path).communicate(timeout=300)[0].split()
     assert later == [first[0][0], "False"]
     assert len(list(tmp_path.glob("*.py"))) == 1
     assert not list(tmp_path.glob("*.tmp"))
@@ -94,8 +89,8 @@ def test_another_recipe_is_another_kernel(cache: Path) -> None:
     """Assert that task, declarations, and templates with their order tell kernels apart."""
     source = "from numba import njit\nPLACE = {}\n"
     recipes = [("a", ["x"], ()), ("a", ["y"], ()), ("b", ["x"], ()), ("a", ["x", ""], ())]
-    recipes += [("a", ["x"], t) for t in (("status",), ("status", "free_run"))]
-    recipes += [("a", ["x"], ("free_run", "status"))]
+    recipes += [("a", ["x"], t) for t in (("status",), ("status", "bound"))]
+    recipes += [("a", ["x"], ("bound", "status"))]
     names = [
         store.load_kernel(task, declarations, partial(source.format, len(declarations)), templates)
         for task, declarations, templates in recipes
@@ -150,11 +145,11 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50))
 @pytest.mark.skipif(os.name != "posix", reason="limits of processes")
 def test_a_full_cache_stops_nothing(tmp_path: Path) -> None:
     """Assert that a kernel that cannot be written computes the same, and leaves no half a file."""
-    full = run(FULL + SIMULATE, tmp_path)
+    full = run(FULL + OBSERVE, tmp_path)
     value = full.communicate(timeout=300)[0].split()[0]
     assert full.returncode == 0
     assert not [path for path in tmp_path.rglob("*") if path.suffix in {".py", ".tmp"}]
-    assert run(SIMULATE, tmp_path).communicate(timeout=300)[0].split()[0] == value
+    assert run(OBSERVE, tmp_path).communicate(timeout=300)[0].split()[0] == value
 
 
 def test_what_cannot_be_saved_is_compiled_all_the_same(
