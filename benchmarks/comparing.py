@@ -24,15 +24,14 @@ from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import Trial
 from benchmarks.trials.options import add_log_options, logs_of
 from benchmarks.trials.repeated import make_repeated
+from flexid.arrays import to_json
 from flexid.comparisons.comparison import Comparison, compare_estimates
 from flexid.errors import FlexidError
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.recording.read import read_log
-from flexid.report.documents import to_json
-from flexid.report.identification import identification_document
-from flexid.stored_estimates.estimate_file import read_estimate
+from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 
 BLOCK = "comparing"
 USUAL = ("basic", "coulomb", "lugre", "spring_other")
@@ -91,7 +90,7 @@ def _estimate(trial: Trial) -> str:
         path = Path(folder) / "log.csv"
         trial.write_csv(path)
         try:
-            return to_json(identification_document(identify([read_log(path)], Settings())))
+            return to_json(estimate_document(identify([read_log(path)], Settings())))
         except FlexidError as error:
             return json.dumps({"error": str(error)})
 

@@ -231,11 +231,11 @@ def _streams() -> dict[str, Callable[[], Target]]:
 
 def made_estimate() -> bytes:
     """An estimate of the example log's beginning."""
+    from flexid.arrays import to_json
     from flexid.identification.identify import identify
     from flexid.identification.preparation.settings import Settings
     from flexid.recording import read_log
-    from flexid.report.documents import to_json
-    from flexid.report.identification import identification_document
+    from flexid.stored_estimates.estimate_file import estimate_document
 
     with tempfile.TemporaryDirectory() as folder:
         lines = (ROOT / "examples" / "flexible_joint.csv").read_bytes().split(b"\n")[:3001]
@@ -244,4 +244,4 @@ def made_estimate() -> bytes:
             terms=("gravity", "motor_viscous"), hold="zero", input_delay=0.0, link_delay=0.0
         )
         result = identify([read_log(Path(folder) / "log.csv")], settings)
-    return to_json(identification_document(result)).encode()
+    return to_json(estimate_document(result)).encode()

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.analysis.excitation import excitation_of_gram
+from flexid.arrays import to_json
 from flexid.identification.judgement.compliance import Compliance
 from flexid.identification.judgement.estimates import verdict
 from flexid.identification.preparation.alignment import Alignment, Delay
@@ -21,8 +22,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.intervals import interval, propagated
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
-from flexid.report.documents import to_json
-from flexid.report.identification import identification_document
+from flexid.stored_estimates.estimate_file import estimate_document
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 RELATIVE = 0.01
@@ -145,7 +145,7 @@ def stored_value(value, **changed):
 
 def stored_document(coefficients, parameters=None):
     """What a file holds of an estimate with these values, none of which was fitted."""
-    document = json.loads(to_json(identification_document(exact(TRUE, "another log"))))
+    document = json.loads(to_json(estimate_document(exact(TRUE, "another log"))))
     kinds = {"coefficients": coefficients, "parameters": parameters or {}}
     document["fit"] = {"names": [], "values": [], "covariance": [], "degrees_of_freedom": []}
     for kind, values in kinds.items():

@@ -1,4 +1,4 @@
-"""Files from outside: opened, bounded in size, refused in one sentence.
+"""Files: from outside bounded in size and refused in one sentence; written whole or not at all.
 
 Every reader has an error of its own; it hands in a function that makes that error of a reason.
 """
@@ -10,15 +10,11 @@ import hashlib
 import os
 import re
 import stat
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    Refuse = Callable[[str], Exception]
-    """Makes an error of a reason."""
-
+Refuse = Callable[[str], Exception]
+"""Makes an error of a reason."""
 
 _ADDRESS = re.compile(r"^([a-z]{2,}):/(?=[^/])")
 
@@ -88,3 +84,26 @@ def sha256(path: Path) -> str:
 def _not_opened(error: OSError | ValueError, remedy: str) -> str:
     reason = (getattr(error, "strerror", None) or str(error)).lower()
     return f"the file cannot be opened ({reason}): {remedy}"
+
+
+def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file under a temporary name, and rename it when it is on the disk."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    try:
+        write(temporary)
+        _synchronise(temporary)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    os.replace(temporary, path)
+    if os.name == "posix":  # elsewhere a directory cannot be opened
+        _synchronise(path.parent)
+
+
+def _synchronise(path: Path) -> None:
+    # Windows wants a file that is open for writing
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -15,14 +15,13 @@ from test_identify_arm import MADE
 from two_links import ARM, TRUTH, TwoLinks
 
 from flexid.arms.result import ArmIdentification
+from flexid.arrays import to_json
 from flexid.errors import SettingError
 from flexid.exports.mjcf_arm import arm_scene
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.planar_arm import PlanarArm, planar_arm
-from flexid.report.arm import document
-from flexid.report.documents import to_json
-from flexid.stored_estimates.estimate_file import read_estimate
+from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 
 KNOWN = PlanarArm((0.4, 0.3), (9.81, 0.0))
 Run = Callable[..., Any]
@@ -72,7 +71,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     truth = MADE.truth()
     softer = truth | {"joint_stiffness_2": 0.8 * truth["joint_stiffness_2"]}
     for name, values in (("true", truth), ("softer", softer)):
-        made = document(estimate(values, KNOWN))
+        made = estimate_document(estimate(values, KNOWN))
         (found / f"{name}.json").write_text(to_json(made))
     return found
 

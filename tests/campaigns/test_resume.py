@@ -15,7 +15,7 @@ from flexid.experiments import read_experiment
 
 KILLED = """
 import os, signal, sys
-from flexid import atomic
+from flexid import files
 from flexid.campaigns import run_campaign
 from flexid.experiments import read_experiment
 
@@ -28,7 +28,7 @@ def killing(*names):
         os.kill(os.getpid(), signal.SIGKILL)
     replace(*names)
 
-atomic.os.replace = killing
+files.os.replace = killing
 run_campaign(read_experiment(sys.argv[1]), sys.argv[2])
 """
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from tests.campaigns.tiny import CAMPAIGN, EXPERIMENT, write_experiment
 
-from flexid.report.documents import to_json
-from flexid.report.identification import identification_document
+from flexid.arrays import to_json
+from flexid.stored_estimates.estimate_file import estimate_document
 from made_estimates import TRUE, exact
 
 ROOT = Path(__file__).parents[2]
@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
     write_experiment(folder / "indices.toml", CAMPAIGN.replace('"sobol"', '"sobol-indices"'))
     grid = '[campaign]\nkind = "grid"\nvary.observer.link = [1.0, 2.0]\n'
     write_experiment(folder / "damped.toml", grid, DAMPED)
-    (folder / "a.json").write_text(to_json(identification_document(exact(TRUE, "a"))))
+    (folder / "a.json").write_text(to_json(estimate_document(exact(TRUE, "a"))))
     shutil.copy(folder / "a.json", folder / "copy.json")
     (folder / "empty").mkdir()
     log = (ROOT / "examples" / "flexible_joint.csv").read_text()

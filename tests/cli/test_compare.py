@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flexid as library
-from flexid.report.documents import to_json
-from flexid.report.identification import identification_document
+from flexid.arrays import to_json
+from flexid.stored_estimates.estimate_file import estimate_document
 from made_estimates import TRUE, drawn, exact, with_parameter
 
 STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
@@ -17,7 +17,7 @@ STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"
 def stored(folder: Path, estimate) -> Path:
     """A folder as `flexid identify --out` leaves it."""
     folder.mkdir()
-    (folder / "estimate.json").write_text(to_json(identification_document(estimate)))
+    (folder / "estimate.json").write_text(to_json(estimate_document(estimate)))
     return folder
 
 

@@ -7,6 +7,7 @@ from functools import cache
 import pytest
 from made_joint import COEFFICIENTS, TRUTH, log, made
 
+from flexid.arrays import to_json
 from flexid.errors import SettingError
 from flexid.exports.request import source_of_identification
 from flexid.frequency.linear_joint import linear_joint
@@ -14,9 +15,7 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
-from flexid.report.documents import to_json
-from flexid.report.identification import identification_document
-from flexid.stored_estimates.estimate_file import read_estimate
+from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_estimate
 
 MISSING = {
@@ -105,7 +104,7 @@ def test_hysteresis_may_be_asked_for():
 def test_an_estimate_with_hysteresis_predicts_another_log():
     """Assert that what is stored of it follows the same drive elsewhere, nearly to the noise."""
     more, _ = MISSING["spring_hysteresis"]
-    document = json.loads(to_json(identification_document(identified("spring_hysteresis", None))))
+    document = json.loads(to_json(estimate_document(identified("spring_hysteresis", None))))
     other = log(made(2, **more))  # pyright: ignore[reportArgumentType]
     answer = validate_estimate(read_estimate(document), [other])
     assert min(answer.fit_percent.values()) > 99.0

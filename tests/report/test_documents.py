@@ -8,9 +8,10 @@ import sys
 import pytest
 from made_result import made_result
 
+from flexid.arrays import to_json
 from flexid.errors import SettingError
-from flexid.report.documents import output_directory, to_json
-from flexid.report.identification import identification_document
+from flexid.report.documents import output_directory
+from flexid.stored_estimates.estimate_file import estimate_document
 
 
 def test_json_has_no_infinities():
@@ -22,7 +23,7 @@ def test_json_has_no_infinities():
 @pytest.fixture(scope="module")
 def document():
     """Return the document of an identification as any reader of JSON has it."""
-    return json.loads(to_json(identification_document(made_result())))
+    return json.loads(to_json(estimate_document(made_result())))
 
 
 def test_an_estimate_comes_back_from_its_document(document):

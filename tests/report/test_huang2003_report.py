@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from flexid.arrays import to_json
 from flexid.report.charts.description import Line
-from flexid.report.documents import to_json
 from flexid.report.reproduction import document as reproduction_document
 from flexid.report.reproduction import parts
 from flexid.report.reproduction_charts import error_chart, reproduction_charts, theorem_chart

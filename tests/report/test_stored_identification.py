@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from made_result import made_result
 
+from flexid.arrays import to_json
 from flexid.errors import SettingError
-from flexid.report.documents import to_json
-from flexid.report.identification import identification_document
-from flexid.stored_estimates.estimate_file import FORMAT_VERSION, read_estimate
+from flexid.stored_estimates.estimate_file import FORMAT_VERSION, estimate_document, read_estimate
 from made_estimates import TRUE, exact
 
 SERIES = ("observer", "validation", "excitation", "fit")
@@ -20,7 +19,7 @@ SERIES = ("observer", "validation", "excitation", "fit")
 @pytest.fixture(scope="module")
 def document():
     """The document of an identification as a file has it."""
-    return json.loads(to_json(identification_document(made_result())))
+    return json.loads(to_json(estimate_document(made_result())))
 
 
 def text(part):
@@ -112,7 +111,7 @@ def test_a_file_that_was_altered_is_refused(document, keys, value):
 @pytest.mark.parametrize(("name", "value"), [("joint_stiffness", -100.0), ("link_inertia", 2.0)])
 def test_a_parameter_that_contradicts_its_coefficients_is_refused(name, value):
     """Assert that numbers that were altered by hand are no estimate."""
-    document = json.loads(to_json(identification_document(exact(TRUE, "a log"))))
+    document = json.loads(to_json(estimate_document(exact(TRUE, "a log"))))
     assert read_estimate(document).of_joint.parameters[name].value > 0.0
     document["parameters"][name]["value"] = value
     with pytest.raises(SettingError, match=rf"{name}.*follows from the coefficients"):

@@ -6,17 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexid.arrays import to_json
 from flexid.errors import FlexidError, RecordingError, SettingError
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.rigid_joint import rigid_joint
 from flexid.recording.read import read_log
-from flexid.report.documents import to_json
-from flexid.report.identification import identification_document
 from flexid.report.validation import parts
 from flexid.simulation.free_run import free_run
-from flexid.stored_estimates.estimate_file import read_estimate
+from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_estimate as validate_stored
 from made_estimates import stored_document, stored_value
 
@@ -84,7 +83,7 @@ def test_what_identify_reports_comes_again(log, tmp_path):
     """Assert that a stored estimate predicts the end that identify held out as well as that did."""
     result = identify([log], Settings(terms=("gravity", "motor_viscous")))
     path = tmp_path / "estimate.json"
-    path.write_text(to_json(identification_document(result)))
+    path.write_text(to_json(estimate_document(result)))
     start = len(log.recordings[0]) - round(len(log.recordings[0]) / 3)
     # From half a second before the end that was held out, so that the same stretch is predicted.
     part = log.recordings[0].window(start - round(0.5 / STEP), len(log.recordings[0]))

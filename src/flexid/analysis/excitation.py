@@ -7,11 +7,12 @@ smallest singular value says how nearly some combination of them vanishes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexid.arrays import FloatArray
+from flexid.arrays import FloatArray, plain
 from flexid.symmetric import eigen
 
 WEAK_CONDITION = 1e3
@@ -49,6 +50,13 @@ class Excitation:
         """Ratio of the largest to the smallest singular value; infinite if one vanishes."""
         smallest = self.singular_values[-1]
         return float(self.singular_values[0] / smallest) if smallest > 0 else float("inf")
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All but the row's name, ready for JSON."""
+        found = plain(self) | {"condition_number": plain(self.condition_number)}
+        del found["row"]
+        return found
 
 
 def excitation(row: str, coefficients: Sequence[str], regressors: ArrayLike) -> Excitation:

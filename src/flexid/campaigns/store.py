@@ -10,10 +10,10 @@ import polars as pl
 from filelock import FileLock, Timeout
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from flexid.atomic import write_atomically
 from flexid.campaigns.plan import Plan
 from flexid.errors import CampaignError
 from flexid.experiments.variation import MOST_RUNS
+from flexid.files import write_atomically
 from flexid.recording.write import write_parquet
 
 FILE = "campaign.json"

@@ -95,11 +95,11 @@ def hand_over(
 
 
 def _print_answer(answer: "Answer", flags: Mapping[str, Any]) -> None:
-    from flexid.report.terminal import print_parts
-
     if flags["as_json"]:
         print_document(answer._document())
     else:
+        from flexid.report.terminal import print_parts
+
         print_parts([*answer._parts(), *(answer._evidence() if flags.get("explain") else ())])
 
 
@@ -110,11 +110,12 @@ def as_typed() -> str:
 
 def print_document(document: Mapping[str, Any]) -> None:
     """Print JSON on standard output, in ASCII where that does not have every character."""
-    from flexid.report.documents import to_json
-    from flexid.report.terminal import encodable
+    from flexid.arrays import to_json
 
     text = to_json(document)
-    if not encodable(text):
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
         text = json.dumps(json.loads(text), indent=2) + "\n"
     typer.echo(text, nl=False)
 

@@ -30,7 +30,7 @@ from typing import Any
 
 import platformdirs
 
-from flexid.atomic import write_atomically
+from flexid.files import write_atomically
 
 _END = "\n# The kernel ends here.\n"
 

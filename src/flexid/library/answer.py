@@ -12,6 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexid.arrays import to_json
 from flexid.library.arguments import as_path
 
 if TYPE_CHECKING:
@@ -81,8 +82,6 @@ class Answer:
     @property
     def document(self) -> Mapping[str, Any]:
         """Everything but the time series, as the command's ``--json`` has it."""
-        from flexid.report.documents import to_json
-
         return json.loads(to_json(self._document()))
 
     def summary(self) -> str:
@@ -102,7 +101,7 @@ class Answer:
         SettingError
             If it cannot be written.
         """
-        from flexid.report.documents import to_json, write_document
+        from flexid.report.documents import write_document
 
         write_document(as_path("save", "path", path), to_json(self.document))
 
@@ -128,7 +127,6 @@ class Answer:
     def _write_files(self, directory: Path, command: str, out: str, *, csv: bool) -> None:
         """Write what the command writes: document, time series, figures and page."""
         from flexid.report.charts.figure import save_charts
-        from flexid.report.documents import to_json
         from flexid.report.page.page import save_page
 
         (directory / self._file).write_text(to_json(self._document()), encoding="utf-8")

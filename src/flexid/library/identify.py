@@ -187,8 +187,8 @@ def load(path: "str | os.PathLike[str]") -> "JointEstimate":
 
 def estimated(function: str, argument: str, estimate: Any) -> "StoredEstimate":
     """The estimate that is meant: what was identified, a file, or the content of one."""
+    from flexid.arrays import to_json
     from flexid.library.joint_estimate import JointEstimate
-    from flexid.report.documents import to_json
     from flexid.stored_estimates.estimate_file import StoredEstimate, read_estimate
 
     if isinstance(estimate, JointEstimate):
@@ -223,6 +223,11 @@ class ArmEstimate(ReportedAnswer):
     def warnings(self) -> tuple[str, ...]:
         """What one should know before trusting the numbers."""
         return self.result.warnings
+
+    def _document(self) -> Mapping[str, Any]:
+        from flexid.stored_estimates.estimate_file import estimate_document
+
+        return estimate_document(self.result)
 
 
 @in_one_thread

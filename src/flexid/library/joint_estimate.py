@@ -393,6 +393,11 @@ class JointEstimate(ReportedAnswer):
             self.result, given, frequency=frequency, position=position, level=level
         )
 
+    def _document(self) -> Mapping[str, Any]:
+        from flexid.stored_estimates.estimate_file import estimate_document
+
+        return estimate_document(self.result)
+
     def _charts(self) -> "Sequence[Chart]":
         from flexid.report.identification_charts import identification_charts
 

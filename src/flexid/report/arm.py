@@ -2,17 +2,16 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.text import Text
 
 from flexid.arms.result import ArmIdentification
 from flexid.report.charts.description import Chart
-from flexid.report.documents import Presenter, plain
+from flexid.report.documents import Presenter
 from flexid.report.identification import estimates_table, verdict_reasons
 from flexid.report.page.page import Answer, Command, Page, Section, Warned
 from flexid.report.terminal import Column, Part, Table, numbers
-from flexid.stored_estimates.estimate_file import FORMAT_VERSION
+from flexid.stored_estimates.estimate_file import estimate_document
 
 
 def parts(result: ArmIdentification) -> Iterator[Part]:
@@ -105,9 +104,4 @@ def _trust(result: ArmIdentification, joints: Iterable[int]) -> Answer:
     return Answer("Can these numbers be trusted?", word, "fair" if lacking else "good", said)
 
 
-def document(result: ArmIdentification) -> dict[str, Any]:
-    """Everything that was found of an arm, for JSON."""
-    return {"format_version": FORMAT_VERSION, **plain(result)}
-
-
-PRESENTER = Presenter(parts, document, page=page)
+PRESENTER = Presenter(parts, estimate_document, page=page)

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
+from flexid.arrays import plain
 from flexid.comparisons.comparison import Comparison
 from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.comparison_summary import comparison_summary, largest
-from flexid.report.documents import Presenter, plain
+from flexid.report.documents import Presenter
 from flexid.report.page.page import (
     Answer,
     Bullets,

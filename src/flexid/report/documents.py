@@ -1,57 +1,22 @@
-"""How results present themselves: documents for JSON, and files that appear whole or not at all."""
+"""How results present themselves, and files that appear whole or not at all."""
 
-import json
-import math
 import os
 import platform
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexid.analysis.excitation import Excitation
-from flexid.atomic import write_atomically
 from flexid.errors import SettingError
+from flexid.files import write_atomically
 
 if TYPE_CHECKING:
     from flexid.report.charts.description import Chart
     from flexid.report.page.page import Page
     from flexid.report.terminal import Part
-
-
-def excitation_summary(excitation: Excitation) -> dict[str, Any]:
-    """Excitation of one row, ready for JSON."""
-    summary = plain(excitation) | {"condition_number": plain(excitation.condition_number)}
-    del summary["row"]
-    return summary
-
-
-def to_json(document: Mapping[str, Any]) -> str:
-    """Text of a document; numbers that JSON does not have become null."""
-    return json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def plain(value: Any) -> Any:
-    """What JSON has for a value: tables for dataclasses, lists for arrays, null for no number."""
-    if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
-        return {_key(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if callable(listed := getattr(value, "tolist", None)):  # an array, or a number of NumPy
-        return plain(listed())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _key(key: Any) -> Any:
-    """A key; a horizon in s as a number, and that of a free run, which has no end, in a word."""
-    if isinstance(key, float):
-        return "free" if math.isinf(key) else f"{key:g}"
-    return key
 
 
 def write_document(path: Path, text: str) -> None:

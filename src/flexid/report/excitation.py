@@ -24,7 +24,7 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.documents import Presenter, excitation_summary
+from flexid.report.documents import Presenter
 from flexid.report.identification import excitation_lines, verdict_reasons
 from flexid.report.terminal import Column, Part, Table, value_cells, verdict_cell
 
@@ -260,7 +260,7 @@ def document(report: ExcitationReport) -> dict[str, Any]:
     return {
         "model": found.model,
         "coefficients": report.coefficients,
-        "excitation": {row: excitation_summary(e) for row, e in found.excitation.items()},
+        "excitation": {row: e.document for row, e in found.excitation.items()},
         "correlations": report.correlations,
         "advice": report.advice,
         "noise": report.noise,

@@ -1,7 +1,6 @@
-"""An identification as tables, sentences and JSON, with the evidence that ``--explain`` adds."""
+"""An identification as tables and sentences, with the evidence that ``--explain`` adds."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from math import isclose, isfinite, isnan
 from typing import Any
 
@@ -17,7 +16,7 @@ from flexid.identification.vocabulary.evidence import (
     ValueEstimate,
 )
 from flexid.models.parameter_kinds import ANGLES
-from flexid.report.documents import Presenter, excitation_summary, plain
+from flexid.report.documents import Presenter
 from flexid.report.terminal import (
     VERDICT_STYLES,
     Cell,
@@ -29,7 +28,7 @@ from flexid.report.terminal import (
     value_cells,
     verdict_cell,
 )
-from flexid.stored_estimates.estimate_file import FORMAT_VERSION
+from flexid.stored_estimates.estimate_file import estimate_document
 
 
 def identification_parts(result: Identification) -> Iterator[Part]:
@@ -188,27 +187,6 @@ def format_fit(fit: float) -> str:
     return f"{fit:.1f} %" if fit > -1000.0 else "diverges"
 
 
-def identification_document(result: Identification) -> dict[str, Any]:
-    """Everything of an identification but its time series, ready for JSON.
-
-    `flexid.stored_estimates.estimate_file.read_estimate` is the way back.
-    """
-    validation, observer = result.validation, result.observer
-    made = plain(replace(result, recordings=(), validation=replace(validation, runs=())))
-    del made["recordings"], made["validation"]["runs"]
-    for kind in ("coefficients", "parameters", "removed"):
-        for estimate in made[kind].values():
-            del estimate["name"]
-    final = dict(zip(observer.names, observer.estimates[-1], strict=True))
-    return {
-        "format_version": FORMAT_VERSION,
-        **made,
-        "excitation": {row: excitation_summary(e) for row, e in result.excitation.items()},
-        "observer": plain({"final": final, "gains": observer.gains}),
-        "choices": made["choices"] | made["choices"].pop("alignment"),
-    }
-
-
 _LEAST_PROBABILITY = 1e-6  # below which a probability is no more than this
 
 
@@ -294,4 +272,4 @@ def _least_squares(result: Identification) -> Table:
     return table
 
 
-PRESENTER = Presenter(identification_parts, identification_document, evidence=explanation)
+PRESENTER = Presenter(identification_parts, estimate_document, evidence=explanation)

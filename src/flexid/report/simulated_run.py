@@ -23,7 +23,7 @@ from flexid.experiments.measures import (
 )
 from flexid.recording.write import write_parquet
 from flexid.report.charts.description import Axis, Band, Chart, Colour, Level, Line, Panel
-from flexid.report.documents import Presenter, excitation_summary
+from flexid.report.documents import Presenter
 from flexid.report.page.page import Answer, Bullets, Command, Facts, Item, Page, Section
 from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.simulation.run import Run
@@ -248,7 +248,7 @@ def document(experiment: Experiment, run: Run, measures: Measures) -> dict[str, 
         "tracking_rms": measures.tracking_rms,
         "tracking_peak": measures.tracking_peak,
         "peak_inputs": measures.peak_inputs,
-        "excitation": {row: excitation_summary(e) for row, e in measures.excitation.items()},
+        "excitation": {row: e.document for row, e in measures.excitation.items()},
         "statistics": run.statistics,
         "provenance": {
             "flexid_version": flexid.__version__,

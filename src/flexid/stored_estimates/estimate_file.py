@@ -1,4 +1,4 @@
-"""Files that hold an identification: read, checked for their version, made a result once more.
+"""Files that hold an identification: written, read, checked, made a result once more.
 
 What a file holds is an `Identification` without its time series, or an `ArmIdentification`: the
 dataclasses are its schema.
@@ -7,11 +7,13 @@ dataclasses are its schema.
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache, partial
 from math import inf, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from flexid.arrays import plain
 from flexid.errors import SettingError
 from flexid.files import read_bytes
 from flexid.toml_file import Refuse, first_complaint, validated
@@ -43,6 +45,26 @@ _MISSING = {
     **dict.fromkeys(("residual_excess", "condition_number"), inf),
 }
 """What null stands for, by key: for a number that JSON does not have."""
+
+
+def estimate_document(result: "Identification | ArmIdentification") -> dict[str, Any]:
+    """Everything of an estimate but its time series, as a file holds it; numbers stay numbers."""
+    if result.model == "arm":
+        return {"format_version": FORMAT_VERSION, **plain(result)}
+    validation, observer = result.validation, result.observer
+    made = plain(replace(result, recordings=(), validation=replace(validation, runs=())))
+    del made["recordings"], made["validation"]["runs"]
+    for kind in ("coefficients", "parameters", "removed"):
+        for estimate in made[kind].values():
+            del estimate["name"]
+    final = dict(zip(observer.names, observer.estimates[-1], strict=True))
+    return {
+        "format_version": FORMAT_VERSION,
+        **made,
+        "excitation": {row: e.document for row, e in result.excitation.items()},
+        "observer": plain({"final": final, "gains": observer.gains}),
+        "choices": made["choices"] | made["choices"].pop("alignment"),
+    }
 
 
 class StoredEstimate(NamedTuple):

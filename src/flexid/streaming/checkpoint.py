@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.atomic import write_atomically
 from flexid.errors import SettingError
-from flexid.files import read_bytes
+from flexid.files import read_bytes, write_atomically
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Change, Session
 
