@@ -17,11 +17,12 @@ from flexid.arms.fitting import FittedArm, effect_sizes
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.threads import cores
-from flexid.identification.estimation.disturbed import beyond_chance, half_of
 from flexid.identification.estimation.doubts import (
     CALIBRATION,
-    LIKE_A_FRICTION,
-    LIKE_A_TERM,
+    Repeat,
+    between_bands,
+    between_halves,
+    like_a_term,
 )
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -106,30 +107,23 @@ def noise_of_the_inputs(doubted: Doubted) -> FloatArray:
 
 
 def halves_of_the_log(doubted: Doubted) -> FloatArray:
-    """What is not random differs between the halves of the log."""
-    job, fitted = doubted.job, doubted.fitted
-    ends: list[FittedArm] = []
-    for second in (False, True):
-        part = tuple(half_of(r, second=second) for r in job.data.samples)
-        half = replace(job, data=replace(job.data, samples=part)).in_band
-        ends.append(half.with_gains_of(fitted, fitted.by_name))
-    of_a, of_b = (end.unit_deviations**2 for end in ends)
-    difference = 0.5 * (ends[0].values - ends[1].values)
-    return beyond_chance(difference, 0.25 * (of_a + of_b))[:, None]
+    """What is not random differs between the halves of the log, fitted with its gains."""
+    fitted, found = doubted.fitted, []
+    for data in doubted.job.data.halves():
+        half = replace(doubted.job, data=data).in_band.with_gains_of(fitted, fitted.by_name)
+        found.append(Repeat(half.values, half.unit_deviations**2))
+    return between_halves(*found)
 
 
 def another_band(doubted: Doubted) -> FloatArray:
     """What is not random differs between bands."""
-    job, best = doubted.job, doubted.disturbed.best
-    try:
-        other = replace(job, factor=2 * job.factor)
-        found = DisturbedFit(other, other.in_band.fit(best.fitted.by_name, best.sizes), ())
-    except ConvergenceError:
-        return np.zeros((len(doubted.values), 0))
-    variances, own = (np.diag(e.covariance) for e in (found.estimate, doubted.estimate))
-    with np.errstate(invalid="ignore"):  # of what neither knows
-        by_chance = np.abs(variances - own)
-    return beyond_chance(found.fitted.values - doubted.values, by_chance)[:, None]
+    best, job = doubted.disturbed.best, replace(doubted.job, factor=2 * doubted.job.factor)
+    other = DisturbedFit(job, job.in_band.fit(best.fitted.by_name, best.sizes), ())
+    own, narrower = (
+        Repeat(each.fitted.values, np.diag(each.estimate.covariance))
+        for each in (doubted.disturbed, other)
+    )
+    return between_bands(own, [narrower])
 
 
 def other_minima(doubted: Doubted) -> FloatArray:
@@ -137,9 +131,7 @@ def other_minima(doubted: Doubted) -> FloatArray:
     best, rivals = doubted.disturbed.best, doubted.disturbed.rivals
     near = [r.fitted for r in rivals if r.cost < best.cost + RIVAL]
     moved = [rival.values - doubted.values for rival in near]
-    return (
-        np.array(moved).reshape(len(moved), -1).T if moved else np.zeros((len(doubted.values), 0))
-    )
+    return np.column_stack(moved) if moved else np.zeros((len(doubted.values), 0))
 
 
 def negative_values(doubted: Doubted) -> FloatArray:
@@ -171,7 +163,7 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
     for place, (name, _, term) in enumerate(job.balance.placed()):
         seen = sizes[:, place] > 0.0
         friction = isinstance(term, JointTerm) and "v" in term.expression
-        part = np.full(len(shares), LIKE_A_FRICTION) if friction else LIKE_A_TERM * shares
+        part = np.array([like_a_term(share, friction=friction) for share in shares])
         if seen.any():  # where it stands in two balances, the better one tells
             deviations[name] = float(((part * torques)[seen] / sizes[seen, place]).min())
     return np.diag([deviations.get(name, 0.0) for name in doubted.fitted.names])

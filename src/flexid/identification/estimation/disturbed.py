@@ -19,7 +19,6 @@ from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.innovations import Sizes
 from flexid.estimators.rowwise import LeastSquaresFit
-from flexid.estimators.samples import Samples
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimation.band import (
     PER_PERIOD,
@@ -28,7 +27,14 @@ from flexid.identification.estimation.band import (
     thinned,
     thinning,
 )
-from flexid.identification.estimation.doubts import DOUBTS, Doubted, covariance_of
+from flexid.identification.estimation.doubts import (
+    DOUBTS,
+    Doubted,
+    Repeat,
+    between_bands,
+    between_halves,
+    covariance_of,
+)
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.in_band import FitInBand, InBand, observer_following
 from flexid.identification.estimation.skew import shifted, skew
@@ -129,18 +135,6 @@ def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimat
     with np.errstate(invalid="ignore", divide="ignore"):
         short = fitted.unit_deviations / estimate.deviations
     estimate = estimate.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))
-    variances = np.diag(estimate.covariance)
-    added = np.zeros_like(estimate.covariance)
-    others = list(_in_other_bands(found, data))
-    for other in others:
-        by_chance = np.abs(_variances(other) - variances)
-        beyond = beyond_chance(other.values - fitted.values, by_chance)
-        added += np.outer(beyond, beyond) / len(others)
-    halves = _halves(found, data)
-    if halves is not None:
-        by_chance = 0.25 * (_variances(halves[0]) + _variances(halves[1]))
-        beyond = beyond_chance(0.5 * (halves[0].values - halves[1].values), by_chance)
-        added += np.outer(beyond, beyond)
     doubted = Doubted(
         fitted,
         row_sizes(_squares(fitted).rows),
@@ -148,7 +142,12 @@ def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimat
         input_unit,
         _by_gauge(found, data),
     )
-    return estimate.widened(added + covariance_of(DOUBTS, doubted))
+    own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
+    apart = [between_bands(own, [*_in_other_bands(found, data)])]
+    apart += [between_halves(*halves)] if halves else []
+    for errors in apart:
+        estimate = estimate.widened(errors @ errors.T)
+    return estimate.widened(covariance_of(DOUBTS, doubted))
 
 
 def _squares(fitted: Fitted) -> LeastSquaresFit:
@@ -181,17 +180,7 @@ def _rescaled(data: Data, scale: float) -> Data:
     return replace(data, samples=tuple(rescaled))
 
 
-def beyond_chance(difference: FloatArray, variance: FloatArray) -> FloatArray:
-    """The part of differences that is more than chance, with their signs."""
-    square = difference**2 - np.where(np.isfinite(variance), variance, np.inf)
-    return np.sign(difference) * np.sqrt(np.maximum(square, 0.0))
-
-
-def _variances(fitted: Fitted) -> FloatArray:
-    return np.maximum(np.diag(fitted.fit.covariance), fitted.unit_deviations**2)
-
-
-def _in_other_bands(found: Disturbed, data: Data) -> Iterator[Fitted]:
+def _in_other_bands(found: Disturbed, data: Data) -> Iterator[Repeat]:
     """The structure fitted in wider and narrower bands, as far as the log has them."""
     factors = {thinning(data, found.fitted.by_name, share * PER_PERIOD) for share in _BANDS} - {
         found.factor
@@ -202,30 +191,23 @@ def _in_other_bands(found: Disturbed, data: Data) -> Iterator[Fitted]:
             yield other
 
 
-def _halves(found: Disturbed, data: Data) -> tuple[Fitted, Fitted] | None:
+def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
     """The structure fitted to either half of every recording; None where one is too short."""
-    fits = []
-    for second in (False, True):
-        part = replace(data, samples=tuple(half_of(s, second=second) for s in data.samples))
-        fits.append(_again(found, part, found.factor))
-    return (fits[0], fits[1]) if all(fits) else None
+    first, second = (_again(found, half, found.factor) for half in data.halves())
+    return (first, second) if first and second else None
 
 
-def _again(found: Disturbed, data: Data, factor: int) -> Fitted | None:
+def _again(found: Disturbed, data: Data, factor: int) -> Repeat | None:
     fitted = found.fitted
     try:
         other = _fit(fitted.structure, data, factor, fitted.by_name, found.sizes).fitted
     except ConvergenceError:
         return None
     # A channel that is moved out of the log leaves nothing to compare.
-    usable = other.names == fitted.names and other.converged and other.has_partners
-    return other if usable else None
-
-
-def half_of(samples: Samples, *, second: bool) -> Samples:
-    """One half of a recording."""
-    middle = len(samples) // 2
-    return samples.window(middle, len(samples)) if second else samples.window(0, middle)
+    if not (other.names == fitted.names and other.converged and other.has_partners):
+        return None
+    variances = np.maximum(np.diag(other.fit.covariance), other.unit_deviations**2)
+    return Repeat(other.values, variances)
 
 
 def _fit(

@@ -6,8 +6,9 @@ doubt says by how much the values may be off, as directions of errors, shape (k,
 grows by the directions times their transpose.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,13 +27,20 @@ _DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of it
 _LAG = 2e-3  # s: time constants of coils and current loops are hardly longer, whatever the delay
 # Of what a balance leaves unexplained, the part that may look like any one of its terms, for each
 # unit of the share that it is: the more there is, the less of it is chance.
-LIKE_A_TERM = 0.8
-LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
+_LIKE_A_TERM = 0.8
+_LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
 _MOTOR_GRAVITY = frozenset({"gamma1", "gamma_cosine"})
 _SPRINGS = frozenset({"theta2", "alpha1"})
 _VISCOUS = frozenset({"alpha2", "gamma_viscous"})
+
+
+class Repeat(NamedTuple):
+    """A fit to part of a log, or to another band of it."""
+
+    values: FloatArray  # (k,)
+    variances: FloatArray  # (k,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,15 +158,17 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
     """What a balance leaves unexplained may look like any one of its terms in part."""
 
     def deviation(name: str, _: float) -> float:
+        size = doubted.sizes.get(name, 0.0)  # a delay has none
+        share = doubted.shares[balance_of(name)] if size else 0.0
         friction = name.partition("[")[0] in DISSIPATIVE
-        size = doubted.sizes.get(name, 0.0)
-        if not size:  # a delay, of no balance
-            return 0.0
-        share = doubted.shares[balance_of(name)]
-        part = LIKE_A_FRICTION if friction else LIKE_A_TERM * share
-        return part * share / size
+        return like_a_term(share, friction=friction) * share / size if size else 0.0
 
     return doubted.diagonal(deviation)
+
+
+def like_a_term(share: float, *, friction: bool) -> float:
+    """Part of an unexplained share of a balance that may look like one of its terms."""
+    return _LIKE_A_FRICTION if friction else _LIKE_A_TERM * share
 
 
 DOUBTS: tuple[Doubt, ...] = (
@@ -180,6 +190,28 @@ OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart,)
 
 OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, lag, dead_zone)
 """Of an exact fit of a voltage: an amplifier's errors hide in the noise of two encoders."""
+
+
+def between_bands(own: Repeat, others: Sequence[Repeat]) -> FloatArray:
+    """What is not random differs between bands of the log: a direction for each, shape (k, n)."""
+    found = np.zeros((len(own.values), len(others)))
+    for column, other in zip(found.T, others, strict=True):
+        with np.errstate(invalid="ignore"):  # of what neither knows
+            by_chance = np.abs(other.variances - own.variances)
+        column[:] = _beyond_chance(other.values - own.values, by_chance) / np.sqrt(len(others))
+    return found
+
+
+def between_halves(first: Repeat, second: Repeat) -> FloatArray:
+    """What is not random differs between the halves of the log: its direction, shape (k, 1)."""
+    by_chance = 0.25 * (first.variances + second.variances)
+    return _beyond_chance(0.5 * (first.values - second.values), by_chance)[:, None]
+
+
+def _beyond_chance(difference: FloatArray, variance: FloatArray) -> FloatArray:
+    """The part of differences that is more than chance, with their signs."""
+    square = difference**2 - np.where(np.isfinite(variance), variance, np.inf)
+    return np.sign(difference) * np.sqrt(np.maximum(square, 0.0))
 
 
 def covariance_of(doubts: tuple[Doubt, ...], doubted: Doubted) -> FloatArray:

@@ -4,7 +4,7 @@ What is sought are the coefficients of the joint together with what describes th
 of its channels.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic
@@ -68,6 +68,12 @@ class Data:
     def duration(self) -> float:
         """Length of all recordings in s."""
         return sum(len(recording) * recording.sample_time for recording in self.samples)
+
+    def halves(self) -> Iterator["Data"]:
+        """The first and the second half of every recording."""
+        cut = [(own, len(own) // 2) for own in self.samples]
+        yield replace(self, samples=tuple(own.window(0, middle) for own, middle in cut))
+        yield replace(self, samples=tuple(own.window(middle, len(own)) for own, middle in cut))
 
     def with_noise(self, seed: int) -> "Data":
         """The same with noise like that of the sensors added to the positions once more."""
