@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import spline_filter1d
 
 from flexid.arrays import FloatArray
 from flexid.estimators.segments import Segments
@@ -53,6 +52,8 @@ def held_input(
     room = abs(earliest) + len(_OFFSETS)
     padded = np.pad(inputs, ((room, room), (0, 0)), mode="edge")
     if hold == "cubic":
+        from scipy.ndimage import spline_filter1d  # a fifth of a second, for some arms
+
         padded = spline_filter1d(padded, order=3, axis=0)
     padded = padded[room - earliest :]
     around = sliding_window_view(padded, len(_OFFSETS), axis=0)[: len(inputs)]

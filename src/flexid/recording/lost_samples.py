@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import maximum_filter1d
+from numpy.lib.stride_tricks import sliding_window_view
 
 from flexid.recording.channel import Channel
 from flexid.recording.sampling import MOST_GAPS, MOST_JITTER, interpolated
@@ -52,10 +51,12 @@ def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.in
         clear = ratio > _CLEAR
         one_too_many = np.count_nonzero(lost) + np.count_nonzero(clear & (more > 0))
         # Where the motion itself makes steps uneven it stops as often as it doubles.
-        if one_too_many < _LEAST_SHARE * np.count_nonzero(clear & (more < 0)):
+        least = max(FEWEST_PLACES, _LEAST_SHARE * np.count_nonzero(clear & (more < 0)))
+        if one_too_many < least:
             return none
         # A loss spoils the windows around it, so that the clearest of them goes first.
-        clearest = ratio >= maximum_filter1d(ratio, 2 * _AROUND + 1, mode="nearest")
+        around = np.pad(ratio, _AROUND, mode="edge")
+        clearest = ratio >= sliding_window_view(around, 2 * _AROUND + 1).max(axis=1)
         added = np.where(clear & clearest & (more > 0), more, 0)
         if not added.any():
             break
@@ -187,7 +188,11 @@ def _steps(
 ) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.int64]]:
     """Steps of a log with its losses put back, which of them were seen, and where each began."""
     kept = _kept(lost)
-    steps = np.diff(CubicSpline(kept, positions)(np.arange(kept[-1] + 1)), axis=0)
+    if lost.any():
+        from scipy.interpolate import CubicSpline  # half a second, and few logs lose samples
+
+        positions = CubicSpline(kept, positions)(np.arange(kept[-1] + 1))
+    steps = np.diff(positions, axis=0)
     whole = np.repeat(lost == 0, 1 + lost)
     return steps, whole, kept[:-1]
 

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import correlate1d
 from scipy.special import erf
 
 from flexid.arrays import FloatArray
@@ -136,6 +135,8 @@ def _direction(position: FloatArray, sample_time: float) -> FloatArray:
 
 def _slope(values: FloatArray, half: int) -> FloatArray:
     """Slope per sample of the parabola through 2 half + 1 values about each: Savitzky and Golay."""
+    from scipy.ndimage import correlate1d  # a fifth of a second, and few logs get here
+
     places = np.arange(-half, half + 1.0)
     slopes = correlate1d(values, places / (places @ places), mode="nearest")
     for ends, window in (

@@ -49,10 +49,15 @@ class Data:
     noise: FloatArray  # (n_rows,): standard deviation of each position's noise
     # rows whose position was measured relative to another row's, or to an input
     relative_to: Mapping[str, str] = field(default_factory=dict)
-    scales_apart: float = 0.0  # share by which the scales of two encoders contradict each other
     refinement: int = 1  # how many times as many integration steps as usual a fit takes at its end
     # s at both ends of a recording, where late channels lack partners
     largest_delay: float = _MARGIN
+    recordings: tuple[Recording, ...] = ()  # of a joint, as they were read
+
+    @cached_property
+    def scales_apart(self) -> float:
+        """Share by which the scales of two encoders contradict each other."""
+        return max((abs(scales_apart(recording)[0]) for recording in self.recordings), default=0.0)
 
     @cached_property
     def margin(self) -> float:
@@ -96,8 +101,8 @@ def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]
     if joint.kind != "rigid" and recordings[0].link_from_deflection:
         # The link alone has the motor's position as its first input.
         relative = {"link": "motor" if joint.kind == "flexible" else joint.system.inputs[0]}
-    apart = max(abs(scales_apart(recording)[0]) for recording in recordings)
-    return Data(samples, tuple(groups), encoder_noise(samples), relative, apart)
+    noise = encoder_noise(samples)
+    return Data(samples, tuple(groups), noise, relative, recordings=tuple(recordings))
 
 
 def encoder_noise(samples: Sequence[Samples]) -> FloatArray:
