@@ -59,42 +59,21 @@ COMPARED = frozenset({"changed", "perhaps changed", "no change", "contradictory"
 
 @dataclass(frozen=True)
 class Difference:
-    """One number of both estimates.
-
-    Parameters
-    ----------
-    name, unit : str
-        Name and SI unit.
-    a, b : ValueEstimate or None
-        The number in each estimate; None where it has none.
-    without : tuple of str
-        "A" or "B" where the model does without it, and how large it could be is compared.
-    value : float
-        B's minus A's, in the unit; NaN where they are not compared.
-    interval : tuple of float
-        Lower and upper end of the 95 % interval of the difference.
-    percent, percent_interval : float, tuple of float
-        The same in per cent of A's value; NaN where A's may be zero, or is an angle.
-    probability : float
-        Of a difference as large by chance; NaN where they are not compared.
-    outcome : Outcome
-        What the difference deserves.
-    reason : str
-        Why it is not compared; else empty.
-    """
+    """One number of both estimates."""
 
     name: str
-    unit: str
-    a: ValueEstimate | None
+    unit: str  # in SI
+    a: ValueEstimate | None  # the number in each estimate; None where it has none
     b: ValueEstimate | None
+    # "A" or "B" where the model does without it, and how large it could be is compared
     without: tuple[str, ...] = ()
-    value: float = nan
-    interval: tuple[float, float] = (nan, nan)
-    percent: float = nan
+    value: float = nan  # B's minus A's, in the unit; NaN where they are not compared
+    interval: tuple[float, float] = (nan, nan)  # of the difference, at 95 %
+    percent: float = nan  # the same of A's value; NaN where that may be zero, or is an angle
     percent_interval: tuple[float, float] = (nan, nan)
-    probability: float = nan
+    probability: float = nan  # of a difference as large by chance; NaN where not compared
     outcome: Outcome = "not compared"
-    reason: str = ""
+    reason: str = ""  # why it is not compared
 
     @property
     def compared(self) -> bool:
@@ -146,7 +125,7 @@ def _open(value: ValueEstimate) -> bool:
 
     A value whose interval is merely wide is compared: the interval of the difference is as wide.
     """
-    half = 0.5 * (value.interval[1] - value.interval[0])
+    half = value.half_width
     known = isfinite(half) and isfinite(value.value) and 0.0 < value.std < inf
     if not (known and value.degrees_of_freedom > 0.0):
         return True

@@ -88,7 +88,7 @@ def _assessed(
     inflation: float,
     result: Identification,
 ) -> CoefficientAssessment:
-    half = 0.5 * (c.interval[1] - c.interval[0])
+    half = c.half_width
     width = half / abs(c.value) if c.value else (0.0 if half == 0.0 else np.inf)
     alone, partner, correlation = np.nan, "", 0.0
     if name in correlations:

@@ -26,6 +26,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import slopes_of
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.substeps import plain_model
@@ -124,7 +125,7 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     rest = _hanging(found) if position is None else position
     if not np.isfinite(rest):
         raise SettingError("position", f"must be a finite angle in rad, got {rest}")
-    slopes = _slopes(result, tuple(found))
+    slopes = slopes_of([result.coefficients.get(name) for name in found], result.fit.names)
     finite = np.isfinite(np.diag(result.fit.covariance))
     free = (slopes[:, ~finite] != 0.0).any(axis=1) | lost
     used = (slopes != 0.0).any(axis=0) & finite
@@ -146,16 +147,6 @@ def _hanging(coefficients: Mapping[str, float]) -> float:
         if coefficients.get(cosine):
             return -atan2(coefficients[cosine], coefficients.get(sine, 0.0))
     return 0.0
-
-
-def _slopes(result: Identification, names: tuple[str, ...]) -> FloatArray:
-    """Derivatives of the coefficients by what was fitted, shape (k, n_fitted)."""
-    slopes = np.zeros((len(names), len(result.fit.names)))
-    for line, name in zip(slopes, names, strict=True):
-        if name in result.coefficients:
-            for fitted, slope in result.coefficients[name].slopes.items():
-                line[result.fit.names.index(fitted)] = slope
-    return slopes
 
 
 def _square_root(covariance: FloatArray) -> FloatArray:

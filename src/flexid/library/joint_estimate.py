@@ -19,6 +19,7 @@ from flexid.identification.vocabulary.evidence import (
     ParameterEstimate,
     ValueEstimate,
     Verdict,
+    slopes_of,
 )
 from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
 from flexid.library.answer import ReportedAnswer, as_text, data_frame
@@ -196,10 +197,7 @@ class JointEstimate(ReportedAnswer):
         infinite; of what was given it is zero.
         """
         fit = self.result.fit
-        slopes = np.zeros((len(self._every), len(fit.names)))
-        for line, value in zip(slopes, self._every.values(), strict=True):
-            for name, slope in value.slopes.items():
-                line[fit.names.index(name)] = slope
+        slopes = slopes_of([*self._every.values()], fit.names)
         free = ~np.isfinite(np.diag(fit.covariance))
         known = np.where(free[:, None] | free, 0.0, fit.covariance)
         covariance = slopes @ known @ slopes.T

@@ -17,7 +17,7 @@ from flexid.frequency.frequency_response import frequency_response
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate, Fit
-from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.identification.vocabulary.evidence import ParameterEstimate, slopes_of
 from flexid.identification.vocabulary.intervals import CONFIDENCE, interval
 from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.report.bode_chart import bode_chart
@@ -185,11 +185,7 @@ def parameter_estimate(result: Identification) -> Estimate:
     """The physical parameters that were estimated, with their common covariance."""
     names = [name for name, p in result.parameters.items() if p.slopes and np.isfinite(p.std)]
     fit = result.fit
-    place = {name: i for i, name in enumerate(fit.names)}
-    slopes = np.zeros((len(names), len(fit.names)))
-    for i, name in enumerate(names):
-        for coefficient, slope in result.parameters[name].slopes.items():
-            slopes[i, place[coefficient]] = slope
+    slopes = slopes_of([result.parameters[name] for name in names], fit.names)
     finite = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0)
     covariance = slopes @ finite @ slopes.T
     values = np.array([result.parameters[name].value for name in names])

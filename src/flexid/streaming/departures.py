@@ -91,7 +91,7 @@ def stream_terms(terms: Sequence[str], kind: str) -> tuple[str, ...]:
 def _reference(result: "Identification") -> dict[str, tuple[float, float]]:
     """Value of each physical parameter that is determined, and half of its 95 % interval."""
     return {
-        name: (found.value, 0.5 * (found.interval[1] - found.interval[0]))
+        name: (found.value, found.half_width)
         for name, found in result.parameters.items()
         if found.verdict == "determined" and _is_known(found)
     }
@@ -147,9 +147,8 @@ def departures(
         now = parameters.get(name)
         if now is None or not isfinite(now.std):
             continue
-        half = 0.5 * (now.interval[1] - now.interval[0])
         whole = 1.0 if name in ANGLES else abs(was)
-        allowed = max(widths * (half**2 + half_was**2) ** 0.5, least * whole)
+        allowed = max(widths * (now.half_width**2 + half_was**2) ** 0.5, least * whole)
         excess = abs(difference(name, was, now.value)) / allowed if allowed > 0.0 else 0.0
         if excess > 1.0:
             found.append(Departure(name, now.unit, was, now.value, excess))

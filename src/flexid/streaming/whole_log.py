@@ -263,7 +263,7 @@ def _apart(estimate: Estimate, head: Mapping[str, CoefficientEstimate]) -> Float
         if beside is None or not freedom > 0.0:
             continue
         half = quantile(freedom) * float(estimate.deviations[place])
-        other = 0.5 * (beside.interval[1] - beside.interval[0])
+        other = beside.half_width
         apart = abs(float(estimate.values[place]) - beside.value)
         if np.isfinite(apart) and apart > np.hypot(half, other):
             found[place] = apart

@@ -60,7 +60,7 @@ def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, flo
     """Half the widest interval, over the value or over what moves its row, whichever is less."""
 
     def relative(found: CoefficientEstimate) -> float:
-        half = 0.5 * (found.interval[1] - found.interval[0])
+        half = found.half_width
         if half == 0.0:
             return 0.0  # given
         own = 1.0 / abs(found.value) if found.value else np.inf

@@ -1,6 +1,6 @@
 """What the steps of an identification find out, each as the reports need it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -36,10 +36,24 @@ class ValueEstimate:
         numbers = f"{self.value:.6g} [{low:.6g}, {high:.6g}]"
         return f"{self.name} = {numbers} {self.unit}, {self.verdict}"
 
+    @property
+    def half_width(self) -> float:
+        """Half of the 95 % interval, in the unit."""
+        return 0.5 * (self.interval[1] - self.interval[0])
+
     def interval_at(self, level: float) -> tuple[float, float]:
         """Interval at any level, which is a probability such as 0.99."""
         ends = logarithmic_interval if self.logarithmic else interval
         return ends(self.value, self.std, self.degrees_of_freedom, checked_level(level))
+
+
+def slopes_of(values: Sequence[ValueEstimate | None], names: Sequence[str]) -> FloatArray:
+    """Derivatives of values by what was fitted, shape (n_values, n_names); of none they are 0."""
+    slopes = np.zeros((len(values), len(names)))
+    for line, value in zip(slopes, values, strict=True):
+        for name, slope in ({} if value is None else value.slopes).items():
+            line[names.index(name)] = slope
+    return slopes
 
 
 @dataclass(frozen=True)
