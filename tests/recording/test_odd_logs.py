@@ -50,6 +50,9 @@ READ: dict[str, str | bytes] = {
         "time{s},link_position{deg},motor_position{deg},motor_torque{Nm}", DEGREES
     ),
     "units in words": headed(f"{HEADER}\nseconds,degrees,degrees,newton metres", DEGREES),
+    "units above the names": headed(f"s,deg,deg,Nm\n{HEADER}", DEGREES),
+    "names below their groups": headed("x,link,motor,motor\ntime,pos,pos,tau".replace("x", "")),
+    "numbers in a preamble": headed(f"Samples,400,400,400\nStep,1,1,1\n{HEADER}"),
     "a row of groups": headed(f"Axis 1,Axis 1,Axis 1,Axis 1\n{HEADER}"),
     "paths of a simulation": headed(
         "time,logsout.link_position.Data,logsout.motor_position.Data,logsout.motor_torque.Data"
@@ -208,6 +211,31 @@ def test_no_time_but_a_sample_time() -> None:
         assert_words(words, refused(read_columns, columns, {**given, "sample_time": bad}))
     message = refused(read_columns, COLUMNS, {**given, "time": "time"})
     assert_words("key 'sample_time': the map names a column for the time, too", message)
+
+
+def test_a_velocity_without_values_is_not_used() -> None:
+    """Assert that an empty column costs nothing but a warning."""
+    log = read_columns({**COLUMNS, "motor_velocity": np.full(400, np.nan)})
+    same_numbers(log)
+    assert_words("'motor_velocity': there are no values, so it is not used", log.warnings[0])
+
+
+def test_zeros_before_the_drive_answers() -> None:
+    """Assert that what a logger writes until then is left out."""
+    columns = {name: values + (0.5 if name != "time" else 0.0) for name, values in COLUMNS.items()}
+    for name in columns:
+        columns[name][:50] *= 1.0 if name == "time" else 0.0
+    log = read_columns(columns)
+    assert [len(recording) for recording in log.recordings] == [350]
+    assert_words("nothing changes from 0 s to 0.245 s", log.warnings[0])
+
+
+def test_a_log_that_repeats_every_sample_is_named() -> None:
+    """Assert that positions that all stand still in most steps are no lost samples."""
+    held = np.arange(400) // 5 * 5
+    columns = {name: values[held] for name, values in COLUMNS.items()}
+    log = read_columns({**columns, "time": COLUMNS["time"]})
+    assert_words("changes only every 5 samples", log.warnings[0])
 
 
 UNITS = {

@@ -39,8 +39,9 @@ _DEAD_INPUT = "nothing drives the motor; without the column the link is identifi
 
 def check_magnitude(file: str, name: str, channel: Channel) -> None:
     """Raise if a channel holds absurdly large values."""
-    largest = max(float(channel.values.max()), -float(channel.values.min()))
-    if not largest <= LARGEST_VALUE:
+    sizes = np.abs(channel.values)
+    if np.any(sizes > LARGEST_VALUE):
+        largest = float(np.nanmax(sizes))
         reason = f"{name} reaches {largest:.3g} {channel.unit}: correct the cell or the unit"
         raise RecordingError(file, channel.place, reason)
 

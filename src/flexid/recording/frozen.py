@@ -92,7 +92,9 @@ def _of_all(channels: Sequence[FloatArray], positions: Sequence[_Position]) -> I
     count = len(channels[0])
     for start, stop in _unchanging(channels):
         lost = stop == count or any(_jumps(one, stop - 1) for one in positions)
-        if lost and stop - start >= _SHARE * count and any(_unbraked(p, start) for p in positions):
+        # At the beginning, a logger writes zeros until the drive answers.
+        moved = start == 0 or any(_unbraked(p, start) for p in positions)
+        if lost and stop - start >= _SHARE * count and moved:
             yield start, stop
 
 

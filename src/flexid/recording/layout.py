@@ -141,8 +141,8 @@ def _above(
     distinct = [line for line in named if not _repeats(_names(line, separator))]
     header = (distinct or named)[-1]
     if units is None:
-        below = [line for line in fitting if line.number > header.number]
-        units = next((line for line in below if _is_units(_names(line, separator))), None)
+        others = [line for line in fitting if line is not header]
+        units = next((line for line in others if _is_units(_names(line, separator))), None)
     return header, units
 
 
@@ -259,6 +259,8 @@ def _layout(
     if units is not None:
         below = zip(names, _names(units, separator), strict=True)
         names = [_with_unit(file, units.number, name, unit) for name, unit in below]
+    if len({*names}) < len(names):
+        names = _grouped(lines, header, names, separator)
     twins = tuple(
         (name, f"{name} #{place}")
         for place, name in enumerate(names, start=1)
@@ -269,6 +271,20 @@ def _layout(
     before = [line.number for line in lines if line.number < header.number and not line.is_comment]
     skipped = (before[0], before[-1]) if before else ()
     return Layout(tuple(names), separator, header.number, *first_row, skipped, twins=twins)
+
+
+def _grouped(lines: list[_Line], header: _Line, names: list[str], separator: str) -> list[str]:
+    """Names that repeat, each behind that of its group, where a line above names all of these."""
+    above = [_names(line, separator) for line in lines if line.number < header.number]
+    fitting = [cells for cells in above if len(cells) == len(names) and not _is_row(cells)]
+    if not fitting:
+        return names
+    groups, group = [], ""
+    for cell in fitting[-1]:
+        group = cell or group
+        groups.append(group)
+    found = [f"{group} {name}".strip() for group, name in zip(groups, names, strict=True)]
+    return names if _repeats(found) else found
 
 
 def without_twins(file: str, layout: Layout, frame: polars.DataFrame) -> polars.DataFrame:

@@ -61,9 +61,18 @@ def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.in
         if not added.any():
             break
         lost = lost + added
+        if _windows_without(lost) < _FEWEST_WINDOWS * len(positions):
+            return none
     explained = lost * _explained(seen, lost)
     enough = np.count_nonzero(explained) >= _LEAST_EXPLAINED * np.count_nonzero(lost)
     return explained if enough else none
+
+
+def _windows_without(lost: NDArray[np.int64]) -> int:
+    """How many windows there are, as long as any that is learnt from, in which nothing is lost."""
+    gone = np.cumsum(np.concatenate(([0], lost > 0)))
+    length = 2 * _AROUND + _MOST_LOST + 1
+    return int(np.count_nonzero(gone[length:] == gone[:-length]))
 
 
 def lost_by_the_clock(time: FloatArray) -> NDArray[np.int64]:
@@ -172,7 +181,8 @@ class _Interpolator:
             kept &= np.max(np.abs(errors) / usual, axis=1) < _TRIMMED
         left = errors[kept]
         floor = _ALIKE * np.mean(sums**2, axis=0) + np.finfo(float).tiny
-        return cls(weights, np.linalg.cholesky(left.T @ left / max(len(left), 1) + np.diag(floor)))
+        root = np.linalg.cholesky(left.T @ left / max(len(left), 1) + np.diag(floor))
+        return cls(weights.astype(np.float64), root.astype(np.float64))
 
     def surprise(self, beside: FloatArray, own: FloatArray) -> FloatArray:
         """Minus the logarithm of each step's likelihood."""
@@ -200,8 +210,8 @@ def _steps(
 def _around(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:
     """The steps on either side of one that covers so many lost samples, and a constant."""
     offsets = [*range(-_AROUND, 0), *range(lost + 1, lost + 1 + _AROUND)]
-    beside = steps[firsts[:, None] + offsets].reshape(len(firsts), -1)
-    return np.column_stack((beside, np.ones(len(firsts))))
+    beside = [steps[firsts + offset] for offset in offsets]
+    return np.column_stack((*beside, np.ones(len(firsts))))
 
 
 def _sums(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:

@@ -141,7 +141,8 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     number = joint[1] if joint else ""
     sides = words.sides - {"joint"}
     of_joint = "joint" in words.sides and not sides
-    quantities = words.quantities
+    is_time = {*words.quantities} == {"time"}  # as time t, below a row of groups
+    quantities = words.quantities[:1] if is_time else words.quantities
     is_encoder = not {"enc", "encoder"}.isdisjoint(words.all)
     if not quantities and sides and (is_encoder or not CLEAR_SIDES.isdisjoint(words.all)):
         measured = quantity_of(unit) if unit else "position" if is_encoder else None

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.recording.caution import Caution, Rank
-from flexid.recording.channel import INPUTS
+from flexid.recording.channel import INPUTS, VELOCITIES
 from flexid.recording.names import first_times, quoted
 from flexid.recording.sampling import EVEN, GAP, MOST_GAPS, interpolated
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
 _PASSED = 0.8  # of half the slower rate, up to which an input passes
 _LENGTH = 4.0  # samples of the slower clock to either side that the filter spans
+_LARGEST = 1e100  # of a value that can be interpolated
 _WRAP = 0.5  # of a position's range, which no position moves within one sample
 
 
@@ -50,6 +51,12 @@ def on_one_clock(
     """
     for name, stamps in clocks.items():
         _check_stamps(file, name, stamps)
+    for signal in signals:
+        largest = float(np.abs(signal.values).max())
+        if largest > _LARGEST:
+            raise RecordingError(
+                file, f"{signal.header!r}", f"it reaches {largest:.3g}: correct the value"
+            )
     # Of the samples where there are some: a clock that paused is no slower for that.
     rates = {name: 1.0 / float(np.median(np.diff(t))) for name, t in clocks.items()}
     slowest = min(rates.values())
@@ -101,6 +108,13 @@ def without_holes(
     sampled at different rates, and each has the times at which it has values.
     """
     there = {name: ~np.isnan(channel.values) for name, channel in channels.items()}
+    unused = {name for name in VELOCITIES if name in there and not there[name].any()}
+    if unused:
+        columns = " and ".join(channels[name].place for name in sorted(unused))
+        warning = f"{file}: {columns}: there are no values, so it is not used: leave it out"
+        left = {name: own for name, own in channels.items() if name not in unused}
+        found, time, more = without_holes(file, left, time)
+        return found, time, (warning, *more)
     whole = np.logical_and.reduce([*there.values()])
     if whole.all():
         return channels, time, ()

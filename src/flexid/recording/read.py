@@ -38,8 +38,9 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     channels, warnings = read_channels(table, columns)
     warnings = tuple(dict.fromkeys(table.warnings + warnings))
     origins = {name: channel.origin for name, channel in channels.items()}
+    for name, channel in channels.items():
+        checks.check_magnitude(table.file, name, channel)
     time = channels.pop("time")
-    checks.check_magnitude(table.file, "time", time)
     channels, time, repeated = without_repeats(table, channels, time)
     channels, time, holes = without_holes(table.file, channels, time)
     channels, time, frozen = without_frozen(table.file, channels, time)
@@ -72,7 +73,6 @@ def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:
     """Check every channel by itself."""
     warnings: tuple[str, ...] = ()
     for name, channel in channels.items():
-        checks.check_magnitude(file, name, channel)
         checks.check_varies(file, name, channel)
         warnings += cautions(Rank.DATA, checks.check_saturation(file, name, channel))
         warnings += cautions(Rank.DATA, checks.check_repeats(file, name, channel))

@@ -43,7 +43,7 @@ _OTHERS = {
     ),
     "filler": (
         "meas measured act actual enc encoder side sensor value values data shaft of the "
-        "ist istwert gemessen mesure de du la le del della do da van"
+        "ist istwert gemessen mesure mesuree misurata medida medido de du la le del della do da van"
     ),
     "filler of time": "date stamp elapsed rel relative since start sim simulation ros abs system",
 }

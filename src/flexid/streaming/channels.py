@@ -1,7 +1,7 @@
 """Which of a stream's channels are learnt from: time, one or two encoders, and the input."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from flexid.errors import RecordingError
 from flexid.identification.preparation.joint import Kind
@@ -18,6 +18,8 @@ class StreamChannels:
     from_deflection: bool  # whether the first position is the joint's deflection
     warnings: tuple[str, ...]  # what was assumed
     motor_turn: float = 0.0  # see `WatchOptions`
+    # by name and in a sample's order, with the values of the first samples
+    sampled: Mapping[str, Channel] = field(default_factory=dict, compare=False)
 
     @property
     def words(self) -> str:
@@ -53,5 +55,14 @@ def chosen_channels(
     from_deflection = kind != "rigid" and link == "deflection"
     gear = channels["motor_position"].origin.gear_ratio
     turn = TURN / abs(gear) if gear else 0.0
-    meant = StreamChannels(kind, unit, from_deflection, warnings, turn)  # type: ignore[arg-type]
-    return [name for name in names if name], meant
+    names = [name for name in names if name]
+    sampled = {name: channels[name] for name in names}
+    meant = StreamChannels(
+        kind,  # type: ignore[arg-type]
+        unit,
+        from_deflection,
+        warnings,
+        turn,
+        sampled,
+    )
+    return names, meant

@@ -16,6 +16,7 @@ from flexid.streaming.checkpoint import read_session
 from flexid.streaming.departures import not_accounted_for
 from flexid.streaming.incoming import Incoming, Replay, TextSamples, is_whole_log
 from flexid.streaming.options import WatchOptions, options_of_stream, wanted_kind
+from flexid.streaming.scales import Scales
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
 from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, TextStream, sample_time_of
@@ -121,6 +122,7 @@ class Follower:
         self._stop_at_end = stop_at_end
         self._is_file = source != "-" and "://" not in source
         self._read_before: ReadBefore | None = None
+        self._scales: Scales | None = None
 
     def _opened(self) -> Incoming:
         if is_whole_log(self._source):
@@ -180,6 +182,8 @@ class Follower:
         while done < len(samples):
             part = samples[done : done + between - session.fed % between]
             session.feed(part)
+            if self._scales is not None:
+                self.warnings += self._scales.take(part)
             if self._read_before is not None:
                 self._read_before.note(part)
             done += len(part)
@@ -194,6 +198,7 @@ class Follower:
         if sample_time is None:
             sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
         options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
+        self._scales = Scales(incoming.name, channels, sample_time)
         if self._estimate is not None:
             self.warnings += tuple(not_accounted_for(self._estimate, sample_time))
         return opened_session(options, self._checkpoint)

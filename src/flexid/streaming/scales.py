@@ -1,0 +1,92 @@
+"""Whether the units and scales of a stream make sense: the checks of a log, once it has moved."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
+from flexid.recording import checks
+from flexid.recording.channel import INPUTS, Channel
+from flexid.recording.read import ENCODERS, add_link_position, recording_of
+from flexid.recording.sampling import GAP
+from flexid.recording.slow_motion import motion_warnings
+from flexid.recording.wraps import TURN
+from flexid.streaming.channels import StreamChannels
+
+_DURATION = 20.0  # s that are looked at
+_FEWEST = 500  # samples of them
+_MOST = 100_000
+_MOVED = 0.1  # rad by which the motor has to move meanwhile; until then the stretch goes on
+
+
+class Scales:
+    """The first samples of a stream, until they are checked."""
+
+    def __init__(self, source: str, channels: StreamChannels, sample_time: float) -> None:
+        self._source, self._channels, self._sample_time = source, channels, sample_time
+        self._wanted = min(max(round(_DURATION / sample_time), _FEWEST), _MOST)
+        self._parts: list[FloatArray] | None = []  # None as soon as they are checked
+
+    def take(self, samples: FloatArray) -> tuple[str, ...]:
+        """What is wrong, a sentence each, as soon as enough samples have come."""
+        if self._parts is None:
+            return ()
+        self._parts.append(samples[np.isfinite(samples).all(axis=1)])
+        if sum(map(len, self._parts)) < self._wanted:
+            return ()
+        taken = np.concatenate(self._parts)
+        later = taken[:, 0] > np.maximum.accumulate(np.concatenate(([-np.inf], taken[:-1, 0])))
+        taken = taken[later]
+        names = [*self._channels.sampled]
+        if len(taken) < _FEWEST or np.ptp(taken[:, names.index("motor_position")]) < _MOVED:
+            self._parts = []
+            return ()
+        self._parts = None
+        return tuple(dict.fromkeys(self._found(dict(zip(names, taken.T, strict=True)))))
+
+    def _found(self, values: dict[str, FloatArray]) -> Iterable[str]:
+        channels = {
+            name: replace(channel, values=self._unwrapped(name, values[name]))
+            for name, channel in self._channels.sampled.items()
+        }
+        time, source = channels.pop("time").values, self._source
+        for name, channel in channels.items():
+            yield from checks.check_whole(source, name, channel)
+        if "deflection" not in channels:
+            yield from _warnings(lambda: self._of_encoders(channels, time))
+        for name in INPUTS:
+            if name in channels:
+                yield from checks.check_power(source, name, channels, time)
+        if np.diff(time).max() < GAP * self._sample_time:
+            add_link_position(channels)
+            part = slice(0, len(time))
+            recording = recording_of(source, channels, time, self._sample_time, part)
+            columns = [channels[name].column for name in ENCODERS if name in channels]
+            yield from motion_warnings(
+                recording, f"{source}: columns {' and '.join(map(repr, columns))}"
+            )
+
+    def _of_encoders(self, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
+        encoders = {name: channels[name] for name in ENCODERS if name in channels}
+        found: tuple[str, ...] = ()
+        if len(encoders) == 2:
+            found = checks.check_two_encoders(self._source, *encoders.values())
+        for name, channel in encoders.items():
+            found += checks.check_speed(self._source, name, channel, time)
+        return found
+
+    def _unwrapped(self, name: str, values: FloatArray) -> FloatArray:
+        if name not in ENCODERS:
+            return values
+        geared = self._channels.motor_turn if name == "motor_position" else 0.0
+        return np.unwrap(values, period=geared or TURN)
+
+
+def _warnings(check: Callable[[], tuple[str, ...]]) -> tuple[str, ...]:
+    """What a check says, be it that a log would be refused."""
+    try:
+        return check()
+    except RecordingError as error:
+        return (str(error),)
