@@ -108,6 +108,16 @@ def test_the_share_by_which_scales_differ(scale: float, share: float):
     assert scales_apart(found)[0] == pytest.approx(share, abs=1e-3)
 
 
+@pytest.mark.parametrize(("samples", "said"), [(24, "-0.048"), (-50, "0.1"), (10, "")])
+def test_an_input_that_is_far_off_in_time(samples: int, said: str):
+    """Assert that a delay that no fit seeks is named, and one that is sought is not."""
+    found = changed(torque=lambda values: np.roll(values, samples)).warnings
+    assert len(found) == bool(said)
+    for warning in found:
+        assert f"give --input-delay={said}" in warning
+        assert rank_of(warning) == Rank.SCALE
+
+
 def test_a_scale_in_a_small_motion_is_left_open():
     """Assert that nothing is said where the angle is too much like its sine."""
     small = simulated(0.1)

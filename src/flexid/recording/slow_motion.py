@@ -42,6 +42,11 @@ _WRONG_UNITS = (  # factor; whether a share of the angle itself is allowed for a
 )
 _WIDE = 1.0  # rad of motion: in less an angle is too much like its sine
 _CERTAIN = 10.0  # standard errors: up to 7 where nothing is wrong, 50 of 0.5 % in most logs
+_LATEST, _LATE_STEP = 0.25, 0.005  # s: delays of an input that are tried
+_FOUND_BY_A_FIT = 0.03  # s: delays up to there are sought with the parameters
+_FEWEST_REACHES = 8  # in a log whose input is tried at so large a delay to either side
+_UNEXPLAINED = 0.005  # of an input's variance: less is left where it is on time
+_FITS_LATER = 0.25  # of what is left, at another time: 0.5 or more where an input is on time
 _SMALLEST, _LARGEST = 0.003, 0.1
 """Errors of a scale that are named: smaller ones change next to nothing; larger ones are a soft
 joint, or one that is moved from outside, whose deflection the motion does not explain."""
@@ -84,6 +89,43 @@ def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
                 f"gear_ratio divided by it, would agree)",
                 Rank.SCALE,
             )
+        late = input_lateness(recording, smoothed)
+        if late:
+            yield Caution(
+                f"{place}: the input explains their motion best if it acts {abs(late):.3g} s "
+                f"{'later' if late > 0.0 else 'earlier'} than it stands in the log, which is more "
+                f"than a fit looks for: put all channels on one clock, or give "
+                f"--input-delay={late:.3g}",
+                Rank.SCALE,
+            )
+
+
+def input_lateness(recording: Recording, smoothed: _Smoothing) -> float:
+    """How much later in s than it was logged an input acts, beyond what a fit finds; else 0.
+
+    The motor's balance takes the smoothed input, at each of many delays, by least squares.
+    """
+    motor, link, acts = recording.motor_position, recording.link_position, recording.input
+    reach = round(_LATEST / recording.sample_time)
+    if link is None or acts is None or len(motor) < _FEWEST_REACHES * reach:
+        return 0.0
+    inside = slice(reach, len(motor) - reach)
+    moved, bent = motor[inside], (link - motor)[inside]
+    balance = [smoothed(moved, 2), smoothed(moved, 1), smoothed.sign(moved), smoothed(bent)]
+    matrix, _ = _scaled([*balance, np.ones_like(balance[0])])
+    basis = np.linalg.qr(matrix)[0]
+
+    def left(samples: int) -> float:
+        own = smoothed(acts[reach - samples : len(acts) - reach - samples])
+        return float(np.sum((own - basis @ (basis.T @ own)) ** 2) / np.sum((own - own.mean()) ** 2))
+
+    step = max(1, round(_LATE_STEP / recording.sample_time))
+    delays = range(-step * (reach // step), reach + 1, step)
+    found = {delay: left(delay) for delay in delays}
+    best = min(found, key=lambda delay: found[delay])
+    is_late = abs(best) * recording.sample_time > _FOUND_BY_A_FIT
+    clear = found[0] > _UNEXPLAINED and found[best] < _FITS_LATER * found[0]
+    return best * recording.sample_time if is_late and clear else 0.0
 
 
 def scales_apart(recording: Recording) -> tuple[float, float]:
