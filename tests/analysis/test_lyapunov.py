@@ -63,51 +63,40 @@ def test_value_never_rises_along_7(history):
     assert watch(history).rise_in_tolerances < ALLOWED_RISE
 
 
-def test_a_rise_of_a_millionth_is_seen(history):
-    """Assert that errors which grow by a millionth after a pause are reported as a rise."""
+def test_small_rises_are_seen(history):
+    """Assert that a jump of a millionth, or a slow creep that adds up, is reported as a rise."""
     errors = history.errors.copy()
     errors[2001:] = errors[2000] * (1 + 1e-6)
     watched = watch(replace(history, errors=errors))
     assert watched.rises
     assert watched.largest_rise == pytest.approx(2e-6 * watched.value[2000], rel=1e-3)
-
-
-def test_a_slow_creep_is_seen(history):
-    """Assert that many small rises add up: the comparison is with the smallest value so far."""
     errors = history.errors[0] * (1 + 1e-9 * np.arange(len(TIME)))[:, None]
     assert watch(replace(history, errors=errors)).rises
 
 
 def test_dissipation_balances_the_fall_of_the_value(history):
-    """Assert that the integral of V' is the change of V, so that the mismatch is in L2."""
+    """Assert that the integral of V' is the change of V, but of a wrong gain in eq. (9)."""
     watched = watch(history)
     assert watched.imbalance < trapezoidal_error(watched) < 1e-4
-
-
-def test_wrong_gain_breaks_the_balance(history):
-    """Assert that the balance would notice a wrong gain in eq. (9)."""
     assert watch(replace(history, gain=0.8)).imbalance > 0.1
 
 
-def test_vanishing_errors_settle_at_zero(history):
-    """Assert that errors of an exciting motion are reported as settled and gone."""
-    errors = history.errors * np.exp(-TIME)[:, None]
-    assert all(limit.vanished for limit in watch(replace(history, errors=errors)).limits)
-
-
-def test_constant_errors_settle_but_do_not_vanish(history):
-    """Assert that errors which stop away from zero are settled and not gone."""
-    errors = np.tile([1.0, -2.0], (len(TIME), 1))
-    limits = watch(replace(history, errors=errors)).limits
-    assert [limit.settled for limit in limits] == [True, True]
-    assert [limit.vanished for limit in limits] == [False, False]
-
-
-def test_oscillating_errors_do_not_settle(history):
-    """Assert that errors without a limit are not called settled, which the theorem leaves open."""
-    errors = np.sin(np.log1p(TIME))[:, None] * [1.0, 1.0] + 1.0
-    limits = watch(replace(history, errors=errors), window=5.0).limits
-    assert not any(limit.settled for limit in limits)
+@pytest.mark.parametrize(
+    ("errors", "window", "settled", "vanished"),
+    [
+        (None, 2.0, True, True),
+        (np.tile([1.0, -2.0], (len(TIME), 1)), 2.0, True, False),
+        # Without a limit, which the theorem leaves open.
+        (np.sin(np.log1p(TIME))[:, None] * [1.0, 1.0] + 1.0, 5.0, False, False),
+    ],
+    ids=["vanishing", "constant", "oscillating"],
+)
+def test_limits_of_errors(history, errors, window, settled, vanished):
+    """Assert that errors are called settled where they stop, and gone where that is zero."""
+    if errors is None:
+        errors = history.errors * np.exp(-TIME)[:, None]
+    limits = watch(replace(history, errors=errors), window=window).limits
+    assert {(limit.settled, limit.vanished) for limit in limits} == {(settled, vanished)}
 
 
 def test_late_rate_is_that_of_the_window(history):

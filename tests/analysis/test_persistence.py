@@ -97,26 +97,22 @@ def test_a_window_that_does_not_fit_is_refused(window):
         persistence(history(np.ones((2001, 1))), STEP, window)
 
 
-def test_decay_rate_of_an_exponential():
-    """Assert that the rate of a pure exponential, rippled within the window, is found."""
-    time = np.arange(0.0, 20.0, 0.01)
-    ripple = 1 + 0.3 * np.sin(2 * np.pi * time)
-    errors = (np.exp(-0.4 * time) * ripple)[:, None] * [1.0, -3.0]
-    assert decay_rate(time, errors, 1.0, 0.0) == pytest.approx(0.4, rel=1e-3)
+LONG = np.arange(0.0, 20.0, 0.01)
+RIPPLE = 1 + 0.3 * np.sin(2 * np.pi * LONG)
 
 
-def test_decay_rate_ignores_what_lies_below_the_floor():
-    """Assert that an error that ends in the integrator's noise keeps its rate."""
-    time = np.arange(0.0, 20.0, 0.01)
-    errors = np.maximum(np.exp(-2.0 * time), 1e-9)[:, None]
-    assert decay_rate(time, errors, 0.5, 1e-8) == pytest.approx(2.0, rel=1e-3)
-
-
-def test_decay_rate_takes_the_slowest_direction():
-    """Assert that a fast mode in the first half does not colour the rate."""
-    time = np.arange(0.0, 20.0, 0.01)
-    errors = np.column_stack([np.exp(-0.1 * time), 10 * np.exp(-3.0 * time)])
-    assert decay_rate(time, errors, 0.5, 0.0) == pytest.approx(0.1, rel=1e-3)
+@pytest.mark.parametrize(
+    ("errors", "window", "floor", "rate"),
+    [
+        ((np.exp(-0.4 * LONG) * RIPPLE)[:, None] * [1.0, -3.0], 1.0, 0.0, 0.4),
+        (np.maximum(np.exp(-2.0 * LONG), 1e-9)[:, None], 0.5, 1e-8, 2.0),
+        (np.column_stack([np.exp(-0.1 * LONG), 10 * np.exp(-3.0 * LONG)]), 0.5, 0.0, 0.1),
+    ],
+    ids=["rippled within the window", "ends in the integrator's noise", "slowest direction"],
+)
+def test_decay_rate_of_an_exponential(errors, window, floor, rate):
+    """Assert that the rate of the slowest exponential above the floor is found."""
+    assert decay_rate(LONG, errors, window, floor) == pytest.approx(rate, rel=1e-3)
 
 
 def test_decay_rate_of_too_few_windows_is_no_number():

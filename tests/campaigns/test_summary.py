@@ -67,14 +67,11 @@ def finished(tmp_path_factory):
     return summarise(write_campaign(tmp_path_factory.mktemp("finished")))
 
 
-def test_statuses_are_counted(finished):
-    """Assert that every run counts once, the most frequent status first."""
+def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(finished):
+    """Assert that each run counts once, values of diverged runs never, and NaN as missing."""
     assert list(finished.statuses.items()) == [("finished", 360), ("diverged", 40)]
     assert (finished.complete, finished.done, finished.finished) == (True, 400, 360)
 
-
-def test_quantiles_are_those_of_finished_runs(finished):
-    """Assert that the made-up values of diverged runs do not count, and NaN counts as missing."""
     error = result(finished, "final_error.theta1")
     assert error.quantiles == pytest.approx((-18.0, 0.0, 18.0), abs=3.0)
     settling = result(finished, "settling_time.theta1")
@@ -83,15 +80,11 @@ def test_quantiles_are_those_of_finished_runs(finished):
 
 
 def test_the_input_that_matters_comes_first(finished):
-    """Assert that a falling law has rank correlation -1, and the other input is not significant."""
+    """Assert that a falling law has rank correlation -1, and others, or signed errors, none."""
     first, second = result(finished, "tracking_rms").correlations
     assert (first.input, first.value) == ("controller.k", pytest.approx(-1.0))
     assert first.significant
     assert not second.significant
-
-
-def test_signed_results_are_judged_by_their_magnitude(finished):
-    """Assert that an error that changes its sign with an input does not correlate with it."""
     for one in result(finished, "final_error.theta1").correlations:
         assert abs(one.value) < 0.2
 
@@ -106,16 +99,13 @@ def test_sobol_indices_where_the_plan_is_for_them(tmp_path):
     assert result(summarise(tmp_path), "steps").indices == ()
 
 
-def test_an_unfinished_campaign_says_so(tmp_path):
-    """Assert that the parts that are there are summarised."""
-    found = summarise(write_campaign(tmp_path, parts=[0, 3]))
+def test_an_unfinished_campaign_is_summarised(tmp_path):
+    """Assert that what is there counts, also where points of indices lie across a missing part."""
+    found = summarise(write_campaign(tmp_path / "some", parts=[0, 3]))
     assert not found.complete
     assert (found.done, found.manifest.runs) == (100, 400)
     assert sum(found.statuses.values()) == 100
 
-
-def test_an_unfinished_plan_for_indices_has_some(tmp_path):
-    """Assert that points that lie across a missing part do no harm."""
     found = summarise(write_campaign(tmp_path, "sobol-indices", 256 * 4, parts=[0, 2, 3, 5, 6]))
     assert result(found, "tracking_rms").indices[0].total == pytest.approx(1.0, abs=0.2)
 

@@ -9,9 +9,7 @@ import pytest
 import flexid as library
 from flexid.arrays import to_json
 from flexid.stored_estimates.estimate_file import estimate_document
-from made_estimates import TRUE, drawn, exact, with_parameter
-
-STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
+from made_estimates import STIFFER, TRUE, drawn, exact, with_parameter
 
 
 def stored(folder: Path, estimate) -> Path:

@@ -45,25 +45,19 @@ def test_units_of_the_joint():
     assert {name: units.of_result(name) for name in RESULTS} == RESULTS
 
 
-def test_a_model_of_one_s_own_has_only_times_and_ratios():
-    """Assert that nothing is said of units that flexid cannot know."""
+def test_units_that_are_not_known():
+    """Assert that nothing is said of units of a model or law of one's own, or of a damaged text."""
     units = Units('[model]\nfile = "pendulum.toml"')
     assert {units.of_value(path) for path in PATHS} == {"", "s"}
     assert {units.of_result(name) for name in RESULTS} == {"", "s", "1"}
     assert units.of_result("final_error.alpha1") == units.of_value("plant.link_inertia") == ""
 
-
-def test_a_law_of_one_s_own_decides_what_follows_the_reference():
-    """Assert that neither the reference nor the tracking error has an angle's unit then."""
     units = Units('[controller]\nlaw = "expressions"')
     for path in ("reference.amplitude", "controller.k"):
         assert units.of_value(path) == ""
     assert units.of_result("tracking_rms") == ""
     assert units.of_value("plant.link_inertia") == "kg m^2"
 
-
-def test_a_damaged_text_has_no_units():
-    """Assert that a campaign whose text is no TOML is summarised without them."""
     assert Units("= no TOML").of_result("final_error.alpha1") == ""
 
 

@@ -68,16 +68,11 @@ def test_smoothing_needs_no_other_kernel():
     assert near < 0.1 * far  # friction holds against a torque below it, but for its creep
 
 
-def test_row_stays_as_it_is():
-    """Assert that states, coefficients and expressions are those of the joint's row."""
+def test_a_row_alone():
+    """Assert that it is the joint's row as it was, without constants that only the other uses."""
     joint = flexible_joint(tuple(TERMS), {"theta2": 100.0})
     alone = row_alone(joint, "link")
-    assert alone.rows == (joint.rows[0],)
-    assert alone.states == ("x1", "x2")
-
-
-def test_constants_that_only_the_other_row_uses_go():
-    """Assert that a known coefficient of the other row is no constant of this one."""
+    assert (alone.rows, alone.states) == ((joint.rows[0],), ("x1", "x2"))
     known = {"theta2": 100.0, "beta1": 3.0}
     joint = flexible_joint(("gravity", "motor_coulomb"), known, 0.05)
     assert row_alone(joint, "link").constants == {"theta2": 100.0}

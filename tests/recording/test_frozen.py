@@ -81,13 +81,9 @@ def test_a_drive_from_point_to_point_rests(bits: int, braking: int):
     assert length >= len(speed) - 70 + 1  # at the very end a rest and a frozen logger are the same
 
 
-def test_one_encoder_is_enough():
-    """Assert that a log of the motor alone is cut as well."""
-    assert lengths(without(repeated(columns(), 320, 400), "link")) == [321]
-
-
 def test_one_side_in_motion_is_enough():
-    """Assert that the other may stand still already, at the end of its swing."""
+    """Assert that the other may stand still, at the end of its swing, or not be there at all."""
+    assert lengths(without(repeated(columns(), 320, 400), "link")) == [321]
     found = columns()
     found["link_position"][290:] = found["link_position"][290]
     assert lengths(repeated(found, 320, 400)) == [321]

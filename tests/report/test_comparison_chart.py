@@ -8,9 +8,7 @@ import flexid
 from flexid.comparisons.comparison import compare_estimates
 from flexid.report.charts.description import Line, Points
 from flexid.report.comparison import charts
-from made_estimates import TRUE, exact, with_parameter
-
-STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
+from made_estimates import STIFFER, TRUE, exact, with_parameter
 
 
 def marks(panel, kind):

@@ -13,9 +13,8 @@ from flexid.comparisons.comparison import compare_estimates
 from flexid.report.comparison import charts
 from flexid.report.comparison import page as comparison_page
 from flexid.report.page.page import Bullets, Command
-from made_estimates import TRUE, exact, with_parameter
+from made_estimates import STIFFER, TRUE, exact, with_parameter
 
-STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
 HOSTILE = '"></script><img src=x onerror=alert(1)>'
 
 
