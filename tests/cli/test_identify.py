@@ -9,28 +9,17 @@ import polars as pl
 import pytest
 
 from flexid import load
-from flexid.models.flexible_joint import flexible_joint
-from flexid.simulation.free_run import free_run
+from joint_logs import save, write_held_log
+from made_estimates import TRUE
 
-TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 PAPER = ("gravity_torque", "link_inertia", "joint_stiffness", "motor_inertia")
 PAPER += ("motor_viscous_friction",)
 
-HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 
-
-def write_log(path, amplitudes, frequencies, duration=20.0, noise=1e-4, gap=None):
+def write_log(path, amplitudes, frequencies, duration=20.0, gap=None):
     """Write a log of Table I's joint under a held multisine torque, with position noise, 500 Hz."""
-    t = np.arange(0, duration, 0.002)
-    u = np.sin(np.outer(t, frequencies)) @ np.asarray(amplitudes)
-    x = free_run(flexible_joint(), TRUE, np.zeros(4), u, 0.002, "zero")
-    rng = np.random.default_rng(7)
-    positions = x[:, [0, 2]] + noise * rng.standard_normal((len(t), 2))
-    table = np.column_stack([t, positions, u])
-    if gap is not None:
-        table = table[(t < gap[0]) | (t >= gap[1])]
-    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
-    return path
+    u = np.sin(np.outer(np.arange(0, duration, 0.002), frequencies)) @ np.asarray(amplitudes)
+    return write_held_log(path, u, seed=7, gap=gap)
 
 
 def steady_sine(path, amplitude, frequency, noise=1e-4):
@@ -44,11 +33,8 @@ def steady_sine(path, amplitude, frequency, noise=1e-4):
     velocity = v - (k * s * v - g * np.cos(q) * v)
     acceleration = -s * q + k * s * s * q + g * (-s * q * np.cos(q) - v**2 * np.sin(q))
     u = acceleration - TRUE["alpha1"] * deflection + TRUE["alpha2"] * velocity
-    rng = np.random.default_rng(11)
-    positions = np.column_stack([q, motor]) + noise * rng.standard_normal((len(t), 2))
-    table = np.column_stack([t, positions, u / TRUE["beta1"]])
-    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
-    return path
+    states = np.column_stack([q, v, motor, velocity])
+    return save(path, states, u / TRUE["beta1"], noise, seed=11)
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +198,7 @@ def test_motion_alone_gives_the_link(flexid, good_log, tmp_path):
     """Assert that a log without a torque leaves a table, a document and figures of the link."""
     table = np.loadtxt(good_log, delimiter=",", skiprows=1)
     path = tmp_path / "motion.csv"
-    header = HEADER.rpartition(",")[0]
+    header = "time [s],link_position [rad],motor_position [rad]"
     np.savetxt(path, table[:, :3], delimiter=",", header=header, comments="", fmt="%.9g")
     outcome = flexid("identify", path, "--out", tmp_path / "out", "--explain")
     assert outcome.status == 0, outcome.stderr

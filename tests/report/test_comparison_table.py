@@ -8,16 +8,16 @@ import pytest
 
 from flexid.comparisons.comparison import compare_estimates
 from flexid.report.comparison import outcome_texts, parts
+from flexid.report.comparison_summary import comparison_summary
 from flexid.report.terminal import format_with_interval, laid_out
-from made_estimates import TRUE, drawn
+from made_estimates import STIFFER, drawn
 
 
 @pytest.fixture(scope="module")
 def comparison():
     """A drive before, and after, stiffer and with an offset that A does without."""
     rng = np.random.default_rng(21)
-    stiffer = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
-    a, b = drawn(rng), drawn(rng, {**stiffer, "alpha_offset": 3.0}, hold="linear")
+    a, b = drawn(rng), drawn(rng, {**STIFFER, "alpha_offset": 3.0}, hold="linear")
     offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
     return compare_estimates(
         replace(a, removed={offset.name: offset}), b, ("before.json", "after.json")
@@ -49,3 +49,12 @@ def test_a_bound_promises_no_less_than_the_interval(comparison):
                 stated = float(re.findall(r"[\d.e+-]*\d", text)[0])
                 largest = d.largest_percent if np.isfinite(d.largest_percent) else d.largest
                 assert largest <= stated < 1.2 * largest
+
+
+def test_what_may_hide_is_rounded_up(comparison):
+    """Assert that the sentence promises no less than the interval."""
+    d = replace(comparison.parameters["joint_stiffness"], outcome="no change")
+    d = replace(d, percent_interval=(-1.0, 2.11))
+    found = replace(comparison, parameters={d.name: d}, together=None)
+    (line,) = comparison_summary(found)
+    assert line.endswith("the largest that may hide is one of 2.2 % of joint_stiffness.")

@@ -17,9 +17,9 @@ from flexid.report.validation import parts
 from flexid.simulation.free_run import free_run
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_estimate as validate_stored
-from made_estimates import stored_document, stored_value
+from joint_logs import write_held_log
+from made_estimates import TRUE, stored_document, stored_value
 
-TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 STEP = 0.002
 NOISE = 1e-4
 CHANNELS = ("link_position", "motor_position", "deflection")
@@ -33,15 +33,10 @@ def torque(seed, duration=8.0):
     return t, tones @ np.array([4.0, 5.0, 5.0, 4.0])
 
 
-def write_flexible(path, seed=0, duration=8.0, true=TRUE, unit="motor_torque [N m]"):
+def write_flexible(path, seed=0, duration=8.0, column="motor_torque [N m]"):
     """A log of Table I's joint from rest."""
-    t, u = torque(seed, duration)
-    x = free_run(flexible_joint(), true, np.zeros(4), u, STEP, "zero")
-    noise = NOISE * np.random.default_rng(seed + 100).standard_normal((len(t), 2))
-    header = f"time [s],link_position [rad],motor_position [rad],{unit}"
-    table = np.column_stack([t, x[:, [0, 2]] + noise, u])
-    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
-    return read_log(path)
+    _, u = torque(seed, duration)
+    return read_log(write_held_log(path, u, NOISE, seed + 100, column=column))
 
 
 def stored(coefficients=TRUE):
@@ -198,7 +193,7 @@ def test_another_input_is_refused(tmp_path, log):
     document = stored()
     document["coefficients"]["beta1"]["unit"] = "rad/s^2/(N m)"
     assert validate_estimate(document, [log]).fit_percent["link_position"] > 99
-    other = write_flexible(tmp_path / "volts.csv", unit="motor_voltage [V]")
+    other = write_flexible(tmp_path / "volts.csv", column="motor_voltage [V]")
     with pytest.raises(RecordingError, match="input"):
         validate_estimate(document, [other])
 

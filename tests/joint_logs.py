@@ -1,15 +1,14 @@
-"""Logs of Table I's joint in steady motion on one sine, and what may be added to them."""
+"""Logs of Table I's joint: from rest under any torque, and in steady motion on one sine."""
 
 import numpy as np
 
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
+from made_estimates import TRUE
 
-TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 SAMPLE_TIME = 0.002
 FINE = SAMPLE_TIME / 10
 NOISE = 1e-4
-HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 
 
 def steady_sine(amplitude, frequency, duration=20.0, sample_time=SAMPLE_TIME):
@@ -32,20 +31,22 @@ def steady_sine(amplitude, frequency, duration=20.0, sample_time=SAMPLE_TIME):
 def write_log(path, torque, start, seed=11):
     """Run the joint under a smooth torque, given at `FINE`, and write what two encoders saw."""
     x = free_run(flexible_joint(), TRUE, start, torque, FINE)[::10]
-    t = SAMPLE_TIME * np.arange(len(x))
-    rng = np.random.default_rng(seed)
-    positions = x[:, [0, 2]] + NOISE * rng.standard_normal((len(t), 2))
-    table = np.column_stack([t, positions, torque[::10]])
-    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
-    return path
+    return save(path, x, torque[::10], NOISE, seed)
 
 
-def write_held_log(path, torque, noise=NOISE, seed=3):
+def write_held_log(path, torque, noise=NOISE, seed=3, gap=None, column="motor_torque [N m]"):
     """The same from rest under a torque at `SAMPLE_TIME` that is held from sample to sample."""
     x = free_run(flexible_joint(), TRUE, np.zeros(4), torque, SAMPLE_TIME, "zero")
+    return save(path, x, torque, noise, seed, gap, column)
+
+
+def save(path, x, torque, noise, seed, gap=None, column="motor_torque [N m]"):
+    """Write times, positions with noise, and torques, but for those of a gap in s."""
     t = SAMPLE_TIME * np.arange(len(x))
-    rng = np.random.default_rng(seed)
-    positions = x[:, [0, 2]] + noise * rng.standard_normal((len(t), 2))
+    positions = x[:, [0, 2]] + noise * np.random.default_rng(seed).standard_normal((len(t), 2))
     table = np.column_stack([t, positions, torque])
-    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
+    if gap is not None:
+        table = table[(t < gap[0]) | (t >= gap[1])]
+    header = f"time [s],link_position [rad],motor_position [rad],{column}"
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
     return path
