@@ -28,34 +28,39 @@ def run(*arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
     return subprocess.run(command(*arguments), capture_output=True, text=True, input=text)
 
 
-def test_a_log_is_watched_to_its_end(tmp_path: Path):
-    """Assert that the last report holds the truth that made the example, and exits with 0."""
-    out = tmp_path / "out"
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """The reports of the example when it is watched to its end, as they were printed."""
+    out = tmp_path_factory.mktemp("whole") / "out"
     done = run(str(LOG), "--stop-at-end", "--json", "--out", str(out), *PAPER)
     assert (done.returncode, done.stderr) == (0, "")
-    reports = [json.loads(line) for line in done.stdout.splitlines()]
+    reports = done.stdout.splitlines()
+    assert json.loads((out / "watch.json").read_text()) == json.loads(reports[-1])
+    return reports
+
+
+def test_a_log_is_watched_to_its_end(whole: list[str]):
+    """Assert that the last report holds the truth that made the example, and exits with 0."""
+    reports = [json.loads(line) for line in whole]
     assert len(reports) == 31  # one a second, and the last
     assert reports[0]["health"] == "converging"
     assert reports[-1]["health"] == "converged"
     low, high = reports[-1]["parameters"]["joint_stiffness"]["interval"]
     assert low < 100.0 < high < low + 1.0
     assert reports[-1]["samples"]["taken"] == 30000
-    assert json.loads((out / "watch.json").read_text()) == reports[-1]
 
 
-def test_a_stream_is_resumed(tmp_path: Path):
+def test_a_stream_is_resumed(tmp_path: Path, whole: list[str]):
     """Assert that two halves with a checkpoint between them end as the whole log does."""
-    whole = run(str(LOG), "--stop-at-end", "--json", *PAPER).stdout.splitlines()[-1]
     header, *rows = LOG.read_text().splitlines()
     checkpoint = ("--checkpoint", str(tmp_path / "state.json"), "--json", *PAPER)
     run("-", *checkpoint, text="\n".join([header, *rows[:12345], ""]))
     ended = run("-", *checkpoint, text="\n".join([header, *rows[12345:], ""]))
-    assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole)
+    assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole[-1])
 
 
-def test_a_file_goes_on_where_it_was_left(tmp_path: Path):
+def test_a_file_goes_on_where_it_was_left(tmp_path: Path, whole: list[str]):
     """Assert that the same command, when the file has grown, learns from what is new alone."""
-    whole = run(str(LOG), "--stop-at-end", "--json", *PAPER).stdout.splitlines()[-1]
     growing = tmp_path / "log.csv"
     again = (str(growing), "--stop-at-end", "--json", *PAPER)
     again += ("--checkpoint", str(tmp_path / "state.json"))
@@ -64,7 +69,7 @@ def test_a_file_goes_on_where_it_was_left(tmp_path: Path):
         growing.write_text("".join(lines[:count]))
         ended = run(*again)
         assert json.loads(ended.stdout.splitlines()[-1])["samples"]["taken"] == count - 1
-    assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole)
+    assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole[-1])
 
 
 def test_another_file_is_learnt_from_wholly(tmp_path: Path):

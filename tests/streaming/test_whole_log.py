@@ -172,7 +172,7 @@ def test_a_change_of_the_joint_shows(write: Write, columns: Columns):
     assert "the values are those since then" in change
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
 def test_dry_friction_is_covered(write: Write, seed: int):
     """Assert that smoothing friction that is dry costs width, not truth."""
     truth = {**TRUE, "alpha_coulomb": 1.5}
