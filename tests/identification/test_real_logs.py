@@ -64,6 +64,7 @@ def test_arm_is_flexible_but_not_as_modelled(arm):
     assert all(0.05 < share < 0.5 for share in arm.disturbances.shares.values())
 
 
+@pytest.mark.thorough
 def test_arm_has_one_stiffness_whatever_the_voltage(shared_data, examples, folder):
     """Assert that a square wave and a pseudo-random voltage determine it within 10 %, and alike.
 
@@ -192,6 +193,7 @@ def test_kuka_without_torques_shows_no_stiffness(shared_data, folder):
     assert result.coefficients["theta2"].verdict == "undetermined"
 
 
+@pytest.mark.thorough
 def test_one_stage_of_two_has_no_stiffness(shared_data, folder):
     """Assert that nothing with a stiffness is determined: the other stage is not in the model."""
     columns = (

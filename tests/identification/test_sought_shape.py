@@ -146,6 +146,7 @@ def test_what_is_left_beside_one_shape_is_sought_again():
     assert max(found.residual_excess.values()) < 1.1
 
 
+@pytest.mark.thorough
 def test_a_bend_next_to_a_preload():
     """Assert that it is found where the deflection swings about it."""
     preload = {"link_offset": 30.0, "motor_offset": -30.0}
@@ -171,6 +172,7 @@ def test_a_bend_of_the_link_alone():
     assert ratio.value == pytest.approx(40.0, rel=0.03)
 
 
+@pytest.mark.thorough
 def test_two_logs_have_one_number():
     """Assert that the motions of two logs are taken together."""
     logs = [log(made(seed, 8.0, **RIPPLED)) for seed in (1, 2)]

@@ -42,7 +42,13 @@ class Samples:
         return self.start_time + self.sample_time * np.arange(len(self), dtype=np.float64)
 
     def window(self, first: int, last: int) -> "Samples":
-        """The samples from one to another, which does not belong to them."""
+        """The samples from one to another, which does not belong to them.
+
+        Parameters
+        ----------
+        first, last : int
+            Places of the two.
+        """
         part = slice(first, last)
         return Samples(
             self.positions[part],
