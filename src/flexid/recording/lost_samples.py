@@ -28,7 +28,7 @@ _LEAST_SHARE = 4.0  # times as many places as there are where a step seems to be
 _LEAST_EXPLAINED = 0.75  # of the places, where samples were lost and nothing else happened
 _LEFT_OVER = 0.05  # of an error's square that a loss leaves at most, beyond what is by chance
 _BY_CHANCE = 10.0  # square of an error over its variance
-_PASSES = 8  # over the log: a place hides those beside it
+_PASSES = 8  # over the log: a place hides those next to it
 _TRIMS, _TRIMMED = 4, 5.0  # rounds of learning without steps that are off by so many deviations
 _SWEEPS = 3  # over the steps where samples are lost, each of which is in the windows of others
 _FEWEST_WINDOWS = 60  # for each channel: several times as many as there are weights
@@ -127,15 +127,15 @@ def _likeliest(
     steps, whole, firsts = _steps(positions, lost)
     tested = np.flatnonzero((firsts >= _AROUND) & (firsts < len(steps) - _AROUND) & (lost == 0))
     plain = _Interpolator.learnt(steps, whole, 0)
-    off = plain.squares(_around(steps, firsts[tested], 0), steps[firsts[tested]])
+    off = plain.squares(_neighbours(steps, firsts[tested], 0), steps[firsts[tested]])
     tested = tested[off > 2.0 * _CLEAR]  # the others are likely as they are
     number, ratio = np.zeros_like(lost), np.full(len(lost), -np.inf)
     if len(tested):
-        beside, own = _around(steps, firsts[tested], 0), steps[firsts[tested]]
+        neighbours, own = _neighbours(steps, firsts[tested], 0), steps[firsts[tested]]
         others = [_Interpolator.learnt(steps, whole, count) for count in range(1, _MOST_LOST + 1)]
-        found = [plain.surprise(0.0 * beside, own)]
-        found += [other.surprise(beside, own) for other in others]
-        ratios = plain.surprise(beside, own) - np.array(found)
+        found = [plain.surprise(0.0 * neighbours, own)]
+        found += [other.surprise(neighbours, own) for other in others]
+        ratios = plain.surprise(neighbours, own) - np.array(found)
         best = np.argmax(ratios, axis=0)
         number[tested] = np.array([-1, *range(1, _MOST_LOST + 1)])[best]
         ratio[tested] = ratios[best, np.arange(len(best))]
@@ -148,11 +148,11 @@ def _explained(positions: FloatArray, lost: NDArray[np.int64]) -> NDArray[np.boo
     found = np.ones(len(lost), dtype=bool)
     for number in np.unique(lost[lost > 0]).tolist():
         inside = (firsts >= _AROUND) & (firsts < len(steps) - _AROUND - number) & (lost == number)
-        beside = _around(steps, firsts[inside], number)
+        neighbours = _neighbours(steps, firsts[inside], number)
         own = _sums(steps, firsts[inside], number)
         lossy = _Interpolator.learnt(steps, whole, number)
-        off = lossy.squares(beside / (number + 1.0), own)
-        found[inside] = lossy.squares(beside, own) <= _BY_CHANCE + _LEFT_OVER * off
+        off = lossy.squares(neighbours / (number + 1.0), own)
+        found[inside] = lossy.squares(neighbours, own) <= _BY_CHANCE + _LEFT_OVER * off
     return found
 
 
@@ -171,12 +171,12 @@ class _Interpolator:
         firsts = np.unique(np.linspace(_AROUND, last - 1, count).astype(np.int64))
         gone = np.cumsum(np.concatenate(([0], ~whole)))
         firsts = firsts[gone[firsts + _AROUND + lost + 1] == gone[firsts - _AROUND]]
-        beside, sums = _around(steps, firsts, lost), _sums(steps, firsts, lost)
-        weights, kept = np.zeros((beside.shape[1], steps.shape[1])), np.full(len(sums), True)
+        neighbours, sums = _neighbours(steps, firsts, lost), _sums(steps, firsts, lost)
+        weights, kept = np.zeros((neighbours.shape[1], steps.shape[1])), np.full(len(sums), True)
         errors = sums
         for _ in range(_TRIMS):
-            weights = np.linalg.lstsq(beside[kept], sums[kept], rcond=_ALIKE)[0]
-            errors = sums - beside @ weights
+            weights = np.linalg.lstsq(neighbours[kept], sums[kept], rcond=_ALIKE)[0]
+            errors = sums - neighbours @ weights
             usual = np.median(np.abs(errors[kept]), axis=0) / 0.6745 + np.finfo(float).tiny
             kept &= np.max(np.abs(errors) / usual, axis=1) < _TRIMMED
         left = errors[kept]
@@ -184,13 +184,13 @@ class _Interpolator:
         root = np.linalg.cholesky(left.T @ left / max(len(left), 1) + np.diag(floor))
         return cls(weights.astype(np.float64), root.astype(np.float64))
 
-    def surprise(self, beside: FloatArray, own: FloatArray) -> FloatArray:
+    def surprise(self, neighbours: FloatArray, own: FloatArray) -> FloatArray:
         """Minus the logarithm of each step's likelihood."""
-        return 0.5 * self.squares(beside, own) + np.sum(np.log(np.diag(self.root)))
+        return 0.5 * self.squares(neighbours, own) + np.sum(np.log(np.diag(self.root)))
 
-    def squares(self, beside: FloatArray, own: FloatArray) -> FloatArray:
+    def squares(self, neighbours: FloatArray, own: FloatArray) -> FloatArray:
         """Squares of the errors of steps over their variance, shape (m,)."""
-        return np.sum(np.linalg.solve(self.root, (own - beside @ self.weights).T) ** 2, axis=0)
+        return np.sum(np.linalg.solve(self.root, (own - neighbours @ self.weights).T) ** 2, axis=0)
 
 
 def _steps(
@@ -207,11 +207,11 @@ def _steps(
     return steps, whole, kept[:-1]
 
 
-def _around(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:
+def _neighbours(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:
     """The steps on either side of one that covers so many lost samples, and a constant."""
     offsets = [*range(-_AROUND, 0), *range(lost + 1, lost + 1 + _AROUND)]
-    beside = [steps[firsts + offset] for offset in offsets]
-    return np.column_stack((*beside, np.ones(len(firsts))))
+    neighbours = [steps[firsts + offset] for offset in offsets]
+    return np.column_stack((*neighbours, np.ones(len(firsts))))
 
 
 def _sums(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:

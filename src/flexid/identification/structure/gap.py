@@ -61,7 +61,7 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
         if gap <= 0.0 or abs(gap - width) <= _SETTLED * _deviation(fitted):
             return fitted
         trail.append((width, gap))
-        # From a width that is far away half the way may lead on where the whole does not.
+        # From a width that is far away half the start may lead on where the whole does not.
         tries = dict.fromkeys((_met(trail), gap, (gap * width) ** 0.5))
         fits = (_narrowed(fitted, own) for own in tries)
         better = next((found for found in fits if found is not None), None)
@@ -196,9 +196,9 @@ def fit_with_play(
     short = [s for s in by_length.divisions if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
     short = short or list(by_length.divisions[:1])
     best: list[Fitted] = []
-    for own, way in _ways(structure, full, data):
+    for own, start in _starts(structure, full, data):
         try:
-            found = fit_by_length(own, data, way, short, iterations=FIRST_ITERATIONS)
+            found = fit_by_length(own, data, start, short, iterations=FIRST_ITERATIONS)
         except ConvergenceError:
             continue
         if not best or (len(found), -found[-1].excess) > (len(best), -best[-1].excess):
@@ -217,17 +217,17 @@ def fit_with_play(
     return with_best_hold(found, divisions, by_length.holds, by_length.free_length, thresholds)
 
 
-def _ways(
+def _starts(
     structure: Structure, without: Structure, data: Data
 ) -> Iterator[tuple[Structure, dict[str, float]]]:
     """Structures with play as wide as least squares finds it, and where they begin."""
     for rate in RATES:
-        own, way, fit = _settled(structure, data, rate)
-        if _gap_of(way) <= 0.0:
+        own, start, fit = _settled(structure, data, rate)
+        if _gap_of(start) <= 0.0:
             continue
         rows = zip(fit.rows, least_squares_start(without, data, rate)[1].rows, strict=True)
         if any(row.residual_sum < _PROMISED * bare.residual_sum for row, bare in rows):
-            yield own, way
+            yield own, start
 
 
 def _settled(
@@ -237,10 +237,10 @@ def _settled(
     own, tried = structure, 0
     while True:
         sought = replace(own, joint=own.joint.with_shapes_in_least_squares)
-        way, fit = least_squares_start(sought, data, rate)
-        gap, width, tried = _gap_of(way), width_of(own), tried + 1
+        start, fit = least_squares_start(sought, data, rate)
+        gap, width, tried = _gap_of(start), width_of(own), tried + 1
         if gap <= 0.0 or abs(gap / width - 1.0) <= _NEAR or tried == _MOST_WIDTHS:
-            return own, way, fit
+            return own, start, fit
         own = _as_wide(own, gap)
 
 
