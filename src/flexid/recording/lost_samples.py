@@ -30,7 +30,6 @@ _LEFT_OVER = 0.05  # of an error's square that a loss leaves at most, beyond wha
 _BY_CHANCE = 10.0  # square of an error over its variance
 _PASSES = 8  # over the log: a place hides those next to it
 _TRIMS, _TRIMMED = 4, 5.0  # rounds of learning without steps that are off by so many deviations
-_SWEEPS = 3  # over the steps where samples are lost, each of which is in the windows of others
 _FEWEST_WINDOWS = 60  # for each channel: several times as many as there are weights
 _MOST_WINDOWS = 5_000  # learnt from: more make it slower and no better
 _ALIKE = 1e-10  # singular values over the largest, and errors over steps, that count as none
