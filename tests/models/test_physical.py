@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS, TIES, flexible_joint
+from flexid.models.parameter_kinds import Quotient
 from flexid.models.physical import (
     joint_coefficients,
     physical_parameters,
@@ -74,6 +75,8 @@ def test_every_coefficient_has_a_unit_and_a_meaning():
         assert used == set(names)
 
 
+ARM = {"stiffness": 90.0, "inertia": 0.05, "moment": 0.2}
+RATIO = Quotient("ratio", "1/s^2", "stiffness", {"inertia": 1.0, "moment": 0.8})
 BY_DIRECTION = {**RIGID, "gamma_asymmetry": 0.02 / 1.6}
 
 
@@ -85,6 +88,7 @@ BY_DIRECTION = {**RIGID, "gamma_asymmetry": 0.02 / 1.6}
         (OFF_ZERO, physical_parameters),
         (RIGID, rigid_parameters),
         (BY_DIRECTION, rigid_parameters),
+        (ARM, lambda *_: [RATIO]),
     ],
 )
 def test_gradients_are_those_that_differences_show(coefficients, table, input_is_torque):
