@@ -71,6 +71,7 @@ STRANGE = (
         "Winkel * 2",
         "q̇_m",
         "-tau",
+        "T [°C]",
         "tau*1000",
         "last_position",
         "position error",

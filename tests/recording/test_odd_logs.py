@@ -186,6 +186,9 @@ def test_few_values_are_missing() -> None:
     log = read_columns(columns)
     assert [len(recording) for recording in log.recordings] == [99, 298]
     assert_words("no value in 3 of 400 rows .at 0 s, 0.5 s, 1.995 s", log.warnings[0])
+    columns["link_position"][np.random.default_rng(1).random(400) < 0.2] = np.nan
+    words = "'link_position' and .*'motor_torque'.*no value in .* of 400 rows, at uneven times"
+    assert_words(words, refused(read_columns, columns))
     columns["link_position"][:] = np.nan
     assert_words("'link_position'.*it has 0 samples", refused(read_columns, columns))
 

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
-from flexid.recording.units import quantity_of, unit_of_word
+from flexid.recording.units import is_usual, quantity_of, unit_of_word
 from flexid.recording.words import CLEAR_SIDES, Words, words_of
 
 if TYPE_CHECKING:
@@ -153,7 +153,8 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     if words.needs_unit and unit is None:
         return None
     if quantity == "time":
-        return None if side or number or words.is_command else Usual("time", unit)
+        is_other = unit is not None and is_usual(unit) and unit_of_word(unit) not in _TIMES
+        return None if side or number or words.is_command or is_other else Usual("time", unit)
     if quantity in _INPUTS:
         if side == "link":
             return None

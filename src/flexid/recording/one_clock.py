@@ -137,6 +137,14 @@ def without_holes(
         signals.append(Signal(name, clock, channel.values[own], name in INPUTS))
     stamps = {clock: time.values[own] for clock, own in clocks.items()}
     times, columns, warnings = on_one_clock(file, stamps, signals)
+    steps = np.diff(times)
+    if np.mean(steps > GAP * np.median(steps)) > MOST_GAPS:
+        raise RecordingError(
+            file,
+            " and ".join(missing),
+            f"no value in {np.count_nonzero(~whole)} of {len(whole)} rows, at uneven times: log "
+            f"every channel in every sample, or at a rate of its own",
+        )
     found = {name: replace(own, values=columns[name]) for name, own in channels.items()}
     return found, replace(time, values=times), warnings
 

@@ -34,7 +34,8 @@ _SPELLED = {  # by a unit of Pint's, how else people write it, in small letters
     "deg/s": "deg/s|°/s|º/s|deg_s|degps|dps|deg/sec|degrees/s|degree/s",
     "rpm": "rpm|1/min|min-1|min^-1|u/min|rev/min|r/min|tr/min|giri/min|转/分",
     "N*m": (
-        "nm|n m|n*m|n·m|n.m|n-m|n_m|newton meter|newton meters|newton metre|newton metres|牛米"
+        "nm|n m|n*m|n·m|n.m|n-m|n_m|newton meter|newton meters|newton metre|newton metres|"
+        "newton-meter|newton-metre|牛米"
     ),
     "mN*m": "mnm|mn m|mn*m|mn·m|mn_m",
     "uN*m": "unm|µnm|μnm|un m",
