@@ -16,7 +16,7 @@ from collections import namedtuple
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.compiled import call, inlined, uncounted
+    from flexid.kernels.templates.compiled import call, uncounted
 
 MOST_EVENTS = 12  # changes of mode within one sampling interval; then it runs on as it is
 MOST_TRIALS = 8  # of the secant that locates a change
@@ -43,16 +43,23 @@ Model = namedtuple(
 
 
 @uncounted
+def clear(first, size, numbers):
+    """Let so many numbers be zero."""
+    for i in range(first, first + size):
+        numbers[i] = 0.0
+
+
+@uncounted
 def start_derivatives(model, work):
     """Let the derivatives be those at the start of a segment."""
     width = model.width
-    work[model.z : model.z + model.n_states * width] = 0.0
-    work[model.disturbed : model.disturbed + model.n_rows * width] = 0.0
+    clear(model.z, model.n_states * width, work)
+    clear(model.disturbed, model.n_rows * width, work)
     for i in range(model.n_states):
         work[model.z + i * width + 1 + i] = 1.0
 
 
-@inlined
+@uncounted
 def move(place, span, h, model, work, columns):
     """Bring the state over a span of an interval of h seconds."""
     call(model.address, work, columns, place, span, h, model.x, model.step, STEP_STATE)
@@ -82,7 +89,7 @@ def pull(state, row, side, place, model, work, columns):
     return work[rate + 2 * row + 1]
 
 
-@inlined
+@uncounted
 def margin(state, row, place, model, work, columns):
     """Positive as long as a row stays in its mode: its speed, or what friction has in reserve."""
     mode = work[model.modes + row]
@@ -126,7 +133,7 @@ def change_mode(row, place, model, work, columns):
                 work[z + i * width + j] += work[jump + i] * later
     work[mode] = turned
     if not through:
-        work[z + velocity * width : z + velocity * width + n] = 0.0
+        clear(z + velocity * width, n, work)
 
 
 @uncounted
@@ -151,13 +158,12 @@ def first_modes(h, trace, model, work, columns):
         if forward <= 0.0 <= backward and soon and near:
             work[modes + row] = 0.0
             work[x + 2 * row + 1] = 0.0
-            first = model.z + (2 * row + 1) * width
-            work[first : first + width] = 0.0
+            clear(model.z + (2 * row + 1) * width, width, work)
         elif velocity == 0.0:
             work[modes + row] = 1.0 if forward > -backward else -1.0
 
 
-@inlined
+@uncounted
 def leaving_row(place, span, h, model, work, columns):
     """The row whose mode ends first, by linear interpolation, and a span within which it does.
 
@@ -189,7 +195,7 @@ def leaving_row(place, span, h, model, work, columns):
     return chosen, reach
 
 
-@inlined
+@uncounted
 def turning_point(row, place, span, last, rise, h, model, work, columns):
     """Span after which a row that slides is slowest, and its margin there.
 
@@ -291,7 +297,7 @@ def span_to_corner(place, span, h, model, work, columns):
     return just_before
 
 
-@inlined
+@uncounted
 def cross_interval(h, substeps, model, work, columns):
     """Bring the state and its derivatives over one sampling interval, in place."""
     x, end = model.x, model.step

@@ -99,7 +99,7 @@ def recall(x, start, work):
         remember(x, start, part(work, COEFFICIENTS, N_COEFFICIENTS))
 
 
-@inlined
+@uncounted
 def slopes_at(x, place, stage, work, columns):
     """Derivatives of the rates at a place within the interval."""
     u = part(work, INPUTS, N_INPUTS)

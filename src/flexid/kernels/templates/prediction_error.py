@@ -7,7 +7,7 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.bound import BOUND
-    from flexid.kernels.templates.compiled import call, equations, inlined, uncounted
+    from flexid.kernels.templates.compiled import call, equations, uncounted
     from flexid.kernels.templates.dry_motion import (
         ARE_DRY,
         AT,
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         LINEARISE,
         RATES,
         Model,
+        clear,
         cross_interval,
         first_modes,
         start_derivatives,
@@ -84,12 +85,12 @@ def add_delay(row, h, sensor, n, model, work):
             row[j] += sign * late * (0.5 * late * change - speed)
 
 
-@inlined
+@uncounted
 def add_residuals(errors, rows, whitening, mixed, normal, gradient):
     """Add a sample's residuals to the lower half of a block's normal equations; their cost."""
     cost = 0.0
     for b in range(errors.shape[0]):
-        mixed[:] = 0.0
+        clear(0, mixed.shape[0], mixed)
         residual = 0.0
         for a in range(b + 1):
             weight = whitening[b, a]
@@ -126,12 +127,11 @@ def correct(errors, rows, gains, model, work, columns):
                 work[z + i * width + j] -= gain[i, a] * rows[a, j]
     for row in range(model.n_rows):
         if work[model.dry + row] != 0.0 and work[model.modes + row] == 0.0:
-            first = model.z + (2 * row + 1) * width
             work[x + 2 * row + 1] = 0.0
-            work[first : first + n] = 0.0
+            clear(z + (2 * row + 1) * width, n, work)
 
 
-@inlined
+@uncounted
 def set_drive(drive, model, work):
     """Let the inputs be those over one interval."""
     for j in range(model.n_inputs):
@@ -139,7 +139,7 @@ def set_drive(drive, model, work):
             work[model.drive + 4 * j + i] = drive[j, i]
 
 
-@inlined
+@uncounted
 def put(values, place, work):
     """Copy numbers into `work`."""
     for i in range(values.shape[0]):
@@ -167,12 +167,12 @@ def set_modes(dry, directed, trace, h, model, work, columns):
     first_modes(h, trace, model, work, columns)
 
 
-@inlined
+@uncounted
 def fill_rows(rows, measured, model, work, columns):
     """What each output is by the model, and its derivatives."""
     for a in range(measured.shape[0]):
         row, state = rows[a], measured[a]
-        row[:] = 0.0
+        clear(0, row.shape[0], row)
         row[0] = work[model.x + state]
         for j in range(1, columns[IN_USE]):
             row[j] = work[model.z + state * model.width + j]
@@ -269,6 +269,6 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
             costs[s] += add_residuals(errors, rows, whitening[s], mixed, normal[b], gradient[b])
             if observed:
                 if alone:
-                    errors[:] = 0.0
+                    clear(0, count, errors)
                 gains = gain[s], disturbance_gain[s], decay[s]
                 correct(errors, rows, gains, model, work, columns)
