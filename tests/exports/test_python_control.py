@@ -19,6 +19,7 @@ from flexid.simulation.closed_loop import simulate
 from flexid.simulation.free_run import free_run
 from flexid.simulation.loop import ClosedLoop
 from flexid.studies.huang2003.table1 import TRUE as TABLE_1
+from joint_logs import DAMPED as TRUE
 
 PRECISE = {"rtol": 1e-9, "atol": 1e-11, "method": "LSODA"}
 
@@ -61,17 +62,6 @@ relative_tolerance = 1e-9
 def drive():
     """The joint of the paper, with all coefficients sought."""
     return flexid.flexible_joint(("gravity", "motor_viscous", "joint_damping"))
-
-
-TRUE = {
-    "theta1": 5.0,
-    "theta2": 100.0,
-    "theta_damping": 0.5,
-    "alpha1": 400.0,
-    "alpha2": 1.5,
-    "alpha_damping": 2.0,
-    "beta1": 4.0,
-}
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,9 @@ from flexid.report.bode_chart import bode_chart
 from flexid.report.charts.description import Line
 from flexid.report.charts.figure import draw
 from flexid.simulation.free_run import free_run
+from joint_logs import DAMPED as TRUE
 
 STEP = 1e-3
-TRUE = {
-    "theta1": 5.0,
-    "theta2": 100.0,
-    "theta_damping": 0.5,
-    "alpha1": 400.0,
-    "alpha2": 1.5,
-    "alpha_damping": 2.0,
-    "beta1": 4.0,
-}
 
 
 def broad(samples, seed):

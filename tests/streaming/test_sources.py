@@ -62,14 +62,20 @@ def test_a_file_that_is_cut_and_has_grown_again(tmp_path: Path):
     source.close()
 
 
-@pytest.mark.usefixtures("at_once")
-def test_a_file_that_is_replaced(tmp_path: Path):
-    """Assert that a log that is renamed is read to its end, and then the one that took its name."""
-    path = tmp_path / "log.csv"
+def renamed(folder: Path) -> tuple[Path, Source]:
+    """The path of a log that was read and then renamed, and who reads it."""
+    path = folder / "log.csv"
     path.write_bytes(LINES[0])
     source = open_source(str(path))
     assert source.read() == LINES[0]
-    path.rename(tmp_path / "log.1")
+    path.rename(folder / "log.1")
+    return path, source
+
+
+@pytest.mark.usefixtures("at_once")
+def test_a_file_that_is_replaced(tmp_path: Path):
+    """Assert that a log that is renamed is read to its end, and then the one that took its name."""
+    path, source = renamed(tmp_path)
     assert source.read() == b""  # there is none yet
     path.touch()
     assert (source.read(), source.begins) == (b"", False)  # nor anything in it
@@ -87,11 +93,7 @@ def test_a_file_that_is_replaced(tmp_path: Path):
 @pytest.mark.usefixtures("at_once")
 def test_what_came_between_two_looks_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that the file of before is read once more when the new one has something."""
-    path = tmp_path / "log.csv"
-    path.write_bytes(LINES[0])
-    source = open_source(str(path))
-    assert source.read() == LINES[0]
-    path.rename(tmp_path / "log.1")
+    path, source = renamed(tmp_path)
     path.write_bytes(LINES[2])
     real = os.path.samestat
 
@@ -114,11 +116,7 @@ def test_a_recorder_that_is_slow_to_let_go(tmp_path: Path, monkeypatch: pytest.M
     """
     clock = [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: clock[0])
-    path = tmp_path / "log.csv"
-    path.write_bytes(LINES[0])
-    source = open_source(str(path))
-    assert source.read() == LINES[0]
-    path.rename(tmp_path / "log.1")
+    path, source = renamed(tmp_path)
     path.write_bytes(b"time,a\n0.3,4\n")
     for line in LINES[1:]:
         assert source.read() == b""
