@@ -88,8 +88,9 @@ def test_dissipation_balances_the_fall_of_the_value(history):
         (np.tile([1.0, -2.0], (len(TIME), 1)), 2.0, True, False),
         # Without a limit, which the theorem leaves open.
         (np.sin(np.log1p(TIME))[:, None] * [1.0, 1.0] + 1.0, 5.0, False, False),
+        (np.cos(4.5 * np.pi / 20.0 * TIME)[:, None] * [1.0, 1.0], 2.0, False, False),
     ],
-    ids=["vanishing", "constant", "oscillating"],
+    ids=["vanishing", "constant", "oscillating", "zero in passing"],
 )
 def test_limits_of_errors(history, errors, window, settled, vanished):
     """Assert that errors are called settled where they stop, and gone where that is zero."""
