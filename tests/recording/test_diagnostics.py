@@ -191,7 +191,9 @@ def test_a_sensor_that_is_stuck_for_a_while(side: str, first: int):
     """Assert that 0.3 s of 12 s are named and left out as a gap."""
     log = changed(**{side: held(first, first + 150)})
     assert [len(recording) for recording in log.recordings] == [first + 1, COUNT - first - 150]
+    assert f"column '{side}_position [rad]'" in log.warnings[0]
     assert f"{side}_position does not change from {first * STEP:g} s" in log.warnings[0]
+    assert "check the sensor" in log.warnings[0]
     assert rank_of(log.warnings[0]) == Rank.DATA
 
 
