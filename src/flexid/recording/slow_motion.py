@@ -123,7 +123,8 @@ def input_lateness(recording: Recording, smoothed: _Smoothing) -> float:
     delays = range(-step * (reach // step), reach + 1, step)
     found = {delay: left(delay) for delay in delays}
     best = min(found, key=lambda delay: found[delay])
-    is_late = abs(best) * recording.sample_time > _FOUND_BY_A_FIT
+    # At the end of what was tried there may be less beyond: a motion that repeats itself, say.
+    is_late = _FOUND_BY_A_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP
     clear = found[0] > _UNEXPLAINED and found[best] < _FITS_LATER * found[0]
     return best * recording.sample_time if is_late and clear else 0.0
 
