@@ -105,7 +105,7 @@ def test_thresholds_are_these():
         "exchange_fall": 9.0,
         "friction_sign": 4.0,
         "sensor_excess": 1.1,
-        "shape_promise": 0.1,
+        "shape_promise": 0.25,
         "shape_share": 0.7,
         "white_growth": 0.4,
         "repeated_growth": 0.8,

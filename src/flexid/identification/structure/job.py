@@ -239,7 +239,7 @@ def _beside(
     """What to try where a choice leaves more than noise, each given what is chosen so far."""
     by_length = choice.by_length
     full = by_length.found[-1]
-    before = turning((*by_length.found, *choice.found), thresholds)
+    before = turning(by_length.found, thresholds)
     if before is not None and before.unexplained_over(TURNING) <= thresholds.shape_motion:
         if full.structure.joint.remembered <= full.structure.absent:
             yield lambda _: fit_with_hysteresis(by_length, before, progress, thresholds)

@@ -77,11 +77,11 @@ class Thresholds:
         "encoder's steps are no white noise where the joint hardly moves",
     )
     shape_promise: float = _threshold(
-        0.1,
+        0.25,
         "1",
         "share of the residuals beyond noise that a first step with hysteresis of the spring, with "
-        "ripple or a bend must promise to take away, for it to be tried: of hysteresis 0.1 to 1 "
-        "where there is some, 0 for most others",
+        "ripple or a bend must promise to take away, for it to be tried: in logs that have it "
+        "0.29 or more, mostly above 0.9; below that none was ever kept",
     )
     shape_share: float = _threshold(
         0.7,
