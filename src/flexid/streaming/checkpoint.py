@@ -22,7 +22,7 @@ from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Change, Session
 
 FORMAT = "flexid watch"
-VERSION = 3  # of the files that this version writes, and the only one that it reads
+VERSION = 4  # of the files that this version writes, and the only one that it reads
 PARTS = (
     "fed",
     "n_read",
