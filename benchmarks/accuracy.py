@@ -3,8 +3,8 @@
     python -m benchmarks.accuracy [--quick] [--render] [--log KIND] [TOOL ...]
 
 in the root of a clone. All results are kept in `accuracy.json`, and the tables of
-`docs/comparison.md` are made from it. Named tools are run anew, on all logs or on those of the
-kinds given, and all other results kept; --render makes the tables anew and runs nothing; --quick
+`docs/comparison.md` are made from it. Named tools are run again, on all logs or on those of the
+kinds given, and all other results kept; --render makes the tables again and runs nothing; --quick
 runs every tool once on every kind of log and leaves all files alone. A tool that is not installed
 is left out, and said so.
 """
@@ -68,7 +68,7 @@ def main() -> None:
 
 
 def _keep(results: Mapping[str, Any]) -> None:
-    """Merge into the file, as it is now, and make the page anew."""
+    """Merge into the file, as it is now, and make the page again."""
     kept = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
     together = merged(kept, results)
     RESULTS.write_text(_text(together), encoding="utf-8")

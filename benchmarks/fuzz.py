@@ -11,7 +11,7 @@ Files that a child process reads are tried without one, a thousand times as fast
 process is tried once more as flexid reads it.
 
 With --guided, atheris makes the files, from those that reached a branch which none had reached
-before. With --write, a reader's row in the table of `docs/reliability.md` is written anew as soon
+before. With --write, a reader's row in the table of `docs/reliability.md` is written again as soon
 as it is done; the other rows stay.
 """
 

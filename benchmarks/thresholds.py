@@ -138,7 +138,7 @@ def main() -> None:
     add_log_options(parser, 1, list(FAMILIES))
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--out", type=Path, help="file for the records, a line for each log")
-    parser.add_argument("--page", type=Path, help="page whose table is made anew")
+    parser.add_argument("--page", type=Path, help="page whose table is made again")
     options = parser.parse_args()
     tasks = logs_of(options, FAMILIES)
     logs = []

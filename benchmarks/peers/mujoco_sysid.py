@@ -81,7 +81,7 @@ def identify(log: Log) -> Answer:
     for duration in _SEQUENCES:
         length = min(round(duration / log.sample_time), len(log.time) - 1)
         firsts = range(0, len(log.time) - length, length)
-        time = log.sample_time * np.arange(length + 1)  # the engine's clock begins anew
+        time = log.sample_time * np.arange(length + 1)  # the engine's clock begins again
         states, controls, measurements = [], [], []
         for first in firsts:
             part = slice(first, first + length + 1)

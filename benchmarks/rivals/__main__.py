@@ -38,7 +38,7 @@ def main() -> None:
     add_log_options(parser, 2, FAMILIES)
     parser.add_argument("--tool", action="append", choices=list(TOOLS), help="may be repeated")
     parser.add_argument("--out", type=Path, default=None, help="file that the results go into")
-    parser.add_argument("--page", action="store_true", help="make the tables of the page anew")
+    parser.add_argument("--page", action="store_true", help="make the tables of the page again")
     parser.add_argument("--render", action="store_true", help="from the results that are there")
     options = parser.parse_args()
     if options.render:

@@ -41,7 +41,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, help="file for the results")
     parser.add_argument("--merge", type=Path, nargs="+", help="files of results; nothing is run")
-    parser.add_argument("--page", type=Path, help="page whose tables are made anew")
+    parser.add_argument("--page", type=Path, help="page whose tables are made again")
     options = parser.parse_args()
     if options.merge:
         results = run.merged([run.read(path) for path in options.merge])

@@ -53,7 +53,7 @@ _HOMES = {
     "read_model": "models.model_file",
     "TERMS": "models.flexible_joint",
     "SHAPE_TERMS": "models.flexible_joint",
-    # estimators beside a drive
+    # estimators next to a drive
     "OnlineEstimator": "estimators.online",
     "History": "estimators.online",
     "Status": "estimators.online",

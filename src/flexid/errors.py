@@ -20,7 +20,7 @@ class FlexidError(Exception):
     """Root of all exceptions that flexid raises on purpose; they travel between processes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # An exception is otherwise made anew from its text alone, where these want their fields.
+        # An exception is otherwise made again from its text alone, where these want their fields.
         return _again, (type(self), self.args, self.__dict__)
 
 

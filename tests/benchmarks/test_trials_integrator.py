@@ -61,7 +61,7 @@ class Event:
 
 
 def by_scipy(drive, torque, times, state):
-    """The same drive by solve_ivp: it starts anew at each event of stick and slip."""
+    """The same drive by solve_ivp: it starts again at each event of stick and slip."""
     levels = ((drive.link_coulomb,) * 2, (drive.motor_coulomb_up, drive.motor_coulomb_down))
     inertias = (drive.link_inertia, drive.motor_inertia)
 

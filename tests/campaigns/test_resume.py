@@ -85,7 +85,7 @@ def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):
 
 
 def test_what_is_done_is_not_done_again(experiment, whole, tmp_path):
-    """Assert that only a damaged part of a finished campaign is written anew."""
+    """Assert that only a damaged part of a finished campaign is written again."""
     run_campaign(experiment, tmp_path)
     parts = sorted(tmp_path.glob("runs/*.parquet"))
     before = {path: path.stat().st_ino for path in parts}

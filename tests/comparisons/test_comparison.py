@@ -124,7 +124,7 @@ TWO = [drawn(np.random.default_rng(seed)) for seed in (1, 2)]
 
 
 def difference_of(a, b):
-    """The same without drawing all the rest anew."""
+    """The same without drawing all the rest again."""
     first, second = (replace(e, parameters={p.name: p}) for e, p in zip(TWO, (a, b), strict=True))
     return compare_estimates(first, second).parameters[a.name]
 

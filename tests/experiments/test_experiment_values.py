@@ -1,4 +1,4 @@
-"""Experiments with other numbers: what follows from them, and what is not made anew."""
+"""Experiments with other numbers: what follows from them, and what is not made again."""
 
 from pathlib import Path
 

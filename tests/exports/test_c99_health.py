@@ -142,7 +142,7 @@ def test_what_determines_nothing_is_not_excited(drive, kind):
 
 @pytest.mark.thorough
 def test_an_overflow_is_flagged(float_drive):
-    """Assert that sums beyond what float holds begin the estimation anew, with a flag."""
+    """Assert that sums beyond what float holds begin the estimation again, with a flag."""
     wild = 1e9 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]] * 10)
     assert SENSOR_FAULT in float_drive.feed(wild)
     assert all(map(math.isfinite, float_drive.estimates.values()))
@@ -210,7 +210,7 @@ def test_a_copy_goes_on_bit_for_bit(drive):
 
 
 def test_a_saved_state_is_taken_up(drive):
-    """Assert that estimates outlive a power cycle, and that the filter begins anew after it."""
+    """Assert that estimates outlive a power cycle, and that the filter begins again after it."""
     samples = measured(motion(6.0))
     estimation = drive()
     estimation.feed(samples[:3000])
@@ -224,7 +224,7 @@ def test_a_saved_state_is_taken_up(drive):
 
 @pytest.mark.parametrize(("place", "checked_after"), [(0, 0), (40, 0), (500, 0), (0, 1)])
 def test_another_state_is_refused(drive, place, checked_after):
-    """Assert that one flipped bit makes it begin anew; in the version with any checksum."""
+    """Assert that one flipped bit makes it begin again; in the version with any checksum."""
     estimation = drive()
     estimation.feed(measured(motion(1.0)))
     checksum = estimation.checksum()

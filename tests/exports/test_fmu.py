@@ -253,7 +253,7 @@ def reals(slave):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_kept_state_goes_on_as_it_was(units, version, tmp_path):
-    """Assert that a plant set back repeats itself to the bit, and a reset one begins anew."""
+    """Assert that a plant set back repeats itself to the bit, and a reset one begins again."""
     slave, places = opened(units[0] / f"plant_fmi{version}.fmu", tmp_path)
     get, put = reals(slave)
     kept = slave.getFMUState() if version == 3 else slave.getFMUstate()

@@ -42,7 +42,7 @@ def _accelerations(scene: Scene, x: np.ndarray, u: float) -> np.ndarray:
 
 
 def _by_hand(c: Mapping[str, float], x: np.ndarray, u: float) -> np.ndarray:
-    """Huang (2003), eq. (4), with terms that have no corner, written anew."""
+    """Huang (2003), eq. (4), with terms that have no corner, written again."""
     x1, x2, x3, x4 = x
     d, rate = x1 - x3, x2 - x4
     link = -c["theta1"] * np.sin(x1) - c["theta_cosine"] * np.cos(x1) - c["theta2"] * d

@@ -144,7 +144,7 @@ def test_without_mujoco(scene, monkeypatch):
 
 @pytest.mark.parametrize(("friction", "torque"), [(-300.0, 1.0), (1.0, 1e12)])
 def test_motion_without_bound(tmp_path, monkeypatch, friction, torque):
-    """Assert that a joint which flies apart is an error, where the engine begins anew.
+    """Assert that a joint which flies apart is an error, where the engine begins again.
 
     Of a torque that it finds too large the engine makes none.
     """

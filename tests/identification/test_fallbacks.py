@@ -1,4 +1,4 @@
-"""What is done where a fit leads nowhere: another hold, or all data anew; on made-up fits."""
+"""What is done where a fit leads nowhere: another hold, or all data again; on made-up fits."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -98,7 +98,7 @@ def test_other_data_are_asked_again():
 def test_steps_are_asked_for_once(
     taken: int, wanted: int, times: int, monkeypatch: pytest.MonkeyPatch
 ):
-    """Assert that they multiply up to a limit, and that nothing is fitted anew for the same."""
+    """Assert that they multiply up to a limit, and that nothing is fitted again for the same."""
     asked = []
     monkeypatch.setattr(fitting, "refinement", lambda *_: asked.append(None) or wanted)
     last = by_length(COARSE_NOISE)[-1]

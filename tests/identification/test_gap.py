@@ -162,7 +162,7 @@ LARGE = 0.3  # rad, of deflections of 0.6
 def with_large_gap(noise_of: int) -> Fitted:
     """The paper's model with play, fitted to a drive half of whose deflection is play.
 
-    Its noise is drawn anew for each number; play has the width that follows from it.
+    Its noise is drawn again for each number; play has the width that follows from it.
     """
     recording = made(1, 10.0, half_gap=LARGE, noise=0.0)
     rng = np.random.default_rng(noise_of)

@@ -232,7 +232,7 @@ def test_a_delay_of_half_a_sample_is_a_coincidence():
 
 
 def test_what_is_at_its_bound_stays_there_with_another_hold():
-    """Assert that a coefficient at its bound is not sought anew, and that shapes agree."""
+    """Assert that a coefficient at its bound is not sought again, and that shapes agree."""
     log = data(held=True)
     base = replace(structure(log), bounds={"alpha_coulomb": (0.5, np.inf)})
     segments = lengths(log)[2]

@@ -54,7 +54,7 @@ def test_residuals_are_counted_in_noise(recording):
 def test_right_model_predicts_to_the_noise(recording):
     """Assert that the true model's errors are hardly more than sensor noise, over any horizon.
 
-    Predictions begin anew where there is room: 5 s do not fit into 3.6 s.
+    Predictions begin again where there is room: 5 s do not fit into 3.6 s.
     """
     found = predicted(data(recording))
     (run,) = found.runs

@@ -67,7 +67,7 @@ def samples() -> Samples:
 def estimate(estimator: Any) -> None:
     """Feed an online estimator all samples at once, and another one alone."""
     packed = estimator.pack(samples())
-    packed[40] = np.nan  # is refused, and what follows begins anew
+    packed[40] = np.nan  # is refused, and what follows begins again
     last = estimator.replay(estimator.init({"theta1": 4.0, "theta2": 80.0}), packed)
     estimator.step(last.state, packed[-1])
 

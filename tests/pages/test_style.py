@@ -19,7 +19,7 @@ DIALECT = (
     r"beside\b",
     r"whatever\b",
     r"whoever\b",
-    r"anew\b",
+    r"again\b",
     r"told\b",
     r"untold\b",
     r"climb\w*",

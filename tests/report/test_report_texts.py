@@ -1,6 +1,6 @@
 """The printed answers, whole: what is printed is what stands in ``texts/``.
 
-``pytest --update-golden`` writes these files anew.
+``pytest --update-golden`` writes these files again.
 """
 
 from dataclasses import replace

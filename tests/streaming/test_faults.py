@@ -102,7 +102,7 @@ def test_late_and_repeated_samples_are_left_out(motor_turn: float):
 
 
 def test_a_clock_that_is_set_back_is_followed():
-    """Assert that a recorder which begins anew costs some samples and spoils nothing."""
+    """Assert that a recorder which begins again costs some samples and spoils nothing."""
     samples = np.concatenate((stream(4.0, 1), stream(4.0, 2)))
     session = watched(samples)
     assert session.counts.restarts == 1

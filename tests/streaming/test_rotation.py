@@ -1,4 +1,4 @@
-"""Text files that are cut, written anew or replaced while they are watched."""
+"""Text files that are cut, written again or replaced while they are watched."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta

@@ -45,7 +45,7 @@ def test_a_file_that_grows(tmp_path: Path):
     with path.open("ab") as file:
         file.write(LINES[1])
     assert source.read() == LINES[1]
-    path.write_bytes(b"x\n")  # the recorder began anew
+    path.write_bytes(b"x\n")  # the recorder began again
     assert collected(source, 2) == b"x\n"
     source.close()
 

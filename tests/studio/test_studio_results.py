@@ -168,7 +168,7 @@ async def test_a_result_says_that_something_else_was_chosen(
 ):
     """Assert that this is said of whatever would be asked for otherwise, and of nothing else.
 
-    The log is not checked anew: the form would be, under the hands that fill it in.
+    The log is not checked again: the form would be, under the hands that fill it in.
     """
     await studio.identify("a.csv")
     await studio.rooms.handle({"kind": "settings", "values": values})

@@ -107,7 +107,7 @@ def check_acceleration_free(symbolic: SymbolicSystem) -> None:
 def error_dynamics(observer: SymbolicObserver) -> tuple[tuple[sp.Expr, ...], ...]:
     """Differentiate the estimates along the model, eq. (1), and insert the update laws.
 
-    Nothing of the design is presupposed: b is differentiated anew, by every state and input.
+    Nothing of the design is presupposed: b is differentiated again, by every state and input.
     """
     symbolic = observer.symbolic
     moving = [*symbolic.states, *symbolic.inputs]

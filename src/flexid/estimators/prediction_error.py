@@ -87,7 +87,7 @@ def prediction_error(
     hold : {"linear", "zero", "cubic"}, optional
         Whether the inputs run linearly between samples, are constant until the next one, or smooth.
     use_velocities : bool, optional
-        Fit measured velocities beside the positions. Do so only if a sensor gave them.
+        Fit measured velocities besides the positions. Do so only if a sensor gave them.
     unknowns : Unknowns, optional
         What is sought, if not every coefficient of the system from all recordings together.
 

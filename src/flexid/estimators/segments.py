@@ -1,4 +1,4 @@
-"""Recordings of motion cut into segments, each of which starts anew from a state of its own."""
+"""Recordings of motion cut into segments, each of which starts again from a state of its own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -7,7 +7,7 @@ from elsewhere and the file's name is a hash of its text.
 What is generated for the usual drive is part of the package. Other generated parts lie beside the
 kernel, in the folder ``derived``, under a hash of the declarations and of
 the code that generates. A change of that code costs another derivation, of some seconds; what comes
-out of it as it was, is not compiled anew.
+out of it as it was, is not compiled again.
 """
 
 import atexit
@@ -213,7 +213,7 @@ class _OneCompiles:
     To save, numba reads the function's index, adds a signature and writes it back. Of two
     processes that do so at once one signature is lost, or gets the code of the other. An index may
     also name a type of another kernel, if both were at work in one process; where that kernel is
-    not loaded, all is compiled anew.
+    not loaded, all is compiled again.
     """
 
     def __init__(self, cache: Any, path: Path) -> None:
@@ -293,7 +293,7 @@ def _digest(*parts: str) -> str:
 
 @cache
 def _generator_digest() -> str:
-    """Hash of the code that generates: a changed derivation derives anew.
+    """Hash of the code that generates: a changed derivation derives again.
 
     The declarations' code counts too: it fixes what a text means and the order of the parameters.
     """

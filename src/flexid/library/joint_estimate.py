@@ -172,7 +172,7 @@ class JointEstimate(ReportedAnswer):
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Terms of the model beside the joint spring."""
+        """Terms of the model besides the joint spring."""
         return self.result.choices.terms
 
     @property

@@ -97,7 +97,7 @@ class EstimateValidation(ReportedAnswer, TabularAnswer):
 
     @property
     def horizons(self) -> Mapping[float, Mapping[str, float]]:
-        """The same for predictions that begin anew every so many seconds."""
+        """The same for predictions that begin again every so many seconds."""
         return MappingProxyType(self.result.horizons)
 
     @property

@@ -1,4 +1,4 @@
-"""Estimation beside a drive: `flexid.watch`."""
+"""Estimation next to a drive: `flexid.watch`."""
 
 from collections.abc import Iterator, Mapping
 from math import inf, isfinite
@@ -338,7 +338,7 @@ def watch(
     model : {"auto", "flexible", "link", "rigid"}, optional
         Model of the joint; that of the estimate, or what the channels show, if not given.
     terms : iterable of str, optional
-        Terms of the model beside the joint spring; those of the estimate, or the usual ones:
+        Terms of the model besides the joint spring; those of the estimate, or the usual ones:
         gravity, viscous and Coulomb friction of the motor, damping of the spring. See
         `flexid.TERMS`.
     hold : {"auto", "linear", "zero"}, optional

@@ -51,7 +51,7 @@ TERMS: dict[str, Term] = {
     "link_offset": Term("constant torque or sensor offset, link", {"theta_offset": "1"}, {}),
     "motor_offset": Term("constant torque or sensor offset, motor", {}, {"alpha_offset": "1"}),
 }
-"""Terms that can be switched on beside the joint spring, which is always there."""
+"""Terms that can be switched on besides the joint spring, which is always there."""
 
 STRIBECK_VELOCITY = "stribeck_velocity"
 BACKLASH_WIDTH = "backlash_width"
@@ -130,7 +130,7 @@ SHAPE_TERMS: dict[str, Term] = {
         {"alpha_lopsided": "(x1 - x3)**2"},
     ),
 }
-"""Terms for what a drive may have beside those of `TERMS`; each stands for a family of shapes."""
+"""Terms for what a drive may have besides those of `TERMS`; each stands for a family of shapes."""
 
 SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER, RIPPLE_ORIGIN)
 """Constants of these terms: how wide their shapes are, and from where a ripple counts."""

@@ -103,9 +103,9 @@ class ParametricSystem:
         Names of the inputs.
     constants : mapping of str to float, optional
         Known numbers that expressions may use, with their default values; values can be replaced
-        at run time without deriving anything anew.
+        at run time without deriving anything again.
     memories : tuple of Memory, optional
-        States that expressions may use beside those of the rows. The prediction error alone knows
+        States that expressions may use besides those of the rows. The prediction error alone knows
         what to do with them.
 
     Raises
@@ -202,7 +202,7 @@ class ParametricSystem:
     def with_constants(self, values: Mapping[str, float]) -> "ParametricSystem":
         """Return the same system with other values of some constants.
 
-        Nothing is checked anew, since the names stay: thousands of runs differ in values alone.
+        Nothing is checked again, since the names stay: thousands of runs differ in values alone.
 
         Parameters
         ----------

@@ -39,7 +39,7 @@ RIGID_TERMS: dict[str, dict[str, str]] = {
     "coulomb": {"gamma_coulomb": f"-tanh(x2/{SMOOTHING})"},
     "offset": {"gamma_offset": "1"},
 }
-"""Terms that can be switched on beside the inertia, which is always there, with regressors."""
+"""Terms that can be switched on besides the inertia, which is always there, with regressors."""
 
 RIGID_UNITS: dict[str, str] = {
     "gamma1": "1/s^2",

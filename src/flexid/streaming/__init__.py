@@ -1,1 +1,1 @@
-"""Estimation beside a drive: a stream is guarded, learnt from, judged, and can be saved."""
+"""Estimation next to a drive: a stream is guarded, learnt from, judged, and can be saved."""

@@ -1,4 +1,4 @@
-"""How well an estimation beside a drive is: five states, each with its reason.
+"""How well an estimation next to a drive is: five states, each with its reason.
 
 The rules stand here alone, as a function of a few numbers, so that other languages can have the
 same; the values of `Health` are those of ``flexid_health`` in the exported C.
@@ -131,7 +131,7 @@ class Evidence(NamedTuple):
     determined: bool  # whether the data determine every coefficient
     open_direction: Sequence[str]  # coefficients that are confused most
     widths: Sequence[Width]  # of spring and inertias
-    changed: str  # what contradicted the estimates before they began anew; empty if nothing did
+    changed: str  # what contradicted the estimates before they began again; empty if nothing did
     contradicted: str = ""
     """What is known, or was estimated before, and is otherwise now; empty if nothing is."""
 

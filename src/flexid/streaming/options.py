@@ -1,4 +1,4 @@
-"""What an estimation beside a drive is given: the model, the clock, the filter, the memory."""
+"""What an estimation next to a drive is given: the model, the clock, the filter, the memory."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
@@ -39,7 +39,7 @@ class WatchOptions:
     """What does not change while a stream is watched."""
 
     sample_time: float  # in s
-    terms: tuple[str, ...] = USUAL_TERMS  # terms of the flexible joint beside its spring
+    terms: tuple[str, ...] = USUAL_TERMS  # terms of the flexible joint besides its spring
     # whether link and motor have an encoder each, and there is an input; or the link is driven by
     # the motor's measured motion; or the drive has one encoder
     kind: Kind = "flexible"

@@ -47,7 +47,7 @@ class RecentWindow:
         return cls(*_beginning(learner, states), np.zeros((2, len(learner.system.rows))))
 
     def begin(self, learner: Learner, states: States) -> None:
-        """Begin anew from some states."""
+        """Begin again from some states."""
         begun = _beginning(learner, states)
         self.errors, self.equations, self.powers, self.equations_before = begun
 

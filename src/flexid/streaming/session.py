@@ -35,7 +35,7 @@ def clock_words(time: float) -> str:
 
 @dataclass(frozen=True)
 class Change:
-    """When the motion began to contradict what was learnt, so that learning began anew."""
+    """When the motion began to contradict what was learnt, so that learning began again."""
 
     time: float  # on the stream's clock, in s; by then it had for two windows
     row: str  # where it was seen first: ``"link"``, ``"motor"`` or ``"rigid"``

@@ -54,7 +54,7 @@ def open_source(text: str, *, stop_at_end: bool = False) -> "Source":
 
 
 class GrowingFile:
-    """A text file that a recorder is still writing, and may cut, write anew or replace.
+    """A text file that a recorder is still writing, and may cut, write again or replace.
 
     Before it is read on, its last bytes are compared with those that were read: a file that was cut
     and has grown beyond that place again is found so too. One that was replaced, as rotated logs
@@ -279,5 +279,5 @@ class SerialPort:
 Source: TypeAlias = GrowingFile | StandardInput | Datagrams | SerialPort
 """Bytes as they come: `read` returns none if nothing has come for a while, None at the end.
 
-`begins` says whether what was read last begins another text: a file that was written anew.
+`begins` says whether what was read last begins another text: a file that was written again.
 """

@@ -87,7 +87,7 @@ class IdentifyRoom:
         await self._window.address(ROOM, self._choices.query)
 
     async def choose(self, values: object) -> None:
-        """Take what stands in the forms, and check the log anew."""
+        """Take what stands in the forms, and check the log again."""
         await self._set(values)
         if self._log is not None:
             self._window.start("check", self._check(), "check")

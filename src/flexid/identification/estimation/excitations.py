@@ -27,7 +27,7 @@ _LEAST_MOTION = (
 def row_excitation(row: RowFit, known: Collection[str]) -> Excitation:
     """Excitation of a row beside what is known of it.
 
-    Where a constant is sought beside the spring, the deflection counts from its mean: where the
+    Where a constant is sought besides the spring, the deflection counts from its mean: where the
     encoders have their zeros says nothing about the motion. So does the cosine of a tilted gravity,
     which hardly changes about its rest.
     """

@@ -183,7 +183,7 @@ def _isolated(function: _Power, pivot: str, value: float) -> _Power:
 
 def _finite(name: str, value: float) -> float:
     if not isfinite(value):
-        raise SettingError("known", f"{name}: the value is no possible one beside what is known")
+        raise SettingError("known", f"{name}: the value is impossible with what is known")
     return value
 
 

@@ -1,4 +1,4 @@
-"""The paper's observer over a log, sample by sample, as it would run beside a drive."""
+"""The paper's observer over a log, sample by sample, as it would run next to a drive."""
 
 from collections.abc import Sequence
 

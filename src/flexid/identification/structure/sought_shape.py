@@ -1,4 +1,4 @@
-"""Terms whose shape is not known: a constant of the model that is sought beside the coefficients.
+"""Terms whose shape is not known: a constant of the model that is sought besides the coefficients.
 
 How many times a ripple repeats in a turn, or where a spring bends, is no coefficient of a linear
 term. A term of that kind joins the model where the usual terms leave more than noise, with the

@@ -69,7 +69,7 @@ Channels = Joint | ElasticArm
 """What a free run is compared in."""
 
 HORIZONS = (0.05, 0.2, 1.0, 5.0)
-"""Seconds after which predictions begin anew."""
+"""Seconds after which predictions begin again."""
 
 _WARM_UP = 0.5  # s of data before a prediction from which its first state is taken
 _SMALLEST, _LARGEST = 1e-9, 1e4  # per cent of the motion, errors that are compared

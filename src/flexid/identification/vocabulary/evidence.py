@@ -84,7 +84,7 @@ class Validation:
     # motor's measured motion drives the link
     fit_percent: Mapping[str, float]
     runs: tuple[FreeRun, ...] = ()  # one per held-out stretch
-    # the same for predictions that begin anew every so many seconds
+    # the same for predictions that begin again every so many seconds
     horizons: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
 
 

@@ -2,7 +2,7 @@
 
 A sample is time, a position per encoder and the inputs. What is wrong with it is its fate; wherever
 the ones that are left do not follow each other, a row without numbers stands between them, at which
-every online estimator begins anew.
+every online estimator begins again.
 """
 
 from math import exp
