@@ -21,8 +21,9 @@ from flexid.identification.full_model.fitting import (
     lengths,
     refit,
 )
-from flexid.identification.full_model.model import FINE, LINK, Data, Structure
+from flexid.identification.full_model.model import FINE, LINK, Data, Structure, data_of
 from flexid.identification.full_model.starting import least_squares_start
+from flexid.recording.velocities import with_velocities
 
 
 @pytest.fixture(scope="module")
@@ -246,4 +247,6 @@ def test_margin_is_small_in_a_short_log():
     """Assert that no more than a twentieth of the shortest recording is left out at either end."""
     assert data(made(1, 8.0), made(1, 0.4)).margin == pytest.approx(0.02)
     assert data(made(1, 8.0)).margin == pytest.approx(0.03)
+    late = [with_velocities(made(1, 8.0))]
+    assert data_of(JOINT, late, [0], 0.2).margin == pytest.approx(0.2)
     assert data(made(1, 8.0)).duration == pytest.approx(4000 * SAMPLE_TIME)

@@ -104,3 +104,5 @@ def test_what_a_log_can_show_is_taken():
     """Assert that numbers at the edge of what the samples show pass."""
     usable = Settings(segment_duration=30.0, filter_rate=499.0, input_delay=2.0, link_delay=-2.0)
     check_against(usable, 1e-3, 20.0)
+    assert usable.given_delay == 2.0
+    assert Settings().given_delay == 0.0

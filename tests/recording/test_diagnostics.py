@@ -14,7 +14,7 @@ from flexid.identification.preparation.recordings import prepare
 from flexid.library.logs import read_log
 from flexid.recording import Log
 from flexid.recording.caution import Rank, rank_of
-from flexid.recording.slow_motion import scales_apart
+from flexid.recording.slow_motion import late_input, scales_apart
 
 STEP = 2e-3  # s
 COUNT = 6000
@@ -108,14 +108,22 @@ def test_the_share_by_which_scales_differ(scale: float, share: float):
     assert scales_apart(found)[0] == pytest.approx(share, abs=1e-3)
 
 
-@pytest.mark.parametrize(("samples", "said"), [(24, "-0.048"), (-50, "0.1"), (10, "")])
+@pytest.mark.parametrize(("samples", "said"), [(25, "-0.05"), (-51, "0.102"), (10, "")])
 def test_an_input_that_is_far_off_in_time(samples: int, said: str):
-    """Assert that a delay that no fit seeks is named, and one that is sought is not."""
-    found = changed(torque=lambda values: np.roll(values, samples)).warnings
+    """Assert that a delay that no fit seeks is named to a sample, and one that is sought is not."""
+    log = changed(torque=lambda values: np.roll(values, samples))
+    assert log.warnings == ()
+    found = [*late_input(log.recordings[0])]
     assert len(found) == bool(said)
     for warning in found:
         assert f"give --input-delay={said}" in warning
         assert rank_of(warning) == Rank.SCALE
+
+
+def test_an_input_that_stands_still_is_not_late():
+    """Assert that nothing is said where the input acts at the beginning alone."""
+    log = changed(torque=lambda values: values * (np.arange(COUNT) < 50))
+    assert [*late_input(log.recordings[0])] == []
 
 
 def test_a_scale_in_a_small_motion_is_left_open():

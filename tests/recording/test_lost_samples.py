@@ -61,12 +61,12 @@ def test_lost_samples_of_a_resonance_are_found():
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
 def test_nothing_is_found_where_nothing_is_lost(noise: float):
-    """Assert that a motion, and one that stops dead and goes on, loses nothing."""
+    """Assert that a motion, one that stops dead and goes on, and one of jumps lose nothing."""
     positions = motion(noise)
     time = clock(positions.shape[1])
     assert not lost_samples(list(positions), time).any()
-    stopped = np.maximum(positions, 0.2)
-    assert not lost_samples(list(stopped), time).any()
+    for other in (np.maximum(positions, 0.2), np.sign(positions)):
+        assert not lost_samples(list(other), time).any()
 
 
 def test_repeated_samples_are_no_lost_ones():

@@ -3,7 +3,7 @@
 One path: recordings, full model, structure, estimate, judgement, result.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -64,6 +64,7 @@ from flexid.models.parameter_kinds import Directional
 from flexid.models.terms import SMOOTHING
 from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log
+from flexid.recording.slow_motion import late_input
 from flexid.recording.velocities import with_velocities
 
 
@@ -83,13 +84,13 @@ def identify(
     compile_ahead()
     recordings, dropped = prepare(logs, settings.validation_share, settings.model)
     job = job_of(recordings, settings)
-    training = data_of(job.joint, recordings.fitted, recordings.groups)
+    training = data_of(job.joint, recordings.fitted, recordings.groups, settings.given_delay)
     # A current is controlled; what becomes of a voltage depends on the amplifier.
     amplifier = amplifier_of(job.structure(training), training) if job.input_unit == "V" else IDEAL
     if amplifier.corrects:
         recordings = amplifier.split_behind(recordings)
-        training = data_of(job.joint, recordings.fitted, recordings.groups)
-    whole = data_of(job.joint, recordings.whole, recordings.groups)
+        training = data_of(job.joint, recordings.fitted, recordings.groups, settings.given_delay)
+    whole = data_of(job.joint, recordings.whole, recordings.groups, settings.given_delay)
     found = answer(job, training, whole, recordings, progress, thresholds)
     fits, validation, choice = found.fits, found.validation, found.fits.choice
     numbers = _doubted(_numbers(job, fits, found.estimate, thresholds), found)
@@ -129,6 +130,7 @@ def identify(
             (
                 *(warning for log in logs for warning in log.warnings),
                 *dropped,
+                *_clock_warnings(job, logs),
                 *found.doubts,
                 *cautions(Rank.MODEL, fits.retreat),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
@@ -206,6 +208,13 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Threshol
         joined.against,
         widest(coefficients, sizes),
     )
+
+
+def _clock_warnings(job: Job, logs: Sequence[Log]) -> Iterator[str]:
+    """Warnings of inputs that no fit follows, since they are on another clock."""
+    if job.joint.kind == "flexible" and job.settings.input_delay == "auto":
+        for log in logs:
+            yield from late_input(max(log.recordings, key=len))
 
 
 def _doubted(numbers: _Numbers, found: Answer) -> _Numbers:

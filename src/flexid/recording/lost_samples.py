@@ -179,7 +179,7 @@ class _Interpolator:
             usual = np.median(np.abs(errors[kept]), axis=0) / 0.6745 + np.finfo(float).tiny
             kept &= np.max(np.abs(errors) / usual, axis=1) < _TRIMMED
         left = errors[kept]
-        floor = _ALIKE * np.mean(sums**2, axis=0) + np.finfo(float).tiny
+        floor = _ALIKE * np.mean(steps**2, axis=0) + np.finfo(float).tiny
         root = np.linalg.cholesky(left.T @ left / max(len(left), 1) + np.diag(floor))
         return cls(weights.astype(np.float64), root.astype(np.float64))
 

@@ -89,25 +89,29 @@ def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
                 f"gear_ratio divided by it, would agree)",
                 Rank.SCALE,
             )
-        late = input_lateness(recording, smoothed)
-        if late:
-            yield Caution(
-                f"{place}: the input explains their motion best if it acts {abs(late):.3g} s "
-                f"{'later' if late > 0.0 else 'earlier'} than it stands in the log, which is more "
-                f"than a fit looks for: put all channels on one clock, or give "
-                f"--input-delay={late:.3g}",
-                Rank.SCALE,
-            )
 
 
-def input_lateness(recording: Recording, smoothed: _Smoothing) -> float:
+def late_input(recording: Recording) -> Iterator[str]:
+    """Warn of an input that acts at another time than it was logged, beyond what a fit finds."""
+    late = input_lateness(recording)
+    if late:
+        yield Caution(
+            f"{recording.source}: the input explains the motion best if it acts {abs(late):.3g} s "
+            f"{'later' if late > 0.0 else 'earlier'} than it stands in the log, which is more than "
+            f"a fit looks for: put all channels on one clock, or give --input-delay={late:.3g}",
+            Rank.SCALE,
+        )
+
+
+def input_lateness(recording: Recording) -> float:
     """How much later in s than it was logged an input acts, beyond what a fit finds; else 0.
 
     The motor's balance takes the smoothed input, at each of many delays, by least squares.
     """
+    smoothed = _smoothing(recording)
     motor, link, acts = recording.motor_position, recording.link_position, recording.input
     reach = round(_LATEST / recording.sample_time)
-    if link is None or acts is None or len(motor) < _FEWEST_REACHES * reach:
+    if smoothed is None or link is None or acts is None or len(motor) < _FEWEST_REACHES * reach:
         return 0.0
     inside = slice(reach, len(motor) - reach)
     moved, bent = motor[inside], (link - motor)[inside]
@@ -117,11 +121,16 @@ def input_lateness(recording: Recording, smoothed: _Smoothing) -> float:
 
     def left(samples: int) -> float:
         own = smoothed(acts[reach - samples : len(acts) - reach - samples])
-        return float(np.sum((own - basis @ (basis.T @ own)) ** 2) / np.sum((own - own.mean()) ** 2))
+        moved = float(np.sum((own - own.mean()) ** 2))
+        return float(np.sum((own - basis @ (basis.T @ own)) ** 2)) / moved if moved else 1.0
 
     step = max(1, round(_LATE_STEP / recording.sample_time))
     delays = range(-step * (reach // step), reach + 1, step)
     found = {delay: left(delay) for delay in delays}
+    best = min(found, key=lambda delay: found[delay])
+    found |= {
+        delay: left(delay) for delay in range(max(best - step, -reach), min(best + step, reach))
+    }
     best = min(found, key=lambda delay: found[delay])
     # At the end of what was tried there may be less beyond: a motion that repeats itself, say.
     is_late = _FOUND_BY_A_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP

@@ -94,15 +94,24 @@ class Data:
         return replace(self, samples=tuple(noisier))
 
 
-def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]) -> Data:
-    """Recordings with velocities as a joint's fits take them."""
+def data_of(
+    joint: Joint, recordings: Sequence[Recording], groups: Sequence[int], given_delay: float = 0.0
+) -> Data:
+    """Recordings with velocities as a joint's fits take them, whose channels are as late, in s."""
     samples = tuple(joint.samples(recording) for recording in recordings)
     relative = {}
     if joint.kind != "rigid" and recordings[0].link_from_deflection:
         # The link alone has the motor's position as its first input.
         relative = {"link": "motor" if joint.kind == "flexible" else joint.system.inputs[0]}
     noise = encoder_noise(samples)
-    return Data(samples, tuple(groups), noise, relative, recordings=tuple(recordings))
+    return Data(
+        samples,
+        tuple(groups),
+        noise,
+        relative,
+        largest_delay=max(_MARGIN, given_delay),
+        recordings=tuple(recordings),
+    )
 
 
 def encoder_noise(samples: Sequence[Samples]) -> FloatArray:

@@ -71,8 +71,8 @@ def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, 
     training = data_of(joint, recordings.fitted, recordings.groups)
     rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
     whole = data_of(joint, recordings.whole, recordings.groups)
-    divisions = lengths(training, _DURATION, _DURATION)
     try:
+        divisions = lengths(training, _DURATION, _DURATION)
         start = starts(rival, training, divisions[0])[0]
         found = fit_by_length(
             rival, training, start, divisions, insist=False, iterations=_ITERATIONS

@@ -97,6 +97,12 @@ class Settings:
                 "validation-share", f"give a share of the log between 0 and {_LARGEST_SHARE}"
             )
 
+    @property
+    def given_delay(self) -> float:
+        """The largest delay that is given, in s; 0 if none is."""
+        given = (delay for delay in (self.input_delay, self.link_delay) if delay != "auto")
+        return max(map(abs, given), default=0.0)
+
 
 def check_for(joint: Joint, settings: Settings) -> None:
     """Raise `SettingError` for what a joint does not have, or what contradicts itself."""
