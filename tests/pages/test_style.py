@@ -19,7 +19,7 @@ DIALECT = (
     r"beside\b",
     r"whatever\b",
     r"whoever\b",
-    r"again\b",
+    r"anew\b",
     r"told\b",
     r"untold\b",
     r"climb\w*",
@@ -29,8 +29,8 @@ DIALECT = (
     r"next to none\b",
     r"of no account\b",
     r"in the midst\b",
-    r"hold against\b",
-    r"held against\b",
+    r"hold anewst\b",
+    r"held anewst\b",
 )
 """What first editions wrote in place of a standard term; each from a word's beginning."""
 
