@@ -3,6 +3,7 @@
 import json
 from copy import deepcopy
 from dataclasses import asdict, fields, is_dataclass
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -62,6 +63,15 @@ def test_a_newer_file_is_refused(document):
     with pytest.raises(SettingError, match="update flexid") as caught:
         read_estimate(newer)
     assert "\n" not in str(caught.value)
+
+
+def test_what_json_cannot_hold_is_no_estimate():
+    """Assert that a mapping with other keys, and one that holds itself, are refused."""
+    endless: dict[str, Any] = {}
+    endless["itself"] = endless
+    for content in (cast("Any", {(1, 2): 3}), endless):
+        with pytest.raises(SettingError, match="is no JSON"):
+            read_estimate(content)
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,7 @@ class RecursiveLeastSquares(OnlineEstimator):
     """
 
     _sizes: Any  # of the model, and the places in a state: see the template ``least_squares``
+    _signals: ModuleType  # whose function the kernel calls by its address: it must stay loaded
 
     @property
     def law(self) -> Law:
@@ -209,13 +210,14 @@ def recursive_least_squares(
     settings = np.array([*law, *rows, *factors.ravel(), *plain.HELD], dtype=np.float64)
     kernel = _kernel()
     starts = (0, *(part.stop for _, part in system.row_slices()))
-    address = _compiled_signals(system).sampled_parts.address
+    compiled = _compiled_signals(system)
+    address = compiled.sampled_parts.address
     model = kernel.sizes(address, starts, len(system.inputs), len(constants), not velocities, half)
     layout = np.array([*model, *starts], dtype=np.int64)
     state = np.zeros(model.state)
     state[model.counts + kernel.BLOCK_LENGTH] = shortest_block
     return RecursiveLeastSquares(
-        system, h, hold, velocities, kernel, settings, (layout,), state, model
+        system, h, hold, velocities, kernel, settings, (layout,), state, model, compiled
     )
 
 

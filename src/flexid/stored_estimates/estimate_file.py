@@ -102,7 +102,11 @@ def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
     missing or is not what it should be.
     """
     if isinstance(estimate, Mapping):
-        raw, content, file = json.dumps(estimate, default=str).encode(), dict(estimate), ""
+        content, file = dict(estimate), ""
+        try:
+            raw = json.dumps(content, default=str).encode()
+        except (TypeError, ValueError, RecursionError):
+            raise _refusal("estimate", "", f"is no JSON: give {WANTED}") from None
     else:
         path = Path(estimate)
         if path.is_dir():
