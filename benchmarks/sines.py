@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-import joint_logs
 import numpy as np
 
+import joint_logs
 from benchmarks.size import sized
 from flexid.identification.estimation import excitations, final_fits
 from flexid.identification.identify import identify

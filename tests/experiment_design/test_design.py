@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from joint_logs import SAMPLE_TIME, steady_sine
 from scipy.optimize import brentq
 
 from flexid.estimators.prediction_error import prediction_error
@@ -18,6 +17,7 @@ from flexid.experiment_design.result import Design, Rehearsed
 from flexid.report.charts.description import Level, Line, Points
 from flexid.report.design import charts, save_command
 from flexid.simulation.free_run import free_run
+from joint_logs import SAMPLE_TIME, steady_sine
 
 SEEDS = 40
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from joint_logs import FINE, SAMPLE_TIME, steady_sine, write_held_log, write_log
 
 from flexid.errors import FlexidError
 from flexid.experiment_design.advice import advise
@@ -15,6 +14,7 @@ from flexid.identification.preparation.settings import Settings
 from flexid.recording.read import read_log
 from flexid.report.charts.description import Level, Points
 from flexid.report.excitation import advice_lines, charts
+from joint_logs import FINE, SAMPLE_TIME, steady_sine, write_held_log, write_log
 
 TERMS = ("gravity", "motor_viscous")
 PAPER = Settings(terms=TERMS)
