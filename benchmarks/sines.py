@@ -1,6 +1,6 @@
 """What steady motion on one sine makes determined, rightly and wrongly, and the share behind it.
 
-    PYTHONPATH=tests/experiment_design python -m benchmarks.sines [JOBS]
+    PYTHONPATH=tests python -m benchmarks.sines [JOBS]
 
 Each log is identified without the rule on what the motion does not excite (`lost_share`).
 """

@@ -108,7 +108,7 @@ def _runs(job: Job, folder: Path) -> bool:
         command = ["benchmarks", job.module, "--quick"]
     else:
         command = [f"benchmarks.{job.module}", *shlex.split(job.arguments)]
-    helpers = [folder / "tests" / name for name in ("estimators", "experiment_design")]
+    helpers = [folder / "tests", folder / "tests" / "estimators"]
     path = os.pathsep.join(map(str, [folder, *helpers, *filter(None, [_PATH])]))
     begun = time.perf_counter()
     try:
