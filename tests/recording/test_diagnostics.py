@@ -126,6 +126,14 @@ def test_an_input_that_stands_still_is_not_late():
     assert [*late_input(log.recordings[0])] == []
 
 
+def test_one_missing_sample_is_no_rounded_clock():
+    """Assert that a log is cut where one sample is missing, and not stretched to close the gap."""
+    log = read_log({name: np.delete(CLEAN[name], 3000) for name in POSITIONS})
+    assert [len(recording) for recording in log.recordings] == [3000, COUNT - 3001]
+    for recording in log.recordings:
+        assert recording.sample_time == pytest.approx(STEP, 1e-9)
+
+
 def test_a_scale_in_a_small_motion_is_left_open():
     """Assert that nothing is said where the angle is too much like its sine."""
     small = simulated(0.1)

@@ -201,6 +201,15 @@ def test_rows_that_are_written_twice() -> None:
     assert_words("rows written twice .at 0.035 s, 0.035 s, 1.5 s; 3 in all", log.warnings[0])
 
 
+def test_no_position_of_several_is_the_link() -> None:
+    """Assert that of numbered positions beside the motor's none is taken for its link."""
+    link = COLUMNS["link_position"]
+    columns = {**without(COLUMNS, "link_position"), "q1": link, "q2": link[::-1]}
+    log = read_columns(columns)
+    assert log.recordings[0].link_position is None
+    assert any("'q1', 'q2' not used" in warning for warning in log.warnings)
+
+
 def test_no_time_but_a_sample_time() -> None:
     """Assert that a column map may say how far rows are apart, and not beside a time."""
     columns = without(COLUMNS, "time")
@@ -209,9 +218,11 @@ def test_no_time_but_a_sample_time() -> None:
     np.testing.assert_allclose(recording.time, COLUMNS["time"], atol=1e-12)
     for bad, words in {
         0.9: "0.9 s is outside 1e-06 to 0.5 s",
+        10**400: "10*[.]{3} s is outside",
         "fast": "'fast' is not a number of seconds",
     }.items():
         assert_words(words, refused(read_columns, columns, {**given, "sample_time": bad}))
+    assert read_columns(columns, {**given, "time": False}).recordings
     message = refused(read_columns, COLUMNS, {**given, "time": "time"})
     assert_words("key 'sample_time': the map names a column for the time, too", message)
 

@@ -15,7 +15,7 @@ from flexid.errors import RecordingError
 from flexid.files import shown
 from flexid.recording.channel import GEARED, SI_UNITS
 from flexid.recording.limits import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
-from flexid.recording.names import did_you_mean
+from flexid.recording.names import cut, did_you_mean
 from flexid.toml_file import parse_toml, read_bytes
 
 MapSource: TypeAlias = Path | Mapping[str, object]
@@ -137,7 +137,9 @@ def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
     if not content:
         raise RecordingError(file, "", "the column map is empty: name the columns in it")
     gear_ratio = _gear_ratio(file, content.pop("gear_ratio", None))
-    sample_time = _sample_time(file, content.pop("sample_time", None), "time" in content)
+    sample_time = _sample_time(
+        file, content.pop("sample_time", None), content.get("time", False) is not False
+    )
     for key in content:
         if key not in SI_UNITS:
             raise RecordingError(
@@ -176,8 +178,8 @@ def _gear_ratio(file: str, value: object) -> float | None:
         ratio = 1.0 / ratio
     if isinstance(ratio, int | float) and not isinstance(ratio, bool) and 1.0 <= abs(ratio) <= 1e6:
         return float(ratio)
-    shown_value = repr(value) if len(repr(value)) <= 40 else repr(value)[:37] + "..."
-    raise RecordingError(file, "key 'gear_ratio'", f"{shown_value} is not a ratio: {_GEAR_REMEDY}")
+    reason = f"{cut(repr(value))} is not a ratio: {_GEAR_REMEDY}"
+    raise RecordingError(file, "key 'gear_ratio'", reason)
 
 
 def _sample_time(file: str, value: object, has_time: bool) -> float | None:
@@ -193,10 +195,8 @@ def _sample_time(file: str, value: object, has_time: bool) -> float | None:
         reason = f'{value!r} is not a number of seconds: write it as 0.001 or "1/1000"'
         raise RecordingError(file, place, reason)
     if not SHORTEST_SAMPLE_TIME <= seconds <= LONGEST_SAMPLE_TIME:
-        reason = (
-            f"{seconds:g} s is outside {SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s: "
-            f"write the seconds between two rows"
-        )
+        limits = f"{SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s"
+        reason = f"{cut(repr(value))} s is outside {limits}: write the seconds between two rows"
         raise RecordingError(file, place, reason)
     return float(seconds)
 

@@ -272,8 +272,10 @@ def _joint_of(table: Table, usual: Mapping[str, Usual], given: set[str]) -> str:
     """The number of the only joint whose positions have one, or none; raise where several have."""
     motors_last = sorted(usual.items(), key=lambda item: item[1].channel == "motor_position")
     positions = {one.joint: h for h, one in motors_last if one.channel.endswith("position")}
-    if "" in positions or "motor_position" in given or len(positions) <= 1:
+    if "" in positions or len(positions) <= 1:
         return next((joint for joint in positions if joint), "")
+    if "motor_position" in given:  # which of them is its link, no name says
+        return ""
     numbers = sorted(positions, key=int)
     raise RecordingError(
         table.file,

@@ -160,8 +160,15 @@ def _of_rounded(file: str, place: str, time: FloatArray, steps: FloatArray) -> G
     """The even grid of times that are off it by no more than their last digit; None if they are.
 
     Of 400 samples per second, written in whole milliseconds, two come 3 ms after the one before and
-    two 2 ms: they are even all the same, and interpolation would make them uneven.
+    two 2 ms: they are even all the same, and interpolation would make them uneven. Few steps that
+    are a whole number of the others are no rounding: samples are missing there.
     """
+    multiples = steps / np.median(steps)
+    if (
+        np.abs(multiples - np.rint(multiples)).max() < EVEN
+        and np.mean(multiples > 1.5) <= MOST_GAPS
+    ):
+        return None
     sample_time = _fitted_sample_time(time, [slice(0, len(time))])
     off = np.ptp(time - sample_time * np.arange(len(time)))
     if off <= 2.0 * EVEN * sample_time:

@@ -49,7 +49,7 @@ _SPELLED = {  # by a unit of Pint's, how else people write it, in small letters
     "ozf*in": "oz-in|oz in|ozin|in-oz|ozf in",
     "V": "v|volt|volts",
     "mV": "mv",
-    "A": "a|amp|amps|ampere|amperes|arms|a_rms|a rms|apk|a_pk|a pk|安",
+    "A": "a|amp|amps|ampere|amperes|arms|a_rms|a rms|安",
     "mA": "ma|milliamp|milliamps",
 }
 _BY_SPELLING = {word: unit for unit, words in _SPELLED.items() for word in words.split("|")}
