@@ -144,7 +144,7 @@ def test_a_command_counts_where_nothing_was_measured() -> None:
     """Assert that it is the input with a warning, and nothing beside a measured current."""
     log = of_names(motor_torque="torque_cmd")
     assert log.recordings[0].input_unit == "N m"
-    assert "'torque_cmd' is what the drive was told, not what it did" in log.warnings[1]
+    assert "'torque_cmd' is a command, and not a measurement" in log.warnings[1]
     columns = joint_columns()
     columns["tau_ref"] = columns.pop("motor_torque")
     log = read_columns(columns | {"motor_strom": columns["tau_ref"]})

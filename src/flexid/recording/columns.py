@@ -216,7 +216,7 @@ def _add_usual(table: Table, plan: _Plan) -> None:
         )
     if commands:
         plan.warnings.append(
-            f"{table.file}: {quoted(commands)} is what the drive was told, not what it did: log "
+            f"{table.file}: {quoted(commands)} is a command, and not a measurement: log "
             f"the measured torque or current, which may be later and smaller"
         )
 

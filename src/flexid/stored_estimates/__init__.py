@@ -1,1 +1,1 @@
-"""Estimates as files: read, rebuilt, held against other logs."""
+"""Estimates as files: read, and compared with other logs."""

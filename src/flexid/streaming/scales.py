@@ -28,20 +28,22 @@ class Scales:
         self._source, self._channels, self._sample_time = source, channels, sample_time
         self._wanted = min(max(round(_DURATION / sample_time), _FEWEST), _MOST)
         self._parts: list[FloatArray] | None = []  # None as soon as they are checked
+        self._count = 0  # of samples in them
 
     def take(self, samples: FloatArray) -> tuple[str, ...]:
         """What is wrong, a sentence each, as soon as enough samples have come."""
         if self._parts is None:
             return ()
         self._parts.append(samples[np.isfinite(samples).all(axis=1)])
-        if sum(map(len, self._parts)) < self._wanted:
+        self._count += len(self._parts[-1])
+        if self._count < self._wanted:
             return ()
         taken = np.concatenate(self._parts)
         later = taken[:, 0] > np.maximum.accumulate(np.concatenate(([-np.inf], taken[:-1, 0])))
         taken = taken[later]
         names = [*self._channels.sampled]
         if len(taken) < _FEWEST or np.ptp(taken[:, names.index("motor_position")]) < _MOVED:
-            self._parts = []
+            self._parts, self._count = [], 0
             return ()
         self._parts = None
         return tuple(dict.fromkeys(self._found(dict(zip(names, taken.T, strict=True)))))
