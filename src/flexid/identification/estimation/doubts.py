@@ -31,7 +31,6 @@ _LIKE_A_TERM = 0.8
 _LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
-_MOTOR_GRAVITY = frozenset({"gamma1", "gamma_cosine"})
 _SPRINGS = frozenset({"theta2", "alpha1"})
 _VISCOUS = frozenset({"alpha2", "gamma_viscous"})
 
@@ -103,10 +102,10 @@ def eccentric_encoders(doubted: Doubted) -> FloatArray:
 def scales_apart(doubted: Doubted) -> FloatArray:
     """Where the scales of two encoders differ, the spring pulls the link back as gravity does."""
     share = doubted.fitted.data.scales_apart
-    spring = doubted.fitted.by_name
-    pull = {name: spring.get("theta2", 0.0) for name in _LINK_GRAVITY}
-    pull |= {name: spring.get("alpha1", 0.0) for name in _MOTOR_GRAVITY}
-    return doubted.diagonal(lambda name, value: share * (abs(value) + abs(pull.get(name, 0.0))))
+    pull = abs(doubted.fitted.by_name.get("theta2", 0.0))
+    return doubted.diagonal(
+        lambda name, value: share * (abs(value) + pull * (name in _LINK_GRAVITY))
+    )
 
 
 def gauge_scale(doubted: Doubted) -> FloatArray:

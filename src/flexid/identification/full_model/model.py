@@ -97,7 +97,7 @@ class Data:
 def data_of(
     joint: Joint, recordings: Sequence[Recording], groups: Sequence[int], given_delay: float = 0.0
 ) -> Data:
-    """Recordings with velocities as a joint's fits take them, whose channels are as late, in s."""
+    """Recordings with velocities as a joint's fits take them; `given_delay` in s, of a channel."""
     samples = tuple(joint.samples(recording) for recording in recordings)
     relative = {}
     if joint.kind != "rigid" and recordings[0].link_from_deflection:

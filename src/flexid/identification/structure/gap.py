@@ -61,7 +61,7 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
         if gap <= 0.0 or abs(gap - width) <= _SETTLED * _deviation(fitted):
             return fitted
         trail.append((width, gap))
-        # From a width that is far away half the start may lead on where the whole does not.
+        # From a width that is far away half the step may lead on where the whole does not.
         tries = dict.fromkeys((_met(trail), gap, (gap * width) ** 0.5))
         fits = (_narrowed(fitted, own) for own in tries)
         better = next((found for found in fits if found is not None), None)
