@@ -74,6 +74,8 @@ STRANGE = (
         "T [°C]",
         "tau*1000",
         "last_position",
+        "POS_A",
+        "pos_V",
         "position error",
         "τ̇",
         "tension",

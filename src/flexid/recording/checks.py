@@ -128,8 +128,8 @@ def check_power(
     if reached <= most:
         return ()
     return (
-        f"{file}: {drive.place}: {name} {what.format(reached)}, more than {most:g} that a joint's "
-        f"drive does: check the unit, as in {name} [m{drive.unit}]",
+        f"{file}: {drive.place}: {name} {what.format(reached)}, more than {most:g}, the limit for "
+        f"a joint's drive: check the unit, as in {name} [m{drive.unit}]",
     )
 
 

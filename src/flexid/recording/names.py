@@ -179,9 +179,16 @@ def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:
         return
     for match in _LAST_WORDS.finditer(bare):
         found = _unit_at_end(bare, match.end())
-        if match.start() and found is not None:
+        if match.start() and found is not None and not _is_letter(bare[: match.start()], found):
             yield bare[: match.start()], found
     yield bare, None
+
+
+def _is_letter(stem: str, unit: str) -> bool:
+    """Whether a unit of one letter is an encoder's, as in POS_A beside POS_B."""
+    words = words_of(stem)
+    is_position = words is not None and words.quantities == ("position",)
+    return is_position and len(unit) == 1 and quantity_of(unit) not in (None, "position")
 
 
 def _unit_at_end(name: str, start: int) -> str | None:

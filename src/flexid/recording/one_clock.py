@@ -18,6 +18,8 @@ from flexid.recording.sampling import EVEN, GAP, MOST_GAPS, interpolated
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
 
@@ -108,10 +110,10 @@ def without_holes(
     sampled at different rates, and each has the times at which it has values.
     """
     there = {name: ~np.isnan(channel.values) for name, channel in channels.items()}
-    unused = {name for name in VELOCITIES if name in there and not there[name].any()}
+    unused = _sparse_velocities(there)
     if unused:
         columns = " and ".join(channels[name].place for name in sorted(unused))
-        warning = f"{file}: {columns}: there are no values, so it is not used: leave it out"
+        warning = f"{file}: {columns}: too many values are missing, so it is not used: leave it out"
         left = {name: own for name, own in channels.items() if name not in unused}
         found, time, more = without_holes(file, left, time)
         return found, time, (warning, *more)
@@ -147,6 +149,18 @@ def without_holes(
         )
     found = {name: replace(own, values=columns[name]) for name, own in channels.items()}
     return found, replace(time, values=times), warnings
+
+
+def _sparse_velocities(there: Mapping[str, NDArray[np.bool_]]) -> set[str]:
+    """Velocities that lack too many values in the rows that have all that is needed."""
+    velocities = {name for name in VELOCITIES if name in there}
+    needed = np.logical_and.reduce([own for name, own in there.items() if name not in velocities])
+    most = MOST_GAPS * np.count_nonzero(needed)
+    return {
+        name
+        for name in velocities
+        if np.count_nonzero(needed & ~there[name]) > most or not there[name].any()
+    }
 
 
 def _slow(stamps: FloatArray, values: FloatArray, ratio: float) -> FloatArray:
