@@ -5,6 +5,7 @@ import pytest
 
 from flexid.recording.channel import Channel, Origin
 from flexid.recording.lost_samples import (
+    counted_anew,
     counted_on,
     lost_by_the_clock,
     lost_samples,
@@ -91,6 +92,44 @@ def test_losses_that_the_clock_shows_are_bridged_where_they_are_often(every: int
     np.testing.assert_array_equal(lost, (np.diff(kept) - 1) * found)
 
 
+def coarse(rate: float, lost: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Times in hundredths of a second, and the positions, of a motion without some samples."""
+    kept = np.setdiff1d(np.arange(3000), lost)
+    time = kept / rate
+    motor = 0.8 * np.sin(3.0 * time) + 0.3 * np.sin(7.1 * time + 1.0)
+    noise = 1e-4 * np.random.default_rng(3).standard_normal((2, len(time)))
+    return np.round(time, 2), [0.5 * motor + noise[0], motor + noise[1]]
+
+
+@pytest.mark.parametrize("lost", [[], [*range(20, 2900, 90)]])
+def test_double_steps_of_a_coarse_clock_are_no_losses(lost: list[int]):
+    """Assert that 97 samples per second are these, and samples lost beside are found as such."""
+    time, positions = coarse(97.0, np.array(lost, dtype=int))
+    counted = counted_anew(time, positions)
+    assert counted is not None
+    found = counted_on(counted, lost_samples(positions, counted), is_span=True)
+    assert 2998 <= len(found) <= 3000
+    assert 1.0 / np.diff(found).mean() == pytest.approx(97.0, rel=1e-3)
+
+
+def test_losses_that_recur_evenly_are_no_coarse_clock():
+    """Assert that the positions decide where a clock alone could be either."""
+    time, positions = coarse(100.0, np.arange(20, 3000, 32))
+    assert counted_anew(time, positions) is None
+    still = [0.0 * values for values in positions]
+    assert counted_anew(time, still) is not None
+
+
+def test_a_clock_that_jumps_is_counted_on_the_evidence_of_the_positions():
+    """Assert that double steps at random, of which no position knows, are taken out."""
+    positions, time = list(motion(1e-5)), clock(3000)
+    for place in np.random.default_rng(5).choice(np.arange(20, 2980), 40, replace=False):
+        time[place:] += STEP
+    counted = counted_anew(time, positions)
+    assert counted is not None
+    np.testing.assert_allclose(np.diff(counted), np.diff(counted)[0], rtol=1e-9)
+
+
 def test_what_is_put_back_is_the_motion():
     """Assert that three samples in a row return within a cubic's error, those around unchanged."""
     kept = np.setdiff1d(np.arange(3000), [100, 101, 102, 180, 250, 251, 300])
@@ -104,5 +143,7 @@ def test_what_is_put_back_is_the_motion():
 
 def test_the_time_is_counted_on():
     """Assert that the time grows by the steps that were put back."""
-    time = counted_on(clock(4), np.array([0, 2, 0]))
+    lost = np.array([0, 2, 0])
+    time = counted_on(clock(4), lost, is_span=False)
     np.testing.assert_allclose(time, clock(6), atol=1e-15)
+    np.testing.assert_allclose(counted_on(time[:4], lost, is_span=True), 0.6 * clock(6), atol=1e-15)

@@ -208,7 +208,7 @@ def test_a_switched_input_does_not_overshoot() -> None:
     assert np.isfinite(read_columns(columns).recordings[0].needed_input).all()
 
 
-@pytest.mark.parametrize("rate", [300.0, 400.0, 450.0, 600.0, 900.0])
+@pytest.mark.parametrize("rate", [300.0, 400.0, 450.0, 600.0, 900.0, 970.0, 995.0])
 def test_whole_milliseconds_are_even(rate: float) -> None:
     """Assert that times that fit an even grid but for their last digit are taken for even.
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from flexid.recording.channel import Channel
-from flexid.recording.sampling import MOST_GAPS, MOST_JITTER, interpolated
+from flexid.recording.sampling import MOST_GAPS, MOST_JITTER, ROUNDED, interpolated
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -88,6 +88,55 @@ def lost_by_the_clock(time: FloatArray) -> NDArray[np.int64]:
     return lost if is_often and np.mean(lost > 0) <= MOST_GAPS else np.zeros_like(lost)
 
 
+def counted_anew(time: FloatArray, positions: list[FloatArray]) -> FloatArray | None:
+    """Even times where a coarse clock, no loss, doubles some of the steps; None elsewhere.
+
+    Of 970 samples per second in whole milliseconds every 32nd step reads 2 ms. What the positions
+    do there decides; where they tell nothing, whether double steps recur evenly, as of rounding.
+    """
+    steps = np.diff(time) / np.median(np.diff(time))
+    whole = np.maximum(np.rint(steps), 1.0)
+    doubled = whole == 2.0
+    if not 0.0 < np.mean(doubled) <= MOST_GAPS or np.abs(steps - whole).max() > _EVEN:
+        return None
+    evidence = _evidence_of_losses(np.column_stack(positions), doubled) if positions else 0.0
+    if evidence > _CLEAR:
+        return None
+    is_gap = whole > _MOST_LOST + 1
+    step = np.diff(time)[~is_gap].mean()
+    number = np.cumsum(np.where(is_gap, np.rint(np.diff(time) / step), 1.0))
+    counted = _evenly(time, np.concatenate(([0.0], number)))
+    recurs = np.ptp(time - counted) <= ROUNDED * np.median(np.diff(time))
+    is_rounding = recurs and np.count_nonzero(doubled) >= FEWEST_PLACES
+    return counted if evidence < -_CLEAR or is_rounding else None
+
+
+def _evenly(time: FloatArray, number: FloatArray) -> FloatArray:
+    """The line in the number of a sample from which its time is off by least, at most."""
+    from scipy.optimize import minimize_scalar  # slow to import, and few clocks are coarse
+
+    step = (time[-1] - time[0]) / number[-1]
+    nearby = step * (1.0 + np.array([-2.0, 2.0]) / number[-1])  # times are off by a step at most
+    found = minimize_scalar(
+        lambda each: np.ptp(time - each * number), bounds=nearby, options={"xatol": 1e-9 * step}
+    )
+    off = time - found.x * number
+    return found.x * number + 0.5 * (off.min() + off.max())
+
+
+def _evidence_of_losses(positions: FloatArray, suspected: NDArray[np.bool_]) -> float:
+    """Logarithm of how much likelier a lost sample in each of these steps is than none."""
+    steps = np.diff(positions, axis=0)
+    places = np.flatnonzero(suspected)
+    places = places[(places >= _AROUND) & (places < len(steps) - _AROUND)]
+    if _windows_without(suspected.astype(np.int64)) < _FEWEST_WINDOWS * steps.shape[1]:
+        return 0.0
+    neighbours, own = _neighbours(steps, places, 0), steps[places]
+    none, one = (_Interpolator.learnt(steps, ~suspected, count) for count in (0, 1))
+    each = none.surprise(neighbours, own) - one.surprise(neighbours, own)
+    return float(np.clip(each, -_CLEAR, _CLEAR).sum())  # no single shock decides
+
+
 def put_back(channel: Channel, lost: NDArray[np.int64], *, held: bool) -> Channel:
     """A channel with the lost samples interpolated; one that may step, without overshoot."""
     kept = _kept(lost)
@@ -103,10 +152,11 @@ def stamped_on(time: FloatArray, lost: NDArray[np.int64]) -> FloatArray:
     return np.interp(np.arange(kept[-1] + 1), kept, time)
 
 
-def counted_on(time: FloatArray, lost: NDArray[np.int64]) -> FloatArray:
-    """The time of all samples, those that the clock does not know of among them."""
-    step = (time[-1] - time[0]) / (len(time) - 1)
-    return time[0] + step * np.arange(len(time) + int(lost.sum()))
+def counted_on(time: FloatArray, lost: NDArray[np.int64], *, is_span: bool) -> FloatArray:
+    """The time of all samples where it was counted: its span is right, or its step."""
+    count = len(time) + int(lost.sum())
+    step = (time[-1] - time[0]) / ((count if is_span else len(time)) - 1)
+    return time[0] + step * np.arange(count)
 
 
 def _kept(lost: NDArray[np.int64]) -> NDArray[np.int64]:

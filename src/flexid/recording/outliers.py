@@ -15,6 +15,7 @@ from flexid.recording.caution import Caution, Rank
 from flexid.recording.channel import INPUTS
 from flexid.recording.lost_samples import (
     FEWEST_PLACES,
+    counted_anew,
     counted_on,
     lost_by_the_clock,
     lost_samples,
@@ -22,7 +23,7 @@ from flexid.recording.lost_samples import (
     stamped_on,
 )
 from flexid.recording.names import MOST_TIMES, first_times
-from flexid.recording.sampling import GAP
+from flexid.recording.sampling import GAP, rounded_times
 from flexid.recording.velocities import position_noise
 
 if TYPE_CHECKING:
@@ -66,7 +67,13 @@ def mended(
                 f"by up to {np.abs(sizes).max():.2g} rad (at {_times(time, places)}), so a cubic "
                 f"through these was taken instead: check the sensor and its cable"
             )
-        lost = lost_samples([channels[name].values for name in sensors], time)
+        positions = [channels[name].values for name in sensors]
+        counted = counted_anew(time, positions)
+        if counted is not None:
+            digit, step = np.median(np.diff(time)), np.min(np.diff(counted))
+            warnings.append(rounded_times(f"{file}: the time", float(digit), float(step)))
+            time = counted
+        lost = lost_samples(positions, time)
     missing = lost_by_the_clock(time)
     if missing.any():
         places = np.flatnonzero(missing)
@@ -85,7 +92,8 @@ def mended(
             f"lost and the time counted from the rest, so they were put back by interpolation: "
             f"log the time of each sample"
         )
-        channels, time = _with(channels, lost), counted_on(time, lost)
+        time = counted_on(time, lost, is_span=counted is not None)
+        channels = _with(channels, lost)
     return channels, time, tuple(Caution(warning, Rank.DATA) for warning in warnings)
 
 

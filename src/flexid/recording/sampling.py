@@ -33,7 +33,7 @@ _OF_STAMPS = (
     "; where a clock was set back, as to winter time, log UTC; times of day are taken to be less "
     "than 12 h apart, so write the date too; and write all zeros behind the point"
 )
-_ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
+ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,13 +174,18 @@ def _of_rounded(file: str, place: str, time: FloatArray, steps: FloatArray) -> G
     if off <= 2.0 * EVEN * sample_time:
         return None
     digit = _last_digit(time)
-    if not (0.5 * digit < np.ptp(steps) <= _ROUNDED * digit and off <= _ROUNDED * digit):
+    if not (0.5 * digit < np.ptp(steps) <= ROUNDED * digit and off <= ROUNDED * digit):
         return None
-    warning = (
-        f"{file}: {place}: the times are rounded to {digit * 1e3:g} ms; they fit even steps of "
+    warning = rounded_times(f"{file}: {place}", digit, sample_time)
+    return Grid(sample_time, (slice(0, len(time)),), False, (warning,))
+
+
+def rounded_times(place: str, digit: float, sample_time: float) -> str:
+    """What to say of times, in s, that are even but for their last digit."""
+    return (
+        f"{place}: the times are rounded to {digit * 1e3:g} ms; they fit even steps of "
         f"{sample_time * 1e3:.6g} ms, which were taken: write the time with more digits"
     )
-    return Grid(sample_time, (slice(0, len(time)),), False, (warning,))
 
 
 def _last_digit(time: FloatArray) -> float:
