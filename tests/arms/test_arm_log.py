@@ -15,8 +15,8 @@ from flexid.models.arm_file import read_arm
 NAMES = ("motor_position_{} [deg]", "link_position_{} [deg]", "motor_torque_{} [N m]")
 
 
-def log_of(path: Path, leave_out: str = "", joints: int = 2, bad: str = "") -> Path:
-    """Write a log of some seconds of made-up motion."""
+def log_of(path: Path, leave_out: str = "", joints: int = 2, bad: str = "", lost: int = 0) -> Path:
+    """Write a log of some seconds of made-up motion, each joint's rows without some of its own."""
     rng = np.random.default_rng(5)
     t = 0.002 * np.arange(1500)
     columns = {"time [s]": t}
@@ -27,6 +27,10 @@ def log_of(path: Path, leave_out: str = "", joints: int = 2, bad: str = "") -> P
         for name, values in zip(NAMES, (motor, link, torque), strict=True):
             columns[name.format(joint)] = values
     columns = {name: v for name, v in columns.items() if not (leave_out and leave_out in name)}
+    for joint in range(1, joints + 1 if lost else 1):
+        gone = 130 * np.arange(1, 11) + lost * joint
+        columns |= {n: np.delete(v, gone) for n, v in columns.items() if f"_{joint} " in n}
+    columns = {n: v[: len(t) - 10 * (lost > 0)] for n, v in columns.items()}
     rows = [",".join(f"{x:.6f}" for x in row) for row in np.column_stack([*columns.values()])]
     if bad:
         rows[700] = rows[700].rsplit(",", 1)[0] + f",{bad}"
@@ -67,9 +71,10 @@ def test_a_column_map_with_numbers(tmp_path: Path):
         (lambda p: log_of(p), 1, ("the arm has 1 joint", "lengths", "length for each")),
         (lambda p: log_of(p), 3, ("joint 3", "motor_position_3")),
         (lambda p: log_of(p, bad="nan"), 2, ("missing in some joints only",)),
+        (lambda p: log_of(p, lost=20), 2, ("missing in some joints only",)),
         (lambda p: log_of(p, leave_out="time"), 2, ("time",)),
     ],
-    ids=["link of joint 2", "torque of joint 1", "one length", "three lengths", "NaN", "no time"],
+    ids=["link", "torque", "one length", "three lengths", "NaN", "lost samples", "no time"],
 )
 def test_logs_that_cannot_be_used(
     tmp_path: Path, make: Callable[[Path], Path], joints: int, words: tuple[str, ...]

@@ -37,6 +37,7 @@ FORMS: dict[str, Callable[[datetime], str]] = {
     "slashes": lambda t: f"{t:%Y/%m/%d %H:%M:%S.%f}",
     "days first": lambda t: f"{t:%d.%m.%Y %H:%M:%S.%f}",
     "nanoseconds": lambda t: f"{t:%Y-%m-%dT%H:%M:%S.%f}125",
+    "days before it": lambda t: f"{t.day - 1} days {t:%H:%M:%S.%f}",
     "time of day": lambda t: f"{t:%H:%M:%S.%f}".lstrip("0") if t.hour else f"{t:%H:%M:%S.%f}",
 }
 
@@ -239,6 +240,7 @@ def test_frames_and_arrays(zone: str | None):
     frame = pd.DataFrame(CELLS, index=times.rename("time"))
     for table in (
         table_of_frame(frame),
+        table_of_frame(frame.rename_axis(None)),
         table_of_frame(pl.from_pandas(frame.reset_index())),
         table_of_arrays({"time": times.tz_localize(None).to_numpy()} | CELLS),
     ):

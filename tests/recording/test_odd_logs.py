@@ -75,11 +75,11 @@ def interrupted(*others: str) -> str:
 
 
 LEFT_OUT = {
-    "a comment": (interrupted("# paused"), "line 12 was left out"),
-    "comments with blanks": (interrupted("# a b").replace(",", " "), "line 12 was left out"),
-    "blank lines": (interrupted("", "  ", ""), "line 12 and 2 more were left out"),
-    "the header": (interrupted(HEADER), "line 12 was left out, .*the column names once more"),
-    "all of them": (interrupted("% x", HEADER, ""), "line 12 and 2 more were left out"),
+    "a comment": (interrupted("# paused"), "line 12 was left out, as a comment$"),
+    "comments with blanks": (interrupted("# a b").replace(",", " "), "left out, as a comment$"),
+    "blank lines": (interrupted("", "  ", ""), "line 12 and 2 more were left out, as blank$"),
+    "the header": (interrupted(HEADER), "line 12 was left out, as the column names once more$"),
+    "all of them": (interrupted("% x", HEADER, ""), "as a comment or the column .* or blank$"),
     "a line between two": ("\n\n".join([HEADER, *LINES]), "and 398 more were left out"),
 }
 
@@ -370,12 +370,29 @@ def test_binary(made: Callable[[Path], Path], tmp_path: Path) -> None:
     same_numbers(read_log(made(tmp_path), BINARY[made]))
 
 
-def test_dates_of_numpy(tmp_path: Path) -> None:
-    """Assert that an array of dates is a time."""
-    stamps = np.datetime64("2024-05-01", "ns") + (1e9 * COLUMNS["time"]).astype("timedelta64[ns]")
+@pytest.mark.parametrize("unit", ["ms", "us", "ns", "ps"])
+@pytest.mark.parametrize("origin", ["", "2024-05-01"])
+def test_times_of_numpy(origin: str, unit: str, tmp_path: Path) -> None:
+    """Assert that dates and durations are a time, of all signals or of each."""
+    stamps: Any = np.rint(1e3 * COLUMNS["time"]).astype("m8[ms]").astype(f"m8[{unit}]")
+    stamps = stamps + np.datetime64(origin, unit) if origin else stamps
     signals: dict[str, Any] = {**COLUMNS, "time": stamps}
+    same_numbers(read_columns(signals))
     np.savez(tmp_path / "log.npz", **signals)
-    assert read_log(tmp_path / "log.npz").recordings[0].sample_time == pytest.approx(0.005)
+    same_numbers(read_log(tmp_path / "log.npz"))
+    clocks: dict[str, Any] = {"link/time": stamps[::2], "motor/time": stamps}
+    clocks["link/position"] = COLUMNS["link_position"][::2]
+    clocks |= {name.replace("_", "/"): COLUMNS[name] for name in ("motor_position", "motor_torque")}
+    np.savez(tmp_path / "own.npz", **clocks)
+    (recording,) = read_log(tmp_path / "own.npz").recordings
+    assert recording.sample_time == pytest.approx(0.01)
+    motor = COLUMNS["motor_position"][::2]
+    np.testing.assert_allclose(recording.motor_position, motor, atol=1e-12)
+    clocks["link/time"] = COLUMNS["time"][::2]
+    np.savez(tmp_path / "own.npz", **clocks)
+    if origin:
+        words = "'.*/time', '.*/time': some hold dates and the others numbers"
+        assert_words(words, refused(read_log, tmp_path / "own.npz"))
 
 
 def test_signals_with_times_that_differ(tmp_path: Path) -> None:

@@ -267,7 +267,7 @@ def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
     for end in ("\0" * 4096, "2.5,0.1"):
         path = written(tmp_path, TEXT + end)
         (warning,) = read_log(path).warnings
-        assert_words("line 502 was left out, as .* a last row that is not complete", warning)
+        assert_words("line 502 was left out, as a last row that is not complete", warning)
         assert len(streamed(path)) == 500
 
 

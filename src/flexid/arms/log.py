@@ -162,7 +162,7 @@ def _header(table: Table, channel: str, joint: int, joints: int) -> str | None:
 
 def _together(file: str, logs: list[Log]) -> tuple[Samples, ...]:
     """Recordings of all joints side by side."""
-    spans = {tuple((r.start_time, len(r)) for r in log.recordings) for log in logs}
+    spans = {(log.uncounted, *((r.start_time, len(r)) for r in log.recordings)) for log in logs}
     if len(spans) > 1:
         raise RecordingError(
             file,

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
 
 _ALL = slice(None)
-_RESOLUTIONS = ("ms", "us", "ns")
+_SIGNALS = "iufmM"  # kinds of numbers, dates and durations
+_RESOLUTIONS = ("[D]", "[ms]", "[us]", "[ns]")  # of dates and durations, that Polars knows
 
 
 class Arrays:
@@ -57,7 +58,7 @@ class Arrays:
         long = [axis for axis, size in enumerate(shape) if size != 1]
         if len(path) > LONGEST_PATH:
             self.others[path[:LONGEST_PATH]] = "a path too long to be named"
-        elif not _is_number_or_date(dtype) or not 1 <= len(long) <= 2 or 0 in shape:
+        elif dtype.kind not in _SIGNALS or not 1 <= len(long) <= 2 or 0 in shape:
             self.others[path] = f"{_kind(dtype)}, {_size(shape)}"
         elif len(long) == 1:
             self._add(path, shape, long[0], {}, dtype, values, unit)
@@ -101,15 +102,27 @@ class Arrays:
             yield (
                 "",
                 {
-                    path: read(tuple(part if one == _ALL else one for one in where))
+                    path: known_times(path, read(tuple(part if at == _ALL else at for at in where)))
                     for path, (read, where) in ((path, self._values[path]) for path in paths)
                 },
             )
 
 
-def _is_number_or_date(dtype: np.dtype) -> bool:
-    """Whether values are numbers, or dates in a resolution that Polars knows."""
-    return dtype.kind in "iuf" or dtype.name in {f"datetime64[{unit}]" for unit in _RESOLUTIONS}
+def known_times(name: str, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    """An array whose dates and durations, if it holds any, have a resolution that Polars knows."""
+    kind, resolution = values.dtype.kind, values.dtype.str[4:]
+    if kind not in "mM" or resolution in _RESOLUTIONS:
+        return values
+    place = f"column {name!r}"
+    if not resolution:
+        raise RefusedError(place, "its durations have no unit: give seconds as numbers")
+    times = values.astype(f"{kind}8[ns]")
+    # What 64 bits cannot hold as nanoseconds comes out as another second.
+    given, kept = (each.astype(f"{kind}8[s]").astype("i8") for each in (values, times))
+    if not (given == kept).all():
+        reason = "its times are more than 292 years from 1970: give seconds as numbers"
+        raise RefusedError(place, reason)
+    return times
 
 
 def _size(shape: tuple[int, ...]) -> str:

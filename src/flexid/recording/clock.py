@@ -36,7 +36,8 @@ _DATES = {  # the years are those that 64 bits of nanoseconds hold
 }
 _TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d+)?"
 _ZONE = r" ?(?:Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)"
-_STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ]))?{_TIME}({_ZONE})?\s*")
+_DAYS = r"\d+ days?,? "  # before a time of day, as Python writes a duration
+_STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ])|{_DAYS})?{_TIME}({_ZONE})?\s*")
 _LONGEST = 48  # characters of a stamp
 _EXACT = 2**53  # integers up to which are floating-point numbers, too
 _LARGEST = 2**62  # differences up to which those of integers do not wrap
@@ -76,7 +77,8 @@ class _Form:
     def _pattern(self) -> str:
         # Of a time of day the zone says nothing.
         zone = _ZONE if self.zoned else "" if self.date else f"(?:{_ZONE})?"
-        return rf"^{self.date}{self.between}{_TIME}{zone}$"
+        day = f"{self.date}{self.between}" if self.date else f"(?:{_DAYS})?"
+        return rf"^{day}{_TIME}{zone}$"
 
     def ticks(self, cells: polars.Series) -> polars.Series:
         """Nanoseconds since 1970 in UTC, or since midnight; null where a cell is otherwise."""
@@ -89,7 +91,7 @@ class _Form:
         )[name]
         text = fitting.str.replace(",", ".", literal=True)
         if not self.date:
-            text = text.str.extract(rf"^({_TIME})")
+            text = text.str.extract(rf"^(?:{_DAYS})?({_TIME})")  # days are counted at midnights
             return text.str.to_time("%H:%M:%S%.f", strict=False).to_physical()
         form = f"{_DATES[self.date]}{self.between}%H:%M:%S%.f"
         if self.zoned:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexid.errors import RecordingError
+from flexid.readers.arrays import known_times
+from flexid.readers.contents import RefusedError
 from flexid.recording.limits import MOST_ROWS
 from flexid.recording.names import split_header
 from flexid.recording.table import Table
@@ -31,7 +33,8 @@ def is_frame(data: object) -> bool:
 def table_of_frame(frame: Any) -> Table:
     """Columns of a data frame of pandas, Polars, PyArrow or another library that narwhals knows.
 
-    They are named as in a file, ``"link_position [deg]"``. An index that has a name is one, too.
+    They are named as in a file, ``"link_position [deg]"``. An index is one, too, if it has a name
+    or holds dates or durations.
     """
     import narwhals as nw
 
@@ -49,10 +52,11 @@ def table_of_frame(frame: Any) -> Table:
 
 
 def _with_index(frame: Any) -> Any:
-    """A frame of pandas whose index, if it has names, is among the columns."""
+    """A frame of pandas whose index is among the columns, if it has names or is a time."""
     names = [name for name in frame.index.names if name is not None]
     again = {_bare(name) for name in names} & {_bare(name) for name in frame.columns}
-    return frame.reset_index() if names and not again else frame
+    is_time = getattr(frame.index.dtype, "kind", "") in "mM"
+    return frame.reset_index() if (names or is_time) and not again else frame
 
 
 def _bare(name: object) -> str:
@@ -121,23 +125,11 @@ def _array(name: str, values: Any) -> Any:
     return found.tolist() if found.dtype == object else _known_times(ARRAYS, name, found)
 
 
-def _known_times(file: str, name: str, found: NDArray[Any]) -> NDArray[Any]:
-    """An array whose dates and durations, if it holds any, have a resolution that Polars knows."""
-    if found.dtype.kind not in "mM" or found.dtype.str[4:] in ("[D]", "[ms]", "[us]", "[ns]"):
-        return found
-    place = f"column {name!r}"
-    if np.datetime_data(found.dtype)[0] == "generic":
-        raise RecordingError(file, place, "its durations have no unit: give seconds as numbers")
-    times = found.astype(f"{found.dtype.kind}8[ns]")
-    # What 64 bits cannot hold as nanoseconds comes out as another second.
-    given, kept = (
-        each.astype(f"{each.dtype.kind}8[s]").astype(np.int64) for each in (found, times)
-    )
-    if not np.array_equal(given, kept):
-        raise RecordingError(
-            file, place, "its times are more than 292 years from 1970: give seconds as numbers"
-        )
-    return times
+def _known_times(file: str, name: str, values: NDArray[Any]) -> NDArray[Any]:
+    try:
+        return known_times(name, values)
+    except RefusedError as error:
+        raise RecordingError(file, error.place, error.reason) from None
 
 
 def _table(file: str, columns: Mapping[str, Any]) -> Table:

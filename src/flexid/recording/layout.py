@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
@@ -14,6 +14,8 @@ from flexid.recording.table import EXAMPLE, is_number
 from flexid.recording.units import is_usual
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import polars
 
 SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma may be a decimal's
@@ -35,7 +37,7 @@ class Layout:
     first_line: int  # of the values
     start: int  # where that line begins, in bytes
     skipped: tuple[int, int] | tuple[()] = ()  # lines of a preamble that is no comment
-    left_out: tuple[int, ...] = ()  # lines between the rows that hold no sample
+    left_out: Mapping[int, str] = field(default_factory=dict)  # lines without a sample, and why
     twins: tuple[tuple[str, str], ...] = ()  # columns of one name: the first, and what another got
 
 

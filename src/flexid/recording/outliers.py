@@ -7,7 +7,7 @@ noise while all around it is calm is no motion.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -42,12 +42,19 @@ _AROUND = 8  # samples on either side
 _MOST = 0.01  # share of spikes, up to which a channel is mended: more are no single errors
 
 
-def mended(
-    file: str, channels: dict[str, Channel], time: FloatArray
-) -> tuple[dict[str, Channel], FloatArray, tuple[str, ...]]:
-    """Replace spikes of encoders, and put back lost samples that the time does not show."""
+class Mended(NamedTuple):
+    """What `mended` returns."""
+
+    channels: dict[str, Channel]
+    time: FloatArray
+    uncounted: tuple[int, ...]  # as in `Log`
+    warnings: tuple[str, ...]
+
+
+def mended(file: str, channels: dict[str, Channel], time: FloatArray) -> Mended:
+    """Replace spikes of encoders, and put back lost samples."""
     if len(time) < 4 * _AROUND:
-        return channels, time, ()
+        return Mended(channels, time, (), ())
     clock = np.diff(time)
     even = clock <= GAP * np.median(clock)
     sensors = {name: channels[name] for name in _SENSORS if name in channels}
@@ -75,6 +82,7 @@ def mended(
             time = counted
         lost = lost_samples(positions, time)
     missing = lost_by_the_clock(time)
+    uncounted: list[int] = []
     if missing.any():
         places = np.flatnonzero(missing)
         warnings.append(
@@ -94,7 +102,9 @@ def mended(
         )
         time = counted_on(time, lost, is_span=counted is not None)
         channels = _with(channels, lost)
-    return channels, time, tuple(Caution(warning, Rank.DATA) for warning in warnings)
+        uncounted = np.repeat(np.arange(len(lost)), lost).tolist()
+    cautions = tuple(Caution(warning, Rank.DATA) for warning in warnings)
+    return Mended(channels, time, tuple(uncounted), cautions)
 
 
 def _with(channels: dict[str, Channel], lost: NDArray[np.int64]) -> dict[str, Channel]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
 from flexid.readers.contents import STAMPS, Series
-from flexid.recording.names import usual_channel
+from flexid.recording.names import quoted, usual_channel
 from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class OwnTimes:
         self.others = {**reading.others, **timeless}
 
     def frames(self, paths: Collection[str], size: int) -> Iterator[tuple[str, polars.DataFrame]]:
-        """Values of some signals with their times in s, clock by clock."""
+        """Values of some signals with their times, clock by clock."""
         import polars as pl
 
         chosen: dict[str, list[str]] = {}
@@ -47,14 +47,26 @@ class OwnTimes:
                 if one.length != self._times[one.clock].length:
                     raise other_length(self.file, one, self._times[one.clock])
                 chosen.setdefault(one.clock, []).append(one.path)
+        dated = {clock for clock in chosen if self._times[clock].kind.startswith("datetime")}
+        if dated and dated != {*chosen}:
+            raise RecordingError(
+                self.file,
+                f"{quoted(chosen)}",
+                "some hold dates and the others numbers or durations: give all of them one clock",
+            )
         for clock, own in chosen.items():
-            scale = self._seconds(clock)
             for _, frame in self._reading.frames([clock, *own], size):
-                seconds = frame[clock].cast(pl.Float64) * scale
-                yield clock, frame.drop(clock).with_columns(seconds.alias(STAMPS))
+                stamps = frame[clock]
+                if clock in dated:
+                    stamps = stamps.cast(pl.Datetime("ns")).to_physical()
+                elif stamps.dtype.is_temporal():
+                    stamps = 1e-9 * stamps.cast(pl.Duration("ns")).to_physical()
+                else:
+                    stamps = stamps.cast(pl.Float64) * self._unit(clock)
+                yield clock, frame.drop(clock).with_columns(stamps.alias(STAMPS))
 
-    def _seconds(self, clock: str) -> float:
-        """One unit of a clock in s."""
+    def _unit(self, clock: str) -> float:
+        """One unit of a clock of numbers in s."""
         usual = usual_channel(split_path(header_of(self._times[clock]))[1])
         try:
             return scale_to_si((usual.unit if usual else None) or "s", ("s",))[0]

@@ -44,7 +44,7 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     channels, time, repeated = without_repeats(table, channels, time)
     channels, time, holes = without_holes(table.file, channels, time)
     channels, time, frozen = without_frozen(table.file, channels, time)
-    channels, values, odd = mended(table.file, channels, time.values)
+    channels, values, uncounted, odd = mended(table.file, channels, time.values)
     time = replace(time, values=values)
     warnings += repeated + holes + frozen + odd
     grid = even_grid(table, time.column, time.values)
@@ -66,7 +66,7 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     names = [channels[name].column for name in ENCODERS if name in channels]
     place = f"{table.file}: columns {' and '.join(map(repr, names))}"
     warnings += (*found, *motion_warnings(max(recordings, key=len), place))
-    return Log(tuple(recordings), warnings, table.file, table.sha256, origins)
+    return Log(tuple(recordings), warnings, table.file, table.sha256, origins, uncounted)
 
 
 def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from flexid.errors import RecordingError
 from flexid.recording.names import cut, first_of, quoted, shortest_ends
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     import polars
     from numpy.typing import NDArray
@@ -28,7 +28,7 @@ THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
 _GROUPED = (  # 1'234.5, 1 234,5, 1,234.5, 1.234,5
     r"[+-]?\d{1,3}(?:(?:[ '\u00a0\u202f]\d{3})+(?:[.,]\d*)?|(?:,\d{3})+\.\d*|(?:\.\d{3})+,\d*)"
 )
-_DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[-:./]\d\d?[-:./]\d\d|\d+:\d\d|\d+ days? "
+_DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[-:./]\d\d?[-:./]\d\d|\d+:\d\d"
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 _HOLE = r"(?i)^\s*(?:[+-]?nan(?:\(ind\))?|n/?a|#n/?a|null|none|-+)?\s*$"
@@ -70,7 +70,7 @@ def _marks(frame: polars.DataFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_
     return points, commas
 
 
-def line_of(first: int, index: int, left_out: tuple[int, ...]) -> int:
+def line_of(first: int, index: int, left_out: Collection[int]) -> int:
     """Where a row stands, whose number from 0 does not count the lines that were left out."""
     line = first + index
     for other in left_out:
@@ -93,7 +93,7 @@ class Table:
     kinds: Mapping[str, str] = field(default_factory=dict)  # type and length of what it holds
     # of a part of a stream, whose cells may be no numbers: its decimal mark, as far as it is known
     mark: str | None = None
-    left_out: tuple[int, ...] = ()  # lines of a text between its rows that hold no sample
+    left_out: Collection[int] = ()  # lines of a text between its rows that hold no sample
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -74,12 +74,10 @@ def read_table(path: Path) -> Table:
             f"check that they do",
         )
     if layout.left_out:
-        first, more = layout.left_out[0], len(layout.left_out) - 1
+        first, more = min(layout.left_out), len(layout.left_out) - 1
         lines = f"line {first} and {more} more were" if more else f"line {first} was"
-        warnings += (
-            f"{file}: {lines} left out, as blank, a comment, the column names once more, or a last "
-            f"row that is not complete",
-        )
+        why = " or ".join(dict.fromkeys(layout.left_out.values()))
+        warnings += (f"{file}: {lines} left out, as {why}",)
     header, digest = f"line {layout.header_line}", hashlib.sha256(raw).hexdigest()
     return Table(
         file,
@@ -121,21 +119,27 @@ def _without_cut_row(layout: Layout, text: bytes, body: bytes) -> tuple[Layout, 
     if not start or text.endswith(b"\n") or len(cells) >= len(layout.names):
         return layout, body
     number = layout.first_line + body.count(b"\n")
-    return replace(layout, left_out=(number,)), body[: start - 1]
+    why = "a last row that is not complete"
+    return replace(layout, left_out={number: why}), body[: start - 1]
 
 
 def _samples(layout: Layout, body: bytes, header: bytes) -> tuple[Layout, bytes]:
     """Rows without the lines between them that are blank, a comment, or the header once more."""
     separator = layout.separator.encode()
-    kept, left_out = [], [*layout.left_out]
+    kept: list[bytes] = []
+    left_out: dict[int, str] = {}
     for number, line in enumerate(body.split(b"\n"), layout.first_line):
         bare = line.strip()
         is_row = line.count(separator) == len(layout.names) - 1 and separator != b" "
-        if bare and bare != header and (is_row or not bare.startswith(_COMMENTS)):
-            kept.append(line)
+        if not bare:
+            left_out[number] = "blank"
+        elif bare == header:
+            left_out[number] = "the column names once more"
+        elif bare.startswith(_COMMENTS) and not is_row:
+            left_out[number] = "a comment"
         else:
-            left_out.append(number)
-    return replace(layout, left_out=tuple(left_out)), b"\n".join(kept)
+            kept.append(line)
+    return replace(layout, left_out={**left_out, **layout.left_out}), b"\n".join(kept)
 
 
 def _frame(file: str, layout: Layout, body: bytes) -> polars.DataFrame:
