@@ -34,6 +34,7 @@ _OF_STAMPS = (
     "than 12 h apart, so write the date too; and write all zeros behind the point"
 )
 ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
+_MOST_ALIKE = 4.0  # samples to a digit: of more, the line is too free
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,9 @@ class Grid:
 def without_repeats(
     table: Table, channels: dict[str, Channel], time: Channel
 ) -> tuple[dict[str, Channel], Channel, tuple[str, ...]]:
-    """Samples whose time increases, without rows that are written twice, and a warning of these.
+    """Samples whose time increases, without rows that are written twice, and a warning.
+
+    Of 2000 samples per second in whole milliseconds two have the same time, and are even.
 
     Raises
     ------
@@ -63,7 +66,13 @@ def without_repeats(
     for channel in channels.values():
         values = channel.values
         again &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
-    _check_increasing(table, time.column, time.values, (steps > 0.0) | again)
+    increases = (steps > 0.0) | again
+    if not np.all(increases):
+        rounded = _of_rounded(table.file, f"column {time.column!r}", time.values)
+        if rounded is None:
+            raise _not_increasing(table, time.column, time.values, increases)
+        even = time.values[0] + rounded.sample_time * np.arange(len(time.values))
+        return channels, replace(time, values=even), rounded.warnings
     kept = np.concatenate(([True], ~again))
     first = first_times([f"{each:.6g} s" for each in time.values[~kept]])
     warning = (
@@ -74,12 +83,10 @@ def without_repeats(
     return found, replace(time, values=time.values[kept]), (Caution(warning, Rank.DATA),)
 
 
-def _check_increasing(
+def _not_increasing(
     table: Table, column: str, time: FloatArray, is_next: NDArray[np.bool_]
-) -> None:
-    """Raise with the first row whose time does not come after the one before."""
-    if np.all(is_next):
-        return
+) -> RecordingError:
+    """The error of the first row whose time does not come after the one before."""
     index = int(np.argmax(~is_next)) + 1
     before, now = f"{time[index - 1]:.9g}", f"{time[index]:.9g}"
     reason = (
@@ -92,7 +99,7 @@ def _check_increasing(
         cell = table.frame[column][index]
         if not isinstance(cell, int | float) and is_stamp(str(cell)):
             reason += _OF_STAMPS
-    raise RecordingError(table.file, table.place(index, column), reason)
+    return RecordingError(table.file, table.place(index, column), reason)
 
 
 def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
@@ -102,10 +109,12 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
     steps = np.diff(time)
     typical = float(np.median(steps))
     check_typical(file, place, typical, steps)
-    rounded = _of_rounded(file, place, time, steps)
+    is_gap = steps > GAP * typical
+    off_whole = np.abs(steps / typical - np.rint(steps / typical)).max()
+    is_whole = off_whole < EVEN and is_gap.mean() <= MOST_GAPS  # where samples are missing
+    rounded = None if is_whole else _of_rounded(file, place, time)
     if rounded is not None:
         return rounded
-    is_gap = steps > GAP * typical
     if is_gap.mean() > MOST_GAPS:
         raise _uneven(file, place, time, steps)
     cuts = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(time)]
@@ -156,25 +165,20 @@ def _remedy_of_time(typical: float, steps: FloatArray) -> str:
     return f"name the unit of the time, as in [{unit}]"
 
 
-def _of_rounded(file: str, place: str, time: FloatArray, steps: FloatArray) -> Grid | None:
+def _of_rounded(file: str, place: str, time: FloatArray) -> Grid | None:
     """The even grid of times that are off it by no more than their last digit; None if they are.
 
     Of 400 samples per second, written in whole milliseconds, two come 3 ms after the one before and
-    two 2 ms: they are even all the same, and interpolation would make them uneven. Few steps that
-    are a whole number of the others are no rounding: samples are missing there.
+    two 2 ms: they are even all the same, and interpolation would make them uneven.
     """
-    multiples = steps / np.median(steps)
-    if (
-        np.abs(multiples - np.rint(multiples)).max() < EVEN
-        and np.mean(multiples > 1.5) <= MOST_GAPS
-    ):
-        return None
     sample_time = _fitted_sample_time(time, [slice(0, len(time))])
     off = np.ptp(time - sample_time * np.arange(len(time)))
     if off <= 2.0 * EVEN * sample_time:
         return None
     digit = _last_digit(time)
-    if not (0.5 * digit < np.ptp(steps) <= ROUNDED * digit and off <= ROUNDED * digit):
+    if digit > _MOST_ALIKE * sample_time:
+        return None
+    if not (0.5 * digit < np.ptp(np.diff(time)) <= ROUNDED * digit and off <= ROUNDED * digit):
         return None
     warning = rounded_times(f"{file}: {place}", digit, sample_time)
     return Grid(sample_time, (slice(0, len(time)),), False, (warning,))
