@@ -27,7 +27,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 if TYPE_CHECKING:
-    from flexid.studio.play_choices import Slider
+    from flexid.studio.play import Slider
 
 LOG = Path(__file__).parents[1] / "examples" / "flexible_joint.csv"
 PATIENCE = 600.0  # s
@@ -164,7 +164,7 @@ def load(windows: int, identified: int) -> Load:
 
 def play_times(places: int) -> list[float]:
     """How long each of some places of the sliders takes, beside Table I, drawn evenly over all."""
-    from flexid.studio.play_choices import READINGS, SLIDERS
+    from flexid.studio.play import READINGS, SLIDERS
 
     rng = random.Random(1)
 

@@ -10,7 +10,7 @@ import time
 import pytest
 from tests.campaigns.tiny import EXPERIMENT, rows_of, same_bits, write_experiment
 
-from flexid.campaigns import cluster, run_campaign
+from flexid.campaigns import run_campaign, runner
 from flexid.errors import CampaignError
 from flexid.experiments import read_experiment
 
@@ -129,7 +129,7 @@ def test_workers_of_another_version_are_refused(scheduler, experiment, tmp_path)
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tcp://127.0.0.1", "http://x", "", "::"])
 def test_a_scheduler_that_is_not_there_is_one_sentence(experiment, tmp_path, monkeypatch, address):
     """Assert that no address ends in a traceback."""
-    monkeypatch.setattr(cluster, "_TIMEOUT", 1.0)
+    monkeypatch.setattr(runner, "_TIMEOUT", 1.0)
     with pytest.raises(CampaignError, match="cannot be reached"):
         run_campaign(experiment, tmp_path / "out", scheduler=address)
 

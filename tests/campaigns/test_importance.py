@@ -5,7 +5,7 @@ import pytest
 
 from flexid.campaigns.plan import make_plan
 from flexid.campaigns.summary import rank_correlations, sobol_indices
-from flexid.experiments.variation import Distribution, Variation
+from flexid.experiments.tables import Distribution, Variation
 
 ANGLE = Distribution("uniform", -np.pi, np.pi)
 

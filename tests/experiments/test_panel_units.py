@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from flexid.experiments.experiment_file import read_experiment
-from flexid.experiments.units import Units
+from flexid.experiments.measures import Units
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 PATHS = {

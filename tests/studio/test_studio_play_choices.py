@@ -7,8 +7,8 @@ from urllib.parse import parse_qsl
 import pytest
 
 from flexid.errors import SettingError
-from flexid.studies.huang2003.table1 import table1_loop
-from flexid.studio.play_choices import READINGS, SLIDERS, TABLE1, query_of, read_play
+from flexid.studies.huang2003.readings import table1_loop
+from flexid.studio.play import READINGS, SLIDERS, TABLE1, query_of, read_play
 
 
 def test_it_begins_at_table_one():

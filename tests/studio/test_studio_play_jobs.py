@@ -15,9 +15,8 @@ from flexid.simulation import closed_loop
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
-from flexid.studio import play_jobs
-from flexid.studio.play_choices import TABLE1, read_play
-from flexid.studio.play_jobs import play
+from flexid.studio import play as played
+from flexid.studio.play import TABLE1, play, read_play
 
 
 def numbers(rows: tuple[tuple[str, str, str], ...], place: int) -> dict[str, float]:
@@ -38,12 +37,12 @@ def test_the_readings_differ_as_the_reproduction_says():
 
 def test_condition_numbers_are_those_of_the_analysis():
     """Assert that the excitation over time ends at what is measured over the same stretch."""
-    run = simulate(TABLE1.loop, play_jobs.DURATION, 0.01, 1e-6)
+    run = simulate(TABLE1.loop, played.DURATION, 0.01, 1e-6)
     histories = {history.row: history for history in row_histories(run)}
-    moments, found = play_jobs._conditions(
+    moments, found = played._conditions(
         run.time, {row: history.regressors for row, history in histories.items()}
     )
-    assert moments[-1] == pytest.approx(play_jobs.DURATION)
+    assert moments[-1] == pytest.approx(played.DURATION)
     for row, history in histories.items():
         truth = excitation(row, history.coefficients, history.regressors[-200:])
         assert found[row][-1] == pytest.approx(truth.condition_number, rel=1e-6)
@@ -84,7 +83,7 @@ def test_a_run_that_would_take_long_is_given_up():
     place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
     place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
     (problem,) = play(print, read_play(place), None).problems
-    assert f"{play_jobs._MOST_STEPS} steps did not suffice" in problem
+    assert f"{played._MOST_STEPS} steps did not suffice" in problem
 
 
 def test_the_tolerance_suffices_for_what_is_shown():
@@ -92,7 +91,7 @@ def test_the_tolerance_suffices_for_what_is_shown():
     place = {"reading": "1,1,3", "k": "121", "c": "0.0385", "amplitude": "5.29"}
     choices = read_play(place)
     rows = numbers(play(print, choices, None).rows, 1)
-    fine = play_jobs._measured(simulate(choices.loop, play_jobs.DURATION, 0.01, 1e-6, 1e-10))
+    fine = played._measured(simulate(choices.loop, played.DURATION, 0.01, 1e-6, 1e-10))
     assert rows["tracking error"] == pytest.approx(fine.remaining_error, rel=0.06)
     for name, (value, _) in fine.final_errors.items():
         assert rows[f"error of {SYMBOLS[name]}"] == pytest.approx(value, rel=0.06, abs=1e-6)

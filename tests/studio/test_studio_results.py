@@ -19,11 +19,9 @@ from flexid.report.page.page import Answer as PageAnswer
 from flexid.report.page.page import Bullets, Command, Link
 from flexid.report.terminal import Table
 from flexid.studio import jobs
-from flexid.studio.jobs import Answer
-from flexid.studio.play_room import PlayRoom
-from flexid.studio.rooms import Rooms
-from flexid.studio.window import Offer, Window, fragment
-from flexid.studio.workers import JobError, Workers
+from flexid.studio.jobs import Answer, JobError, Workers
+from flexid.studio.play import PlayRoom
+from flexid.studio.window import Offer, Rooms, Window, fragment
 
 NOTHING = Answer((), Table("", ()), Table("", ()), {}, (), ("careful",), (), "zero", (), 1e-3)
 

@@ -11,9 +11,9 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from flexid.studio import server, uploads
+from flexid.studio import guard, server
+from flexid.studio.jobs import Workers
 from flexid.studio.window import Offer, Window
-from flexid.studio.workers import Workers
 
 
 def test_without_the_package(flexid, monkeypatch: pytest.MonkeyPatch):
@@ -103,7 +103,7 @@ def test_a_log_that_comes_too_late_is_refused(
     room: Any = Room()
     room.window = type("", (), {"folder": tmp_path})
     windows: dict[str, Any] = {"a": room}
-    monkeypatch.setattr(uploads, "save", save)
+    monkeypatch.setattr(guard, "save", save)
     answer = asyncio.run(server._upload(windows)(Sent()))
     assert answer.status_code == 404
     assert b"reload the page" in answer.body

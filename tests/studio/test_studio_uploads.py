@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from flexid.studio import uploads
-from flexid.studio.uploads import UploadError, safe_name, save
+from flexid.studio import guard
+from flexid.studio.guard import UploadError, safe_name, save
 
 
 async def chunks(*parts: bytes) -> AsyncIterator[bytes]:
@@ -46,7 +46,7 @@ def test_other_kinds_are_refused(name: str):
 
 def test_a_full_disk_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that logs do not fill the disk."""
-    monkeypatch.setattr(uploads, "LEAST_FREE", 10**18)
+    monkeypatch.setattr(guard, "LEAST_FREE", 10**18)
     with pytest.raises(UploadError, match="disk"):
         asyncio.run(save(chunks(b"1"), "a.csv", tmp_path))
 
@@ -56,7 +56,7 @@ def test_size_is_bounded(
     parts: tuple[bytes, ...], status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Assert that too much, and nothing, is refused, and the log in use stays whole."""
-    monkeypatch.setattr(uploads, "LARGEST_UPLOAD", 10)
+    monkeypatch.setattr(guard, "LARGEST_UPLOAD", 10)
     before = asyncio.run(save(chunks(b"time", b",q\n"), "a.csv", tmp_path))
     assert before == tmp_path / "a.csv"
     with pytest.raises(UploadError) as caught:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from flexid.errors import SettingError
-from flexid.studio.workers import JobError, Workers
+from flexid.studio.jobs import JobError, Workers
 
 Said = Callable[[str], None]
 

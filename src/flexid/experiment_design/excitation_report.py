@@ -12,8 +12,7 @@ import numpy as np
 
 from flexid.analysis.excitation import Excitation
 from flexid.arrays import FloatArray
-from flexid.experiment_design.advice import Advice, advise, beginning, input_spectrum
-from flexid.experiment_design.rehearsal import Rehearsal
+from flexid.experiment_design.advice import Advice, Rehearsal, advise, beginning, input_spectrum
 from flexid.identification.full_model.model import Data, data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import joint_of

@@ -10,16 +10,19 @@ from pydantic import Field
 
 from flexid.errors import ExperimentError, did_you_mean
 from flexid.experiments.experiment import Experiment, declared_experiment
-from flexid.experiments.tables import Number, Positive, Table, Whole
-from flexid.experiments.variation import (
+from flexid.experiments.tables import (
     MEASURES,
     MOST_RUNS,
     Distribution,
     Input,
     Kept,
     Kind,
+    Number,
     Plan,
+    Positive,
+    Table,
     Variation,
+    Whole,
     grid_size,
 )
 from flexid.toml_file import parse_toml, read_bytes, validated

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flexid.experiments.measures import Measures
     from flexid.recording.recording import Log
     from flexid.simulation.run import Run
-    from flexid.studies.huang2003.evidence import Claim
+    from flexid.studies.huang2003.claims import Claim
     from flexid.studies.huang2003.reproduction import Reproduction
 
 

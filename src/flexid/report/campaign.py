@@ -12,7 +12,7 @@ from rich.text import Text
 import flexid
 from flexid.arrays import FloatArray
 from flexid.campaigns.summary import QUANTILES, Result, Summary
-from flexid.experiments.units import Units
+from flexid.experiments.measures import Units
 from flexid.report.charts.description import (
     Axis,
     Chart,

@@ -14,10 +14,9 @@ from flexid.report.documents import Presenter
 from flexid.report.page.page import Answer, Command, Facts, Page, Section
 from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
-from flexid.studies.huang2003.evidence import Claim, Verdict
-from flexid.studies.huang2003.readings import TOLERANCE, Reading, SteadyRun
-from flexid.studies.huang2003.reproduction import Reproduction
-from flexid.studies.huang2003.table1 import (
+from flexid.studies.huang2003.cases import TheoremCase
+from flexid.studies.huang2003.claims import Claim, Verdict
+from flexid.studies.huang2003.readings import (
     AMPLITUDE,
     ATTENUATION,
     DURATION,
@@ -25,10 +24,13 @@ from flexid.studies.huang2003.table1 import (
     INITIAL_ESTIMATES,
     OBSERVER_GAIN,
     PHYSICAL,
+    TOLERANCE,
     TRUE,
     UNKNOWN,
+    Reading,
+    SteadyRun,
 )
-from flexid.studies.huang2003.theorem1 import TheoremCase
+from flexid.studies.huang2003.reproduction import Reproduction
 
 _COLOURS: dict[Verdict, str] = {
     "holds": "green",

@@ -20,10 +20,9 @@ from flexid.report.charts.description import (
     whole_decades,
     with_margin,
 )
-from flexid.studies.huang2003.readings import TOLERANCE, SteadyRun
+from flexid.studies.huang2003.cases import RatePoint
+from flexid.studies.huang2003.readings import DURATION, TOLERANCE, UNKNOWN, SteadyRun
 from flexid.studies.huang2003.reproduction import Reproduction
-from flexid.studies.huang2003.sweeps import RatePoint
-from flexid.studies.huang2003.table1 import DURATION, UNKNOWN
 
 _OF_ERRORS: tuple[Colour, ...] = ("blue", "orange", "green", "red")
 _OF_ROWS: tuple[Colour, ...] = ("ink", "grey")  # one legend names errors and rows

@@ -1,4 +1,4 @@
-"""Who is let in: before any part of the studio sees a request.
+"""Who is let in, before any part of the studio sees a request; and which logs.
 
 A page of another origin can make a browser send requests to the loopback, and with a name of its
 own that it lets resolve to 127.0.0.1 it could read the answers. So the name by which the studio is
@@ -9,17 +9,26 @@ Off the loopback there is a token besides.
 from __future__ import annotations
 
 import ipaddress
+import os
+import re
 import secrets
+import shutil
 import socket
+from collections.abc import AsyncIterator
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
+from flexid.errors import FlexidError
+from flexid.readers.formats import suffixes
+
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
 
 COOKIE = "flexid_studio"
 _HEADERS = {
@@ -133,3 +142,64 @@ class Guard:
 
 def _refused(reason: str) -> Response:
     return PlainTextResponse(f"flexid studio: {reason}\n", 403)
+
+
+LARGEST_UPLOAD = 100_000_000  # bytes; read at once, at about four times that in memory
+LEAST_FREE = 1_000_000_000  # bytes that a log leaves on the disk
+SUFFIXES = suffixes()
+_LONGEST_NAME = 80
+
+
+class UploadError(FlexidError):
+    """A log is not taken."""
+
+    def __init__(self, reason: str, status: int) -> None:
+        self.reason = reason
+        self.status = status
+        super().__init__(reason)
+
+
+def safe_name(name: str) -> str:
+    """A name for a file from what a browser says: the last part, of plain characters, with a kind.
+
+    Examples
+    --------
+    >>> safe_name("../../etc/run 1<b>.CSV")
+    'run 1_b_.CSV'
+    """
+    last = re.split(r"[/\\]", name)[-1]
+    stem, dot, suffix = last.rpartition(".")
+    if not dot or f".{suffix.lower()}" not in SUFFIXES:
+        raise UploadError(
+            f"the studio takes logs whose names end in {', '.join(SUFFIXES)}: export the log as "
+            f"one of these",
+            415,
+        )
+    plain = re.sub(r"[^\w .()+-]", "_", stem, flags=re.ASCII).lstrip(". -")[:_LONGEST_NAME]
+    return f"{plain or 'log'}.{suffix}"
+
+
+async def save(chunks: AsyncIterator[bytes], name: str, folder: Path) -> Path:
+    """Write a log into a folder, as far as it is not too large."""
+    path = folder / safe_name(name)
+    if shutil.disk_usage(folder).free < LEAST_FREE + LARGEST_UPLOAD:
+        raise UploadError("the disk is almost full: make room for the log", 507)
+    size, part = 0, folder / f".{secrets.token_hex(8)}"  # no log's name begins so
+    try:
+        with part.open("wb") as file:
+            async for chunk in chunks:
+                size += len(chunk)
+                if size > LARGEST_UPLOAD:
+                    raise UploadError(
+                        f"the log is larger than {LARGEST_UPLOAD / 1e6:g} MB, the most that the "
+                        f"studio takes: identify it with flexid identify",
+                        413,
+                    )
+                file.write(chunk)
+        if not size:
+            raise UploadError("the file is empty: export the log again", 400)
+        os.replace(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    return path

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp
     from starlette.websockets import WebSocket
 
-    from flexid.studio.rooms import Rooms
-    from flexid.studio.window import Offer
+    from flexid.studio.window import Offer, Rooms
 
 MOST_WINDOWS = 40
 _LONG, _SHORT, _PLAY = 2, 1, 1  # processes
@@ -45,8 +44,8 @@ def studio(log: Path | None, host: str, token: str) -> ASGIApp:
     from starlette.routing import Route, WebSocketRoute
 
     from flexid.studio.guard import Guard
+    from flexid.studio.jobs import Workers
     from flexid.studio.window import Offer
-    from flexid.studio.workers import Workers
 
     log = log and log.absolute()  # each process changes its folder from job to job
     processes = [Workers(most) for most in (_LONG, _SHORT, _PLAY)]
@@ -74,8 +73,7 @@ def _window(
     """The end of a window's socket: it asks in JSON, and is sent what its page shows."""
     from starlette.websockets import WebSocketDisconnect
 
-    from flexid.studio.rooms import Rooms
-    from flexid.studio.window import Window
+    from flexid.studio.window import Rooms, Window
 
     async def window(socket: WebSocket) -> None:
         async def send(message: dict[str, Any]) -> None:
@@ -119,7 +117,7 @@ def _upload(windows: dict[str, Rooms]) -> Callable[..., Any]:
     """The way in for logs."""
     from starlette.responses import JSONResponse
 
-    from flexid.studio.uploads import UploadError, save
+    from flexid.studio.guard import UploadError, save
 
     def ended() -> Response:
         return JSONResponse({"problem": "this window has ended: reload the page"}, 404)

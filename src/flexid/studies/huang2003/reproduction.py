@@ -6,34 +6,32 @@ from typing import TypeVar
 
 from flexid.control.laws import pd_gravity
 from flexid.simulation.closed_loop import simulate
-from flexid.studies.huang2003.claims import decide_claims
-from flexid.studies.huang2003.evidence import Claim
-from flexid.studies.huang2003.readings import (
-    MEANINGS,
-    Reading,
-    SteadyRun,
-    reading_name,
-    simulated_runs,
-    study_reading,
-)
-from flexid.studies.huang2003.sweeps import (
+from flexid.studies.huang2003.cases import (
     ATTENUATIONS,
+    CASES,
     AttenuationPoint,
     RatePoint,
+    TheoremCase,
     attenuation_point,
     late_tracking_errors,
     peak_torque,
     rate_points,
 )
-from flexid.studies.huang2003.table1 import (
+from flexid.studies.huang2003.claims import Claim, decide_claims
+from flexid.studies.huang2003.readings import (
     ATTENUATION,
     DURATION,
     EARLIER_ATTENUATION,
+    MEANINGS,
     TRUE,
     Exponents,
+    Reading,
+    SteadyRun,
+    reading_name,
+    simulated_runs,
+    study_reading,
     table1_loop,
 )
-from flexid.studies.huang2003.theorem1 import CASES, TheoremCase
 
 _T = TypeVar("_T")
 

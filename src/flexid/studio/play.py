@@ -1,0 +1,402 @@
+"""Play: the paper's closed loop with sliders, beside a pinned run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
+
+import numpy as np
+
+from flexid.control.laws import robust_law
+from flexid.control.references import Multisine
+from flexid.errors import FlexidError, SettingError, SimulationError
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.physical import joint_coefficients
+from flexid.report.reproduction_charts import SYMBOLS, Played, play_chart
+from flexid.simulation.loop import ClosedLoop
+from flexid.studies.huang2003.readings import (
+    AMPLITUDE,
+    ATTENUATION,
+    FREQUENCY,
+    INITIAL_ESTIMATES,
+    MEANINGS,
+    OBSERVER_GAIN,
+    PHYSICAL,
+    SIMULATED,
+    UNKNOWN,
+)
+from flexid.studio.choices import one_of, texts_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from flexid.arrays import FloatArray
+    from flexid.identification.vocabulary.progress import Progress
+    from flexid.report.charts.svg import Drawn
+    from flexid.simulation.run import Run
+    from flexid.simulation.sampled import Sampling
+    from flexid.studio.window import Window
+
+
+READINGS = {",".join(map(str, exponents)): MEANINGS[exponents] for exponents in SIMULATED}
+"""The readings of the printed gains whose loop stays bounded, and what they stand for."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A number that is played with."""
+
+    name: str
+    label: str
+    unit: str
+    group: str
+    lowest: float
+    highest: float
+    start: float  # that of Table I of Huang (2003)
+    logarithmic: bool = True
+
+
+_PLANT, _GAINS, _REFERENCE, _DRIVE = "Plant", "Gains", "Reference", "Sampled drive"
+
+SLIDERS = (
+    Slider("joint_stiffness", "joint stiffness", "N m/rad", _PLANT, 20, 500, 100),
+    Slider("link_inertia", "link inertia", "kg m²", _PLANT, 0.2, 5, 1),
+    Slider("motor_inertia", "motor inertia", "kg m²", _PLANT, 0.05, 2, 0.3),
+    Slider("gravity_torque", "gravity torque", "N m", _PLANT, 0, 20, 5, logarithmic=False),
+    Slider("motor_viscous_friction", "motor friction", "N m s/rad", _PLANT, 0, 2, 0.1, False),
+    Slider("k", "attenuation k", "1/s", _GAINS, 5, 200, ATTENUATION),
+    Slider("c", "observer gain c", "", _GAINS, 0.01, 100, OBSERVER_GAIN),
+    Slider("amplitude", "amplitude", "rad", _REFERENCE, 0.1, 10, AMPLITUDE),
+    Slider("frequency", "frequency", "rad/s", _REFERENCE, 0.5, 20, FREQUENCY),
+    Slider("sample_time", "sample time", "s", _DRIVE, 2e-4, 1e-2, 1e-3),
+    Slider("noise", "encoder noise", "rad", _DRIVE, 1e-7, 1e-2, 1e-6),
+    Slider("torque_limit", "torque limit", "N m", _DRIVE, 10, 1e6, 1e6),
+)
+
+
+@dataclass(frozen=True)
+class PlayChoices:
+    """What is played."""
+
+    reading: str  # powers of k in the three feedback gains: a key of `READINGS`
+    sampled: bool
+    values: Mapping[str, float]  # by slider
+
+    @property
+    def pairs(self) -> dict[str, str]:
+        """What differs from Table I, as an address holds it."""
+        found = {} if self.reading == "1,2,3" else {"reading": self.reading}
+        if self.sampled:
+            found["sampled"] = "yes"
+        for slider in SLIDERS:
+            if self.values[slider.name] != slider.start:
+                found[slider.name] = f"{self.values[slider.name]:.6g}"
+        return found
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """The closed loop of the paper with these values."""
+        values = self.values
+        true = joint_coefficients({name: values[name] for name in PHYSICAL})
+        a, b, c = map(int, self.reading.split(","))
+        return ClosedLoop(
+            flexible_joint(known={"beta1": true["beta1"]}),
+            {name: true[name] for name in UNKNOWN},
+            robust_law(values["k"], (a, b, c)),
+            Multisine((values["amplitude"],), (values["frequency"],)),
+            {"link": values["c"], "motor": values["c"]},
+            INITIAL_ESTIMATES,
+        )
+
+    @property
+    def sampling(self) -> Sampling | None:
+        """How it is sampled; None where the drive is ideal."""
+        from flexid.simulation.sampled import Sampling
+
+        if not self.sampled:
+            return None
+        values = self.values
+        return Sampling(
+            values["sample_time"], values["torque_limit"], position_noise=values["noise"]
+        )
+
+
+TABLE1 = PlayChoices("1,2,3", False, {slider.name: slider.start for slider in SLIDERS})
+"""Table I of Huang (2003)."""
+
+
+def read_play(values: object, prefix: str = "") -> PlayChoices:
+    """What a form or an address holds; what is not there is that of Table I."""
+    texts = texts_of(values)
+    reading = one_of("reading", texts.get(f"{prefix}reading", "1,2,3"), READINGS)
+    found = {}
+    for slider in SLIDERS:
+        text = texts.get(f"{prefix}{slider.name}")
+        found[slider.name] = slider.start if text is None else _within(slider, text)
+    return PlayChoices(reading, texts.get(f"{prefix}sampled") == "yes", found)
+
+
+def query_of(chosen: PlayChoices, pinned: PlayChoices | None) -> str:
+    """The end of an address that shows a run, beside a pinned one."""
+    pins = {} if pinned is None else {f"pin.{key}": text for key, text in pinned.pairs.items()}
+    pin = "none" if pinned is None else "yes"
+    return urlencode({"room": "play", **chosen.pairs, "pin": pin, **pins})
+
+
+def _within(slider: Slider, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not slider.lowest * (1 - 1e-9) <= value <= slider.highest * (1 + 1e-9):
+        raise SettingError(
+            slider.name, f"give a number from {slider.lowest:g} to {slider.highest:g} {slider.unit}"
+        )
+    return value
+
+
+DURATION = 30.0  # s, as in the paper
+_LAST = 5.0  # s over which errors count as those that remain
+_WINDOW = 2.0  # s over which excitation is measured
+_POINTS = 120  # of the excitation over time
+_SAMPLES = 3001  # of a figure
+_RELATIVE, _ABSOLUTE = 1e-5, 1e-9  # tolerances: the errors that vanish keep their digits
+_MOST_STEPS = 400_000  # about half a second
+
+
+@dataclass(frozen=True)
+class PlayedRuns:
+    """A run and a pinned one."""
+
+    rows: tuple[tuple[str, str, str], ...]  # what is measured, of the run and of the pinned one
+    problems: tuple[str, ...]  # why a run has no figures
+    figure: Drawn  # both
+    seconds: float  # how long it took
+
+
+def play(
+    _: Progress, chosen: PlayChoices, pinned: PlayChoices | None, window: str = "wide"
+) -> PlayedRuns:
+    """Simulate a loop, and say what came of it beside a pinned one."""
+    from flexid.report.charts.svg import drawn
+
+    begun = perf_counter()
+    runs: list[Played | None] = []
+    problems = []
+    for choices, which in ((chosen, "This run"), (pinned, "The pinned run")):
+        try:
+            runs.append(None if choices is None else _played(choices))
+        except SimulationError as error:
+            runs.append(None)
+            why = error.reason.partition(":")[0]  # what it advises is not to be had here
+            problems.append(f"{which} stops at {error.time:.3g} s: {why}. Move a slider back.")
+    run, pin = runs
+    figure = drawn(play_chart(run, pin), (window,))
+    return PlayedRuns(_rows(run, pin), tuple(problems), figure, perf_counter() - begun)
+
+
+def _played(choices: PlayChoices) -> Played:
+    """A run, from what was played before if it was."""
+    pairs = tuple(sorted(choices.pairs.items()))
+    return _remembered(pairs)
+
+
+@lru_cache(maxsize=32)
+def _remembered(pairs: tuple[tuple[str, str], ...]) -> Played:
+
+    choices = read_play(dict(pairs))
+    sampling = choices.sampling
+    if sampling is None:
+        from flexid.simulation.closed_loop import simulate
+
+        step = DURATION / (_SAMPLES - 1)
+        run = simulate(choices.loop, DURATION, step, _RELATIVE, _ABSOLUTE, _MOST_STEPS)
+    else:
+        from flexid.simulation.sampled import simulate_sampled
+
+        run = simulate_sampled(choices.loop, DURATION, sampling)
+    return _measured(run)
+
+
+def _measured(run: Run) -> Played:
+    """What is shown of a run."""
+    from flexid.analysis.histories import row_histories
+    from flexid.experiments.measures import coefficient_unit
+
+    steady = run.between(DURATION - _LAST, DURATION)
+    fewer = _every(run, max(1, len(run.time) // _SAMPLES))
+    true = run.loop.true_coefficients
+    names = run.loop.system.coefficients
+    absolute = np.abs(fewer.parameter_errors)
+    errors = absolute / np.where(true, np.abs(true), np.nan)
+    final = {
+        name: (100 * errors[-1, i], "%")
+        if true[i]
+        else (absolute[-1, i], coefficient_unit(run, name))
+        for i, name in enumerate(names)
+    }
+    moments, conditions = _conditions(
+        fewer.time, {history.row: history.regressors for history in row_histories(fewer)}
+    )
+    return Played(
+        fewer.time,
+        np.abs(fewer.tracking_error),
+        dict(zip(names, errors.T, strict=True)),
+        final,
+        0.5 * np.sum(fewer.parameter_errors**2, axis=1),
+        moments,
+        conditions,
+        float(np.abs(run.tracking_error[steady]).max()),
+        float(np.abs(run.inputs).max()),
+    )
+
+
+def _every(run: Run, step: int) -> Run:
+    """Every so many samples of a run, of which the page shows no more."""
+    return replace(
+        run,
+        time=run.time[::step],
+        states=run.states[::step],
+        inputs=run.inputs[::step],
+        estimates=run.estimates[::step],
+        parameter_errors=run.parameter_errors[::step],
+        tracking_error=run.tracking_error[::step],
+        measured=None,
+    )
+
+
+def _conditions(
+    time: FloatArray, regressors: Mapping[str, FloatArray]
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Condition number of each row's normalised Gram matrix over the last seconds, over time."""
+    width = int(_WINDOW / (time[1] - time[0]))
+    ends = np.unique(np.linspace(width, len(time) - 1, _POINTS).astype(int))
+    found = {}
+    for row, r in regressors.items():
+        products = np.einsum("ij,ik->ijk", r, r)
+        sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
+        gram = sums[ends + 1] - sums[ends + 1 - width]
+        scale = np.sqrt(np.einsum("ijj->ij", gram))
+        scale[scale == 0.0] = 1.0
+        values = np.linalg.eigvalsh(gram / (scale[:, :, None] * scale[:, None, :]))
+        found[row] = values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)
+    return time[ends], found
+
+
+def _rows(run: Played | None, pin: Played | None) -> tuple[tuple[str, str, str], ...]:
+    """What is measured, as texts."""
+
+    def row(label: str, text: Any) -> tuple[str, str, str]:
+        return label, "" if run is None else text(run), "" if pin is None else text(pin)
+
+    names = run.errors if run is not None else () if pin is None else pin.errors
+    return (
+        row("tracking error", lambda r: f"{r.remaining_error:.2g} rad"),
+        *(
+            row(
+                f"error of {SYMBOLS[name]}",
+                lambda r, n=name: "{:.2g} {}".format(*r.final_errors[n]),
+            )
+            for name in names
+        ),
+        row("V over its first value", lambda r: f"{r.lyapunov[-1] / r.lyapunov[0]:.2g}"),
+        *(
+            row(f"condition number, {name}", lambda r, n=name: f"{r.conditions[n][-1]:.3g}")
+            for name in ("link", "motor")
+        ),
+        row("largest torque in all 30 s", lambda r: f"{r.largest_torque:.3g} N m"),
+    )
+
+
+ROOM = "play"
+
+
+class PlayRoom:
+    """The room of one window."""
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._chosen = TABLE1
+        self._pinned: PlayChoices | None = TABLE1
+        self._is_open = False
+        self._refused = ""  # why an address cannot be used; stands until something is chosen
+
+    async def open(self, values: Mapping[str, object]) -> None:
+        """Begin with what an address holds."""
+        try:
+            chosen = read_play(values)
+            pinned = None if values.get("pin") == "none" else read_play(values, "pin.")
+        except FlexidError as error:
+            self._refused = str(error)
+        else:
+            self._chosen, self._pinned = chosen, pinned
+
+    async def enter(self) -> None:
+        """Show the room."""
+        if not self._is_open:
+            self._is_open = True
+            await self._show_controls()
+        await self._start()
+
+    async def change(self, values: object) -> None:
+        """Play what the sliders stand at."""
+        self._refused = ""
+        try:
+            self._chosen = read_play(values)
+        except FlexidError as error:
+            await self._window.show("play-problem", "problem.html", text=str(error))
+            await self._window.played()
+            return
+        await self._start()
+
+    async def pin(self) -> None:
+        """Keep the present run to compare with."""
+        self._pinned = self._chosen
+        await self._start()
+
+    async def unpin(self) -> None:
+        """Show the present run alone."""
+        self._pinned = None
+        await self._start()
+
+    async def reset(self) -> None:
+        """Go back to Table I."""
+        self._refused = ""
+        self._chosen = self._pinned = TABLE1
+        await self._show_controls()
+        await self._start()
+
+    async def _show_controls(self) -> None:
+        groups: dict[str, list[object]] = {}
+        for slider in SLIDERS:
+            groups.setdefault(slider.group, []).append(slider)
+        show, chosen = self._window.show, self._chosen
+        await show("play-readings", "play_readings.html", chosen=chosen, readings=READINGS)
+        await show("play-controls", "play_controls.html", chosen=chosen, groups=groups)
+
+    async def _start(self) -> None:
+        await self._window.address(ROOM, query_of(self._chosen, self._pinned))
+        self._window.start("play", self._play(), "play-problem")
+
+    async def _play(self) -> None:
+        try:
+            await self._show_run()
+        except Exception:
+            await self._window.played()  # the page waits for it before it asks again
+            raise
+        await self._window.played()
+
+    async def _show_run(self) -> None:
+        window = self._window
+        found: PlayedRuns = await window.brief(
+            window.offer.play, play, self._chosen, self._pinned, window.kind, place="play-line"
+        )
+        problems = (self._refused, *found.problems) if self._refused else found.problems
+        await window.show("play-problem", "play_problems.html", problems=problems)
+        await window.show("play-figures", "play_figures.html", found=found)
+        await window.show("play-charts", "figures.html", figures=(found.figure,))
