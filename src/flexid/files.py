@@ -8,10 +8,16 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import platform
 import re
+import shutil
 import stat
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from flexid.errors import SettingError
 
 Refuse = Callable[[str], Exception]
 """Makes an error of a reason."""
@@ -92,10 +98,10 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     try:
         write(temporary)
         _synchronise(temporary)
+        os.replace(temporary, path)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    os.replace(temporary, path)
     if os.name == "posix":  # elsewhere a directory cannot be opened
         _synchronise(path.parent)
 
@@ -107,3 +113,64 @@ def _synchronise(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def write_document(path: Path, text: str) -> None:
+    """Write a text file that appears whole or not at all; a `SettingError` if it cannot."""
+    try:
+        write_atomically(path, lambda place: place.write_text(text, encoding="utf-8"))
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        reason = getattr(error, "strerror", None) or "its name cannot be used"
+        raise SettingError("path", f"{path} cannot be written ({reason})") from None
+
+
+@contextmanager
+def output_directory(out: Path) -> Iterator[Path]:
+    """Directory to write into, whose files move to `out` only when all are written."""
+    existed = out.exists()
+    try:
+        str(out).encode()
+    except UnicodeEncodeError:  # Polars cannot write there
+        raise SettingError("--out", "its name is not UTF-8: name another directory") from None
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        _sweep(out)
+        staging = Path(tempfile.mkdtemp(prefix=f"{_staging()}{os.getpid()}-", dir=out))
+    except OSError as error:
+        raise SettingError("--out", f"{out} cannot be written ({error.strerror})") from None
+    try:
+        yield staging
+        _move_all(staging, out)
+    except BaseException:
+        shutil.rmtree(staging if existed else out, ignore_errors=True)
+        raise
+    staging.rmdir()
+
+
+def _staging() -> str:
+    """How the names of folders begin that processes of this machine write into."""
+    return f".flexid-{platform.node()}-"
+
+
+def _sweep(out: Path) -> None:
+    """Remove the folders that killed processes have left."""
+    if os.name != "posix":  # elsewhere a process cannot be asked whether it lives
+        return
+    for left in out.iterdir():
+        process = left.name.removeprefix(_staging()).partition("-")[0]
+        if left.name.startswith(_staging()) and process.isdigit():
+            try:
+                os.kill(int(process), 0)
+            except ProcessLookupError:
+                shutil.rmtree(left, ignore_errors=True)
+            except OSError:
+                pass  # another user's
+
+
+def _move_all(staging: Path, out: Path) -> None:
+    files = list(staging.iterdir())
+    for file in files:
+        if (out / file.name).is_dir():  # before the first move, so that none is left half done
+            raise SettingError("--out", f"{out / file.name} is a directory: move it away")
+    for file in files:
+        os.replace(file, out / file.name)

@@ -9,7 +9,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from flexid.cli import watch as watch_command
+from flexid.cli import live
 from flexid.errors import SettingError
 from flexid.streaming import checkpoint, incoming
 from flexid.streaming.session import Session
@@ -101,7 +101,7 @@ def test_a_checkpoint_that_cannot_be_written_costs_no_report(
         raise SettingError("checkpoint", f"{path} cannot be written (No space left on device)")
 
     monkeypatch.setattr(checkpoint, "save_session", full)
-    monkeypatch.setattr(watch_command, "_SAVED_EVERY", -1.0)
+    monkeypatch.setattr(live, "_SAVED_EVERY", -1.0)
     watched = ("watch", tmp_path / "log.csv", "--stop-at-end", "--checkpoint", tmp_path / "state")
     outcome = flexid(*watched, *PAPER)
     assert outcome.status == 2

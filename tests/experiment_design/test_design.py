@@ -11,9 +11,8 @@ from scipy.optimize import brentq
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.experiment_design.design import REFERENCES, design, predict
-from flexid.experiment_design.drive import read_drive
-from flexid.experiment_design.result import Design, Rehearsed
+from flexid.experiment_design.design import REFERENCES, Design, design, predict
+from flexid.experiment_design.drive import CaseRun, read_drive
 from flexid.report.charts.description import Level, Line, Points
 from flexid.report.design import charts, save_command
 from flexid.simulation.free_run import free_run
@@ -63,7 +62,7 @@ def test_beats_the_papers_motion_at_equal_torque(designed):
     torque, start = steady_sine(brentq(too_much, 0.05, 3.0), 5.0, duration)
     case = designed.drive.nominal
     states = free_run(case.system, case.coefficients, start, torque, SAMPLE_TIME, "zero")
-    run = Rehearsed(states, torque, SAMPLE_TIME)
+    run = CaseRun(states, torque, SAMPLE_TIME)
     other = predict("paper's motion", designed.drive, case, run)
     assert designed.prediction.worst < other.worst
     assert designed.prediction.e_deviation < other.e_deviation

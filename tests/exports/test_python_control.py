@@ -14,7 +14,7 @@ import flexid
 from flexid.control.laws import robust_law
 from flexid.control.references import Multisine
 from flexid.errors import ModelError, SettingError
-from flexid.exports.python_control import observer_start, signal
+from flexid.library.python_control import observer_start, signal
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.free_run import free_run
 from flexid.simulation.loop import ClosedLoop

@@ -10,7 +10,7 @@ from made_result import made_result
 
 from flexid.arrays import to_json
 from flexid.errors import SettingError
-from flexid.report.documents import output_directory
+from flexid.files import output_directory
 from flexid.stored_estimates.estimate_file import estimate_document
 
 
@@ -91,7 +91,7 @@ def test_failure_leaves_nothing_behind(tmp_path):
 def test_what_a_killed_process_has_left_is_removed(tmp_path):
     """Assert that the folder of a process that has gone is removed, and that of a living is not."""
     code = (
-        "import os, sys; from pathlib import Path; from flexid.report.documents import *\n"
+        "import os, sys; from pathlib import Path; from flexid.files import *\n"
         "with output_directory(Path(sys.argv[1])): os._exit(9)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False)

@@ -161,7 +161,7 @@ def _progress_bar() -> Iterator[Callable[[int, int], None]]:
 
 def watch(command: Command, options: Options, flags: Options) -> None:
     """Follow a source, and report."""
-    from flexid.cli.watch import watch as follow
+    from flexid.cli.live import watch as follow
 
     follow(command, options, flags)
 
@@ -281,7 +281,7 @@ COMMANDS = (
             "studio --port 9000 --no-browser",
         ),
         "3 when Ctrl-C ends it, 2 where it cannot listen, or LOG is not there.",
-        own="flexid.cli.studio",
+        own="flexid.cli.live",
     ),
     Command(
         "simulate",

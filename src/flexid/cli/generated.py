@@ -61,7 +61,7 @@ def output(out: Path | None) -> Iterator[Path | None]:
     if out is None:
         yield None
         return
-    from flexid.report.documents import output_directory
+    from flexid.files import output_directory
 
     with output_directory(out) as directory:
         yield directory

@@ -1,23 +1,85 @@
 """The work of ``flexid design``: search, check on drives that are wrong, scale, compare."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 import flexid
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError, SimulationError
-from flexid.experiment_design.drive import DOUBT, Case, Drive, DriveFile
-from flexid.experiment_design.optimise import Search, deviation
-from flexid.experiment_design.result import (
+from flexid.experiment_design.drive import (
     CHANNELS,
+    DOUBT,
     SEGMENT_DURATION,
-    Design,
-    Extreme,
-    Prediction,
-    Rehearsed,
-    rehearse,
+    Case,
+    CaseRun,
+    Drive,
+    DriveFile,
 )
+from flexid.experiment_design.excitation_report import DETERMINED_DEVIATION
+from flexid.experiment_design.optimise import Search, deviation
 from flexid.simulation.free_run import Command
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What an input would determine of the drive as it is believed to be."""
+
+    name: str  # of the input
+    # predicted standard deviation of each coefficient over its value
+    deviations: Mapping[str, float]
+    e_deviation: float  # criterion E as a relative standard deviation
+    d_deviation: float  # criterion D likewise
+    peaks: Mapping[str, float]  # torque in N m, velocity in rad/s, position and deflection in rad
+    torque_rms: float  # N m
+    within_limits: bool  # of the drive as believed
+
+    @property
+    def worst(self) -> float:
+        """Largest of the deviations."""
+        return max(self.deviations.values())
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The largest value over wrong drives, and which one it was."""
+
+    value: float
+    case: str
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """An experiment, its predictions and its checks."""
+
+    drive: Drive
+    angular_frequencies: FloatArray  # (m,): rad/s
+    weights: FloatArray  # (2 m,): of cosines and sines; N m for a torque, rad for a trajectory
+    time: FloatArray  # (n,): s
+    command: Command
+    run: CaseRun  # of the drive as believed
+    prediction: Prediction
+    references: tuple[Prediction, ...]  # other inputs of the same peak torque
+    # the same, as large as all drives bear within the limits
+    kept_references: tuple[Prediction, ...]
+    largest_use: Mapping[str, Extreme]  # of each limit, over all wrong drives
+    largest_deviations: Mapping[str, Extreme]  # of each coefficient, over all wrong drives
+    scale: float  # factor on what the search found, so that all drives keep to the limits
+    seed: int  # of the search and of the wrong drives
+    provenance: Mapping[str, object]  # version, inputs with their hashes, settings
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """Amplitude of each tone, shape (m,), in the weights' unit."""
+        cosines, sines = np.split(self.weights, 2)
+        return np.hypot(cosines, sines)
+
+    @property
+    def supported(self) -> bool:
+        """Whether every coefficient would be known to 10 % or better."""
+        return self.prediction.worst <= DETERMINED_DEVIATION
+
 
 STARTS = 2
 """Random starts of the search."""
@@ -47,11 +109,8 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
     for weights in search.run(STARTS, finished):
         commands = [search.command(tones, weights) for tones in (search.coarse, search.fine)]
         scale = _scale(file.drive, commands[0], search.step, commands[1], everyone)
-        run = rehearse(
-            search.nominal,
-            search.command(search.fine, scale * weights),
-            file.drive.experiment.sample_time,
-        )
+        command = search.command(search.fine, scale * weights)
+        run = search.nominal.play(command, file.drive.experiment.sample_time)
         candidates.append((_criterion(search, run), scale, weights, run))
     _, scale, weights, run = min(candidates, key=lambda candidate: candidate[0])
     finished("limits checked on wrong drives")
@@ -89,7 +148,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
     )
 
 
-def predict(name: str, drive: Drive, case: Case, run: Rehearsed) -> Prediction:
+def predict(name: str, drive: Drive, case: Case, run: CaseRun) -> Prediction:
     """What a run of a case would tell."""
     information = run.information(case, drive.sensors.noise)
     return Prediction(
@@ -107,7 +166,7 @@ def reference(name: str, drive: Drive, peak_torque: float) -> Prediction:
     """What one of `REFERENCES` would tell at a peak torque in N m."""
     command = _reference_command(name, drive, drive.experiment.sample_time, peak_torque)
     nominal = drive.nominal
-    return predict(name, drive, nominal, rehearse(nominal, command, drive.experiment.sample_time))
+    return predict(name, drive, nominal, nominal.play(command, drive.experiment.sample_time))
 
 
 def kept_reference(
@@ -130,7 +189,7 @@ def _reference_command(name: str, drive: Drive, sample_time: float, peak_torque:
     return Command(torque, np.zeros((count, 2)), np.zeros(2))
 
 
-def _criterion(search: Search, run: Rehearsed) -> float:
+def _criterion(search: Search, run: CaseRun) -> float:
     information = run.information(search.nominal, search.drive.sensors.noise)
     return deviation(information.relative, search.drive.experiment.criterion)
 
@@ -151,7 +210,7 @@ def _scale(
 
     def worst(command: Command, sample_time: float) -> float:
         try:
-            runs = (rehearse(case, command, sample_time) for case in cases)
+            runs = (case.play(command, sample_time) for case in cases)
             return max(max(run.use(drive.limits).values()) for run in runs)
         except SimulationError:
             return np.inf
@@ -177,7 +236,7 @@ def _extremes(
     uses: dict[str, Extreme] = {}
     deviations: dict[str, Extreme] = {}
     for case in cases:
-        run = rehearse(case, command, drive.experiment.sample_time)
+        run = case.play(command, drive.experiment.sample_time)
         used = run.use(drive.limits)
         for channel in CHANNELS:
             if channel not in uses or used[channel] > uses[channel].value:

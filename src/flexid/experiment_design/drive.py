@@ -12,11 +12,15 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.optimize import root
 
+from flexid.analysis.information import Information, segmented_information
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.estimators.samples import Samples
+from flexid.estimators.segments import divide
 from flexid.models.flexible_joint import SHAPE_TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import joint_coefficients
+from flexid.simulation.free_run import Command, play
 from flexid.stored_estimates.estimate_file import StoredEstimate
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
@@ -208,6 +212,11 @@ class Case:
         """The coefficients' values in the model's order, shape (k,)."""
         return np.array([self.coefficients[name] for name in self.system.coefficients])
 
+    def play(self, command: Command, sample_time: float) -> "CaseRun":
+        """Play a command from rest."""
+        states, torque = play(self.system, self.coefficients, self.rest(), command, sample_time)
+        return CaseRun(states, torque, sample_time)
+
     def rest(self) -> FloatArray:
         """State of rest without torque, shape (4,); zero if constant torques leave none."""
         state = np.zeros(4)
@@ -226,6 +235,54 @@ class Case:
         if found.success:
             state[::2] = found.x
         return state
+
+
+SEGMENT_DURATION = 1.0
+"""Length in s of the segments that predictions hold for."""
+
+CHANNELS = ("torque", "velocity", "position", "deflection")
+
+
+@dataclass(frozen=True, eq=False)
+class CaseRun:
+    """What a case did under a command."""
+
+    states: FloatArray  # (n, 4): link position and velocity, motor position and velocity
+    torque: FloatArray  # (n,): N m, held from each sample to the next
+    sample_time: float  # s
+
+    def _channels(self) -> dict[str, FloatArray]:
+        x = self.states
+        return {
+            "torque": self.torque,
+            "velocity": x[:, 1::2],
+            "position": x[:, ::2],
+            "deflection": x[:, 0] - x[:, 2],
+        }
+
+    def peaks(self) -> dict[str, float]:
+        """Largest magnitude of each channel that has a limit."""
+        return {name: float(np.abs(values).max()) for name, values in self._channels().items()}
+
+    def shares(self, limits: Limits) -> dict[str, FloatArray]:
+        """Each channel over its limit."""
+        return {name: values / getattr(limits, name) for name, values in self._channels().items()}
+
+    def use(self, limits: Limits) -> dict[str, float]:
+        """Largest magnitude of each channel over its limit."""
+        return {name: peak / getattr(limits, name) for name, peak in self.peaks().items()}
+
+    def samples(self) -> Samples:
+        """What the encoders would see, without noise."""
+        return Samples(self.states[:, ::2], None, self.torque[:, None], self.sample_time)
+
+    def information(self, case: Case, noise: float) -> Information:
+        """What two encoders with white noise of a standard deviation in rad would determine."""
+        segments = divide([self.samples()], SEGMENT_DURATION)
+        states = self.states[segments.starts]
+        return segmented_information(
+            case.system, case.values, segments, states, np.full(2, noise), "zero"
+        )
 
 
 _LARGEST_RAMP = 0.25  # of the duration, at either end

@@ -21,8 +21,14 @@ from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
-from flexid.experiment_design.drive import Case, Criterion, Drive
-from flexid.experiment_design.result import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
+from flexid.experiment_design.drive import (
+    CHANNELS,
+    SEGMENT_DURATION,
+    Case,
+    CaseRun,
+    Criterion,
+    Drive,
+)
 from flexid.simulation.free_run import Command
 
 _BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory
@@ -154,7 +160,7 @@ class Search:
     def _problem(self) -> SegmentedMotion:
         """The nominal drive's motion over segments of the search, for any command."""
         step = self.step
-        run = rehearse(self.nominal, self.command(self.coarse, self.start(0)), step)
+        run = self.nominal.play(self.command(self.coarse, self.start(0)), step)
         segments = divide([run.samples()], SEGMENT_DURATION)
         # Fewer samples weigh less each by as much as there are fewer.
         noise = self.drive.sensors.noise * np.sqrt(self.drive.experiment.sample_time / step)
@@ -176,11 +182,11 @@ class Search:
         step = self.step
         command = self.command(self.coarse, weights)
         try:
-            run = rehearse(self.nominal, command, step)
+            run = self.nominal.play(command, step)
             segments = replace(self._problem.segments, inputs=run.torque[:, None])
             point = Point(self.nominal.values, run.states[segments.starts])
             information = information_at(replace(self._problem, segments=segments), point)
-            runs = [run, *(rehearse(case, command, step) for case in watched)]
+            runs = [run, *(case.play(command, step) for case in watched)]
         except SimulationError:
             return _LOST
         uses = np.array([use for one in runs for use in self._smooth_uses(one)])
@@ -188,7 +194,7 @@ class Search:
         cost = smooth_cost(information.relative, self.drive.experiment.criterion)
         return cost + log_use + _TIE * log_use**2
 
-    def _smooth_uses(self, run: Rehearsed) -> list[float]:
+    def _smooth_uses(self, run: CaseRun) -> list[float]:
         """Use of each limit, the largest magnitudes replaced by a smooth stand-in."""
         uses = []
         for share in run.shares(self.drive.limits).values():
@@ -205,7 +211,7 @@ class Search:
         furthest: dict[str, tuple[float, Case]] = {}
         for case in self.cases:
             try:
-                uses = rehearse(case, command, step).use(self.drive.limits)
+                uses = case.play(command, step).use(self.drive.limits)
             except SimulationError:
                 uses = dict.fromkeys(CHANNELS, np.inf)
             for name, use in uses.items():
@@ -226,7 +232,7 @@ class Search:
         step = self.step
         for _ in range(60):
             try:
-                run = rehearse(self.nominal, self.command(self.coarse, weights), step)
+                run = self.nominal.play(self.command(self.coarse, weights), step)
                 worst = max(run.use(self.drive.limits).values())
             except SimulationError:
                 worst = np.inf

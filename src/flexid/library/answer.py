@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexid.report.charts.description import Chart
-    from flexid.report.documents import Presenter
-    from flexid.report.page.page import Page
+    from flexid.report.page.page import Page, Presenter
     from flexid.report.terminal import Part
 
 _WIDTH = 100  # columns of a text
@@ -101,7 +100,7 @@ class Answer:
         SettingError
             If it cannot be written.
         """
-        from flexid.report.documents import write_document
+        from flexid.files import write_document
 
         write_document(as_path("save", "path", path), to_json(self.document))
 
@@ -118,8 +117,8 @@ class Answer:
         SettingError
             If it cannot be written, or the answer was loaded and has no time series.
         """
+        from flexid.files import output_directory
         from flexid.report.charts.figure import save_charts
-        from flexid.report.documents import output_directory
 
         with output_directory(as_path("save_figures", "directory", directory)) as files:
             save_charts(self._drawn, files, self._formats)
@@ -175,7 +174,7 @@ class ReportedAnswer(Answer):
         SettingError
             If it cannot be written.
         """
-        from flexid.report.documents import write_document
+        from flexid.files import write_document
         from flexid.report.page.page import page_html
 
         page = self._page()

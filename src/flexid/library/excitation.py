@@ -20,8 +20,8 @@ from flexid.library.identify import estimated, identify
 
 if TYPE_CHECKING:
     from flexid.experiment_design.advice import Advice
+    from flexid.experiment_design.design import Design
     from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
-    from flexid.experiment_design.result import Design
     from flexid.library.arguments import JointOptions
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs

@@ -210,7 +210,7 @@ def export(
         If an option is unknown or of a wrong type.
     """
     from flexid.exports.request import TARGETS, ExportRequest, export_arm, export_to
-    from flexid.report.documents import output_directory
+    from flexid.files import output_directory
 
     if to not in TARGETS:
         raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), TARGETS)}")

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.answer import Answer
-from flexid.library.arguments import as_path, entrance
+from flexid.library.arguments import (
+    as_chosen,
+    as_comparable,
+    as_number,
+    as_path,
+    as_samples,
+    entrance,
+    fed_channels,
+)
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:
@@ -133,8 +141,6 @@ class Watch(Answer):
         """
         import numpy as np
 
-        from flexid.library.watch_arguments import as_samples
-
         given = {
             "time": time,
             "link_position": link_position,
@@ -172,7 +178,6 @@ class Watch(Answer):
             self._catch_up(session)
 
     def _begin(self, names: tuple[str, ...]) -> "Session":
-        from flexid.library.watch_arguments import fed_channels
         from flexid.streaming.follower import opened_session
         from flexid.streaming.options import options_of_stream, wanted_kind
 
@@ -381,9 +386,7 @@ def watch(
     >>> watch.feed(link_position=0.1, motor_position=0.11, motor_torque=2.0)  # doctest: +SKIP
     >>> watch.health.reason  # doctest: +SKIP
     """
-    from flexid.library.arguments import as_number
     from flexid.library.logs import as_columns
-    from flexid.library.watch_arguments import as_chosen, as_comparable
     from flexid.streaming.follower import Follower
     from flexid.streaming.options import wanted_kind
 

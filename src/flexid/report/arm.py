@@ -7,9 +7,8 @@ from rich.text import Text
 
 from flexid.arms.result import ArmIdentification
 from flexid.report.charts.description import Chart
-from flexid.report.documents import Presenter
 from flexid.report.identification import estimates_table, verdict_reasons
-from flexid.report.page.page import Answer, Command, Page, Section, Warned
+from flexid.report.page.page import Answer, Command, Page, Presenter, Section, Warned
 from flexid.report.terminal import Column, Part, Table, numbers
 from flexid.stored_estimates.estimate_file import estimate_document
 

@@ -23,8 +23,7 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.documents import Presenter
-from flexid.report.page.page import Answer, Bullets, Command, Facts, Page, Section
+from flexid.report.page.page import Answer, Bullets, Command, Facts, Page, Presenter, Section
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
 DETAILS = ("final_error.", "final_state.")

@@ -14,7 +14,6 @@ from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.comparison_summary import comparison_summary, largest
-from flexid.report.documents import Presenter
 from flexid.report.page.page import (
     Answer,
     Bullets,
@@ -22,6 +21,7 @@ from flexid.report.page.page import (
     Facts,
     Item,
     Page,
+    Presenter,
     Section,
     Tone,
     Warned,

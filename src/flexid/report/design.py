@@ -8,8 +8,8 @@ import numpy as np
 import polars as pl
 from rich.text import Text
 
+from flexid.experiment_design.design import Design, Extreme, Prediction
 from flexid.experiment_design.drive import DOUBT
-from flexid.experiment_design.result import Design, Extreme, Prediction
 from flexid.report.charts.description import (
     Axis,
     Chart,
@@ -21,7 +21,7 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.documents import Presenter
+from flexid.report.page.page import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}

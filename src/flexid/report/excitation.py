@@ -24,8 +24,8 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.documents import Presenter
 from flexid.report.identification import excitation_lines, verdict_reasons
+from flexid.report.page.page import Presenter
 from flexid.report.terminal import Column, Part, Table, value_cells, verdict_cell
 
 _MANY = 99  # times, beyond which a factor is no more than large

@@ -10,8 +10,7 @@ from flexid.analysis.excitation import Excitation
 from flexid.arrays import plain
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.report.charts.description import Chart
-from flexid.report.documents import Presenter
-from flexid.report.page.page import Answer, Command, Facts, Page, Section
+from flexid.report.page.page import Answer, Command, Facts, Page, Presenter, Section
 from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.studies.huang2003.cases import TheoremCase

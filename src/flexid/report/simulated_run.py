@@ -23,8 +23,7 @@ from flexid.experiments.measures import (
 )
 from flexid.recording.write import write_parquet
 from flexid.report.charts.description import Axis, Band, Chart, Colour, Level, Line, Panel
-from flexid.report.documents import Presenter
-from flexid.report.page.page import Answer, Bullets, Command, Facts, Item, Page, Section
+from flexid.report.page.page import Answer, Bullets, Command, Facts, Item, Page, Presenter, Section
 from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.simulation.run import Run
 

@@ -12,7 +12,6 @@ from rich.text import Text
 from flexid.arrays import plain
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.report.charts.description import Chart
-from flexid.report.documents import Presenter
 from flexid.report.free_run_chart import free_run_chart, residual_chart
 from flexid.report.page.identification_page import input_facts
 from flexid.report.page.page import (
@@ -21,6 +20,7 @@ from flexid.report.page.page import (
     Facts,
     Item,
     Page,
+    Presenter,
     Section,
     Warned,
     drawn,

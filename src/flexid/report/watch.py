@@ -9,8 +9,8 @@ from typing import Any
 from rich.text import Text
 
 from flexid.models.parameter_kinds import ANGLES, difference
-from flexid.report.documents import Presenter
 from flexid.report.identification import negligible
+from flexid.report.page.page import Presenter
 from flexid.report.terminal import (
     Cell,
     Column,

@@ -250,10 +250,10 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
 
 def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answer:
     """Identify a log, and leave estimate and report in a folder."""
+    from flexid.files import write_document
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
     from flexid.report.charts.svg import drawn
-    from flexid.report.documents import write_document
     from flexid.report.identification import coefficients_table, parameters_table
     from flexid.report.identification_charts import identification_charts
     from flexid.report.page.identification_page import identification_page

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -108,6 +108,18 @@ class Page:
     answers: Sequence[Answer]  # to what one asks next
     sections: Sequence[Section]  # all else
     notes: Sequence[str] = field(default_factory=tuple)  # what the words of the table mean
+
+
+@dataclass(frozen=True)
+class Presenter:
+    """What there is to show of a kind of result; each function takes the result first."""
+
+    parts: Callable[..., Iterable[Part]]  # tables and sentences
+    document: Callable[..., Mapping[str, Any]]  # everything but the time series, for JSON
+    charts: Callable[..., Sequence[Chart]] = lambda *_: ()  # the most important one first
+    page: Callable[..., Page] | None = None  # takes the charts, the command and its folder too
+    evidence: Callable[..., Iterable[Part]] = lambda *_: ()  # what choices rest on
+    write_data: Callable[..., None] = lambda *_: None  # into a folder; whether as CSV, too
 
 
 NAME = "report.html"

@@ -1,23 +1,26 @@
-"""``flexid watch SOURCE``: follow a stream, show what is known, and save it."""
+"""Commands that go on until they are ended: `flexid watch` and `flexid studio`."""
 
+import os
 import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from flexid.cli.generated import Command, ExitStatus, Options, as_typed, output, print_warnings
-from flexid.errors import SettingError
+from flexid.errors import RecordingError, SettingError
+from flexid.files import shown
 from flexid.library.arguments import in_one_thread
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from flexid.library.watch import Watch
+
 
 _SAVED_EVERY = 60.0  # s
 _DRAWN_EVERY = 0.2  # s
@@ -131,3 +134,48 @@ def _print_line(watched: "Watch") -> None:
     import json
 
     typer.echo(json.dumps(watched.document))
+
+
+def studio(
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="LOG",
+            help="A log that each window opens with, in any format that flexid identify takes.",
+            show_default=False,
+        ),
+    ] = None,
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Where to listen. Off the loopback the address that is printed has a token in "
+            "it, and only who knows it is let in.",
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(metavar="NUMBER", help="Port of the machine; 0 for any that is free.")
+    ] = 8765,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+    ] = True,
+) -> None:
+    """Serve a page in which logs are checked and identified.
+
+    Drop a log, say which column is what, see what it can tell before anything is run, identify,
+    and keep what was found. The page's address holds what was chosen. Ctrl-C ends the studio.
+    """
+    if log is not None and not os.path.exists(log):
+        raise RecordingError(
+            shown(log), "", "there is no such file: check the spelling, or give the path of a log"
+        )
+    from flexid.studio.server import serve
+
+    def announce(address: str) -> None:
+        typer.echo(f"flexid studio: {address} (Ctrl-C ends it)")
+        if browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    serve(log, host, port, announce)
