@@ -59,7 +59,7 @@ def test_on(estimate: flexid.JointEstimate, log: flexid.Log) -> float:
 
 def keep(estimate: flexid.JointEstimate, folder: Path) -> flexid.JointEstimate:
     """Figures, the page and numbers on the disk, and the numbers from there again."""
-    estimate.plot.save(folder)
+    estimate.save_figures(folder)
     estimate.report(folder / "report.html")
     estimate.save(folder / "estimate.json")
     return flexid.load(folder / "estimate.json")

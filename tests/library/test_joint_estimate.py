@@ -220,7 +220,7 @@ def test_saving_needs_a_place(estimate, tmp_path):
 
 def test_figures_are_saved_as_the_command_does(estimate, tmp_path):
     """Assert that the files have the command's names."""
-    estimate.plot.save(tmp_path / "out")
+    estimate.save_figures(tmp_path / "out")
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {f"{name}.png" for name in FIGURES}
 

@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.derivation.drive_source import comment
 from flexid.errors import SettingError, SimulationError
 from flexid.estimators.online import History, Status
-from flexid.estimators.parametric_observer import ParametricObserver
 from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
 from flexid.estimators.samples import Samples
 from flexid.exports.c99_source import DriveSource
-from flexid.exports.request import filled, template_text
 
 if TYPE_CHECKING:
     from flexid.exports.request import ExportRequest
@@ -25,49 +22,16 @@ def write_c99(request: "ExportRequest", directory: Path) -> tuple[str, ...]:
     drive = DriveSource(request.source, request.settings)
     samples = request.samples
     vector = made_samples(drive) if samples is None else log_samples(drive, samples)
-    files = {
+    texts = {
         "flexid_drive.h": drive.header(),
         "flexid_drive.c": drive.source(),
-        "example_main.c": _example(drive),
+        "example_main.c": drive.text("example_main.c"),
         "test_vector.h": vector_text(drive, vector),
-        "README.md": _readme(drive),
+        "README.md": drive.text("README.md"),
     }
-    for name, text in files.items():
+    for name, text in texts.items():
         (directory / name).write_text(text, encoding="utf-8")
     return ()
-
-
-def _example(drive: DriveSource) -> str:
-    coefficients = drive.system.coefficients
-    names = [drive.names[name] for name in coefficients]
-    last = len(names) - 1
-    return filled(
-        "c99/example_main.c",
-        found="\n".join(
-            f"        (double)values.{name}{',' if i < last else ''}"
-            for i, name in enumerate(names)
-        ).replace("values.", "values->"),
-        prints="\n".join(
-            f'    (void)printf("{name} = %.6g\\n", (double)values.{name});' for name in names
-        ),
-    )
-
-
-def _readme(drive: DriveSource) -> str:
-    system, settings = drive.system, drive.settings
-    constant = isinstance(drive.twin, ParametricObserver)
-    return filled(
-        "c99/README.md",
-        model=comment(system.name),
-        summary=settings.summary,
-        sample_time=f"{settings.sample_time:g}",
-        hold={"zero": "are held until the next", "linear": "run on straight lines"}[settings.hold],
-        sample=", ".join(f"`{drive.names[name]}`" for name in drive.sample_names),
-        coefficients=", ".join(f"`{drive.names[name]}`" for name in system.coefficients),
-        converged=template_text(
-            "c99/converged_constant.md" if constant else "c99/converged.md"
-        ).strip(),
-    )
 
 
 _CHECKS = 50
@@ -176,69 +140,25 @@ class _Checks:
         found = self._replay(self._samples + signs * last_digit).coefficients[self.places]
         return np.asarray((np.abs(found - self.estimates) / self.scale).max(axis=0))
 
-    def allowed(self, number: type[np.floating], least: float) -> str:
+    def allowed(self, number: type[np.floating], least: float) -> list[float]:
         """What another way of rounding may do to each of them."""
-        return ", ".join(map(repr, np.maximum(least, _MARGIN * self.rounded(number)).tolist()))
+        return np.maximum(least, _MARGIN * self.rounded(number)).tolist()
 
 
 def vector_text(drive: DriveSource, samples: FloatArray) -> str:
     """Text of ``test_vector.h``."""
     checked = _Checks(drive, samples)
-    n, places, scale = len(samples), checked.places, checked.scale
-    double = checked.allowed(np.float64, _ALLOWED_DOUBLE)
-    single = checked.allowed(np.float32, _ALLOWED_FLOAT)
-    rows = "\n".join(
-        f"    {{{', '.join(f'V({number!r})' for number in sample)}}},"
-        for sample in samples.tolist()
+    return drive.text(
+        "test_vector.h",
+        samples=samples.tolist(),
+        checks=[*zip(checked.places.tolist(), checked.estimates.tolist(), strict=True)],
+        scale=checked.scale.tolist(),
+        least={"double": _ALLOWED_DOUBLE, "float": _ALLOWED_FLOAT},
+        allowed={
+            "double": checked.allowed(np.float64, _ALLOWED_DOUBLE),
+            "float": checked.allowed(np.float32, _ALLOWED_FLOAT),
+        },
     )
-    checks = "\n".join(
-        f"    {{{place}U, {{{', '.join(map(repr, estimates))}}}}},"
-        for place, estimates in zip(places.tolist(), checked.estimates.tolist(), strict=True)
-    )
-    return f"""/* test_vector.h: samples, and what flexid in Python makes of them; generated. */
-#ifndef TEST_VECTOR_H
-#define TEST_VECTOR_H
-
-#include "flexid_drive.h"
-
-#define N_SAMPLES {n}U
-#define N_CHECKS {len(places)}U
-
-#if defined(FLEXID_FLOAT)
-#define V(x) (x##f)
-#else
-#define V(x) (x)
-#endif
-
-/* {", ".join(drive.sample_names)} */
-static const flexid_sample SAMPLES[N_SAMPLES] = {{
-{rows}
-}};
-
-/* The largest size of each estimate, that differences are relative to. */
-static const double SCALE[FLEXID_COEFFICIENTS] = {{{", ".join(map(repr, scale.tolist()))}}};
-
-/* How much each may differ, relative to that. More than {_ALLOWED_DOUBLE:g} and
- * {_ALLOWED_FLOAT:g} only for one that hangs on how the samples are rounded, as one does that is
- * next to zero. */
-static const double ALLOWED[FLEXID_COEFFICIENTS] = {{
-#if defined(FLEXID_FLOAT)
-    {single}
-#else
-    {double}
-#endif
-}};
-
-/* Estimates after some samples: {", ".join(drive.system.coefficients)} */
-static const struct {{
-    unsigned sample;
-    double values[FLEXID_COEFFICIENTS];
-}} CHECKS[N_CHECKS] = {{
-{checks}
-}};
-
-#endif /* TEST_VECTOR_H */
-"""
 
 
 def _first_check(drive: DriveSource, history: History) -> int:

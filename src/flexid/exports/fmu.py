@@ -12,12 +12,12 @@ import sys
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import flexid
 from flexid.errors import SettingError
 from flexid.exports.fmu_model import FmuModel, Variable, estimator_model, plant_model
-from flexid.exports.request import template_text
+from flexid.exports.request import rendered
 from flexid.models.terms import SMOOTHING
 from flexid.recording.names import cut
 
@@ -83,13 +83,13 @@ def packed(model: FmuModel, version: str) -> bytes:
     """An FMU as bytes."""
     interface = (f"fmi{version[0]}.c", "fmi.h")
     texts = {**model.sources, "model.h": model.header()}
-    texts |= {name: template_text(f"fmu/{name}") for name in interface}
+    texts |= {name: rendered(f"fmu/{name}") for name in interface}
     files = {f"sources/{name}": text.encode() for name, text in texts.items()}
     files["modelDescription.xml"] = _model_description(model, version)
     if version == "3.0":
-        files["sources/buildDescription.xml"] = _rendered(
+        files["sources/buildDescription.xml"] = rendered(
             "fmu/buildDescription.xml", model=model, sources=_sources(model, "3.0")
-        )
+        ).encode()
     files |= _library(model, version, texts)
     with io.BytesIO() as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -104,7 +104,7 @@ def _model_description(model: FmuModel, version: str) -> bytes:
     places = [(v, place, number) for place, (v, number) in enumerate(variables, 1)]
     outputs = [(place, number) for v, place, number in places if v.causality == "output"]
     computed = [(place, number) for v, place, number in places if v.initial == "calculated"]
-    return _rendered(
+    return rendered(
         "fmu/modelDescription.xml",
         model=model,
         version=version,
@@ -114,22 +114,13 @@ def _model_description(model: FmuModel, version: str) -> bytes:
         variables=variables,
         outputs=outputs,
         computed=computed,
-    )
+    ).encode()
 
 
 def _sources(model: FmuModel, version: str) -> tuple[str, ...]:
     """Names of the files that are to be compiled."""
     own = (name for name in model.sources if name.endswith(".c"))
     return (f"fmi{version[0]}.c", *own)
-
-
-def _rendered(name: str, **values: Any) -> bytes:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
-    )
-    return environment.from_string(template_text(name)).render(values).encode()
 
 
 def _library(model: FmuModel, version: str, texts: dict[str, str]) -> dict[str, bytes]:

@@ -1,18 +1,16 @@
 """What goes into an FMU: the plant or the estimator, as variables and C sources."""
 
 import hashlib
-from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from flexid.derivation.drive_source import comment, plant_rates
+from flexid.derivation.drive_source import plant_rates
 from flexid.errors import SettingError
 from flexid.exports.c99_source import DriveSource
-from flexid.exports.request import EstimatorSettings, ExportSource, filled
+from flexid.exports.request import EstimatorSettings, ExportSource, rendered
 from flexid.kernels.templates.bound import BOUND
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING
@@ -95,22 +93,13 @@ class FmuModel:
         parts = (digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:32])
         return f"{{{'-'.join(parts)}}}"
 
+    def count(self, causality: Causality) -> int:
+        """Number of reals of a causality."""
+        return sum(v.causality == causality for v in self.reals)
+
     def header(self) -> str:
         """Text of ``model.h``."""
-        count = Counter(v.causality for v in self.reals)
-        return filled(
-            "fmu/model.h",
-            title=comment(self.description),
-            includes="".join(f'#include "{name}"\n' for name in self.includes),
-            token=self.token,
-            outputs=str(count["output"]),
-            inputs=str(count["input"]),
-            parameters=str(count["parameter"]),
-            first_integer=f"{FIRST_INTEGER}U",
-            integers=f"{len(self.variables) - len(self.reals)}U",
-            starts=str(int(self.reals[0].start is not None)),
-            own=self.own,
-        )
+        return rendered("fmu/model.h", model=self, first_integer=FIRST_INTEGER)
 
 
 def plant_model(source: ExportSource) -> FmuModel:
@@ -148,12 +137,12 @@ def plant_model(source: ExportSource) -> FmuModel:
             for name, value in system.constants.items()
         ),
     )
-    text = filled(
+    text = rendered(
         "fmu/plant.c",
-        title=comment(system.name),
-        steps_per_second=repr(STEPS_PER_TIME_CONSTANT * _fastest(system, values)),
-        bound=repr(BOUND),
-        start="\n".join(f"    {v.start!r}, /* {v.name} */" for v in variables),
+        system=system,
+        steps_per_second=STEPS_PER_TIME_CONSTANT * _fastest(system, values),
+        bound=BOUND,
+        variables=variables,
         rates=plant_rates(system),
     )
     title = f"{system.name}: the plant, from its inputs to its states"
@@ -163,7 +152,6 @@ def plant_model(source: ExportSource) -> FmuModel:
 def estimator_model(source: ExportSource, settings: EstimatorSettings) -> FmuModel:
     """The online estimator of ``--to c99``, one sample for each communication step."""
     drive = DriveSource(source, settings)
-    names = drive.names
     states = drive.system.states
     state_units = dict.fromkeys(states[::2], "rad") | dict.fromkeys(states[1::2], "rad/s")
     variables = (
@@ -178,19 +166,7 @@ def estimator_model(source: ExportSource, settings: EstimatorSettings) -> FmuMod
         ),
         Variable("health", "output", None, "", _health(), integer=True),
     )
-    count = len(drive.system.coefficients)
-    text = filled(
-        "fmu/estimator.c",
-        sample_time=repr(settings.sample_time),
-        show=_lines(
-            f"model->real[{i}] = values.{names[name]};"
-            for i, name in enumerate(drive.system.coefficients)
-        ),
-        sample=_lines(
-            f"sample.{names[name]} = model->real[{count + i}];"
-            for i, name in enumerate(drive.sample_names)
-        ),
-    )
+    text = rendered("fmu/estimator.c", drive=drive, settings=settings)
     return FmuModel(
         "estimator",
         f"{drive.system.name}: {settings.summary}",
@@ -232,7 +208,3 @@ def _fastest(system: ParametricSystem, values: dict[str, float]) -> float:
 
 def _health() -> str:
     return ", ".join(f"{number} {word}" for number, word in enumerate(HEALTH))
-
-
-def _lines(lines: Iterable[str]) -> str:
-    return "\n".join(f"    {line}" for line in lines)

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib import import_module, resources
+from importlib import import_module
 from math import inf, isfinite
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from flexid.errors import SettingError
@@ -17,6 +16,8 @@ from flexid.models.terms import SMOOTHING
 from flexid.recording.sampling import check_sample_time
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
+
     from flexid.arms.result import ArmIdentification
     from flexid.estimators.parametric_observer import ParametricObserver
     from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
@@ -236,11 +237,34 @@ def export_arm(target: str, arm: "ArmIdentification", directory: Path) -> tuple[
 
 
 @cache
-def template_text(name: str) -> str:
-    """Text of a template, such as ``"c99/drive.h"``."""
-    return resources.files("flexid.exports").joinpath("templates", name).read_text("utf-8")
+def _templates() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from flexid.derivation.drive_source import comment
+
+    made = Environment(
+        loader=PackageLoader("flexid.exports"),
+        autoescape=lambda name: str(name).endswith(".xml"),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+        line_statement_prefix="%%",
+    )
+    made.filters |= {
+        "comment": comment,
+        "real": _real,
+        "value": lambda number: f"V({number!r})",
+        "unsigned": lambda number: f"{number}U",
+        "boolean": lambda value: "true" if value else "false",
+    }
+    return made
 
 
-def filled(name: str, **values: str) -> str:
-    """A template with its placeholders filled."""
-    return Template(template_text(name)).substitute(values)
+def _real(value: float) -> str:
+    """A number of C that is float or double."""
+    value = float(value)
+    return f"REAL({value!r})" if value >= 0.0 else f"(-REAL({-value!r}))"
+
+
+def rendered(name: str, **values: object) -> str:
+    """A template such as ``"c99/drive.h"``, filled."""
+    return _templates().get_template(name).render(values)

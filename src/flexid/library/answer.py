@@ -33,10 +33,12 @@ class Answer:
     command of the same name prints.
     """
 
-    result: Any  # what was found
     _report = ""  # the module of `flexid.report` that presents it
     _file = "result.json"  # among what the command writes
     _formats: tuple[str, ...] = ("png",)  # of the figures
+
+    def __init__(self, result: Any) -> None:
+        self.result = result  # what was found
 
     @property
     def _presenter(self) -> "Presenter":
@@ -76,7 +78,7 @@ class Answer:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What one should know before trusting the numbers."""
-        return ()
+        return getattr(self.result, "warnings", ())
 
     @property
     def document(self) -> Mapping[str, Any]:
@@ -115,7 +117,7 @@ class Answer:
         Raises
         ------
         SettingError
-            If it cannot be written, or the answer was loaded and has no time series.
+            If it cannot be written.
         """
         from flexid.files import output_directory
         from flexid.report.charts.figure import save_charts

@@ -28,19 +28,12 @@ if TYPE_CHECKING:
 
 
 class LogExcitation(PlottedAnswer):
-    """How well a log determines each coefficient, what confuses it, and what to add.
-
-    Parameters
-    ----------
-    result : ExcitationReport
-        What was found.
-    """
+    """How well a log determines each coefficient, what confuses it, and what to add."""
 
     _report = "excitation"
     _file = "excitation.json"
 
-    def __init__(self, result: "ExcitationReport") -> None:
-        self.result = result
+    result: "ExcitationReport"
 
     @property
     def estimate(self) -> "JointEstimate":
@@ -113,8 +106,6 @@ def excitation(
         If a value of an option cannot be used.
     ConvergenceError
         If the model cannot be fitted from any start.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     from flexid.experiment_design.excitation_report import examine
     from flexid.library.logs import all_logs
@@ -215,8 +206,6 @@ def design(
     ------
     SettingError
         If a file cannot be used, or the limits leave no motion.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     from flexid.experiment_design.design import design as run
     from flexid.experiment_design.drive import read_drive

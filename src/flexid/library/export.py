@@ -73,8 +73,6 @@ def derive(
         If the observer would need an acceleration.
     SettingError
         If an option does not suit the model.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     from flexid.derivation.observer import derive_observer
     from flexid.derivation.printing_c import c_observer
@@ -206,8 +204,6 @@ def export(
         If the model file cannot be used.
     RecordingError
         If the log cannot be used.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     from flexid.exports.request import TARGETS, ExportRequest, export_arm, export_to
     from flexid.files import output_directory

@@ -105,8 +105,6 @@ def identify(
         If a value of an option cannot be used.
     ConvergenceError
         If the model cannot be fitted from any start.
-    ArgumentError
-        If an option is unknown or of a wrong type.
 
     Examples
     --------
@@ -212,17 +210,11 @@ class ArmEstimate(ReportedAnswer):
     _report = "arm"
     _file = "estimate.json"
 
-    def __init__(self, result: "ArmIdentification") -> None:
-        self.result = result
+    result: "ArmIdentification"
 
     def supports(self, *, strict: bool = False) -> bool:
         """Whether every parameter is determined or weak; if strict, determined."""
         return self.result.supports(strict=strict)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What one should know before trusting the numbers."""
-        return self.result.warnings
 
     def _document(self) -> Mapping[str, Any]:
         from flexid.stored_estimates.estimate_file import estimate_document

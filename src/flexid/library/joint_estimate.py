@@ -42,11 +42,6 @@ class JointEstimate(ReportedAnswer):
     """Parameters of a joint, with intervals and verdicts, and the model that they make.
 
     `flexid.identify` returns one, `flexid.load` reads one that was saved.
-
-    Parameters
-    ----------
-    result : Identification
-        What was found.
     """
 
     _report = "identification"
@@ -159,11 +154,6 @@ class JointEstimate(ReportedAnswer):
             Count what is weak as not determined.
         """
         return self.result.supports(strict=strict)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What one should know before trusting the numbers."""
-        return self.result.warnings
 
     @property
     def provenance(self) -> Mapping[str, Any]:

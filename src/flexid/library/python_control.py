@@ -75,8 +75,6 @@ def plant_io_system(
         If python-control is not installed, or a coefficient has no value or is unknown.
     ModelError
         If the model file cannot be used.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     from flexid.library.export import export_source
 
@@ -139,8 +137,6 @@ def controller_io_system(
         If python-control is not installed.
     ModelError
         If controller and system do not go together.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     control = python_control()
 
@@ -219,8 +215,6 @@ def observer_io_system(
         If the observer needs an acceleration.
     ModelError
         If it needs the rate of an input.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     control = python_control()
     module = _observer_module(system)
@@ -294,8 +288,6 @@ def estimator_io_system(
     ------
     SettingError
         If python-control is not installed.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     if not isinstance(estimator, OnlineEstimator):
         raise ArgumentError(
@@ -349,8 +341,6 @@ def loop_io_system(experiment: "SimulatedRun | str | PathLike[str]") -> LoopSyst
         If the file cannot be used.
     AccelerationError, ModelError
         If the observer has no continuous form.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     from flexid.experiments import read_experiment
     from flexid.library.simulate import SimulatedRun

@@ -137,8 +137,6 @@ def simulate(
         If the file cannot be used, or has no such number.
     SimulationError
         If the loop diverges or cannot meet its tolerance.
-    ArgumentError
-        If an option is unknown or of a wrong type.
     """
     from flexid.experiments import read_experiment
 
@@ -150,19 +148,12 @@ def simulate(
 
 
 class CampaignResult(ReportedAnswer, TabularAnswer):
-    """What a campaign says, finished or not; as a data frame, a row for each run that is done.
-
-    Parameters
-    ----------
-    result : Summary
-        Statuses, distributions, and which input matters.
-    """
+    """What a campaign says, finished or not; as a data frame, a row for each run that is done."""
 
     _report = "campaign"
     _file = "summary.json"
 
-    def __init__(self, result: "Summary") -> None:
-        self.result = result
+    result: "Summary"
 
     @property
     def directory(self) -> Path:
@@ -232,8 +223,6 @@ def campaign(
         If the file cannot be used, or says nothing of a campaign.
     CampaignError
         If a directory or the scheduler cannot be used.
-    ArgumentError
-        If an option is unknown, missing, or of a wrong type.
     """
     from flexid.campaigns import run_campaign, summarise
     from flexid.experiments import read_experiment
@@ -255,19 +244,12 @@ def campaign(
 
 
 class PaperReproduction(ReportedAnswer):
-    """Huang (2003) reproduced: Table I, Figures 1 to 5, the readings, every claim.
-
-    Parameters
-    ----------
-    result : Reproduction
-        All runs, and what they amount to.
-    """
+    """Huang (2003) reproduced: Table I, Figures 1 to 5, the readings, every claim."""
 
     _report = "reproduction"
     _formats = ("png", "pdf")
 
-    def __init__(self, result: "Reproduction") -> None:
-        self.result = result
+    result: "Reproduction"
 
     @property
     def claims(self) -> "tuple[Claim, ...]":
@@ -295,11 +277,6 @@ def reproduce(*, progress: Progress = silent) -> PaperReproduction:
     -------
     PaperReproduction
         All runs, and every claim decided.
-
-    Raises
-    ------
-    ArgumentError
-        If an option is unknown.
     """
     from flexid.studies.huang2003.reproduction import reproduce as run
 

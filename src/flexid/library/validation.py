@@ -77,18 +77,12 @@ class EstimateValidation(ReportedAnswer, TabularAnswer):
     `flexid.validate` and `JointEstimate.validate` return one. As a data frame it has a row for each
     channel and horizon in s, infinite for the free run, with the columns channel, horizon,
     fit_percent, residual and noise, the last two in rad.
-
-    Parameters
-    ----------
-    result : EstimateValidation of flexid.identification
-        What was found.
     """
 
     _report = "validation"
     _file = "validation.json"
 
-    def __init__(self, result: "Validated") -> None:
-        self.result = result
+    result: "Validated"
 
     @property
     def fit_percent(self) -> Mapping[str, float]:
@@ -109,11 +103,6 @@ class EstimateValidation(ReportedAnswer, TabularAnswer):
     def noise(self) -> Mapping[str, float]:
         """Standard deviation of each channel's noise in rad."""
         return MappingProxyType(self.result.noise)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What limits the test."""
-        return self.result.warnings
 
     def supports(self, min_fit: float | None = None) -> bool:
         """Whether the free run explains enough of every channel that moves.
@@ -185,8 +174,6 @@ def validate(
         If the estimate cannot be read, or is none of a joint of flexid.
     RecordingError
         If the logs do not go together or with the estimate, or are too short.
-    ArgumentError
-        If an argument is of a wrong type.
     """
     from flexid.library.logs import all_logs
     from flexid.stored_estimates.validate_estimate import validate_arm, validate_estimate
@@ -206,18 +193,12 @@ class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
     `flexid.compare` returns one. As a data frame it has a row for each number, with the columns
     name, kind, unit, a, b, difference, lower, upper, percent, percent_lower, percent_upper,
     probability, outcome and reason.
-
-    Parameters
-    ----------
-    result : Comparison
-        What was found.
     """
 
     _report = "comparison"
     _file = "comparison.json"
 
-    def __init__(self, result: "Comparison") -> None:
-        self.result = result
+    result: "Comparison"
 
     @property
     def parameters(self) -> "Mapping[str, Difference]":
@@ -249,11 +230,6 @@ class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
     def settings(self) -> Mapping[str, tuple[str, str]]:
         """What was asked for, chosen or used otherwise: in A and in B, by name."""
         return self.result.settings
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What limits the comparison."""
-        return self.result.warnings
 
     def _columns(self) -> Mapping[str, Any]:
         rows = [*self.parameters.values(), *self.coefficients.values()]
@@ -308,8 +284,6 @@ def compare(
     ------
     SettingError
         If an estimate cannot be read, or both are the same.
-    ArgumentError
-        If an argument is of a wrong type.
     """
     from flexid.comparisons.comparison import compare_estimates
 

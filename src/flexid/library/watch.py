@@ -377,8 +377,6 @@ def watch(
         If an option cannot be used, or the checkpoint.
     RecordingError
         If the source cannot be.
-    ArgumentError
-        If an option is unknown or of a wrong type.
 
     Examples
     --------

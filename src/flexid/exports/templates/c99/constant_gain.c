@@ -4,7 +4,9 @@
 void flexid_init(flexid_state *state)
 {
     static const flexid_real start[FLEXID_COEFFICIENTS] = {
-$start
+%% for name in drive.system.coefficients
+        {{ drive.start[name] | real }}{{ "" if loop.last else "," }} /* {{ (name ~ ", " ~ drive.unit(name)) | comment }} */
+%% endfor
     };
     state->version = FLEXID_VERSION;
     state->health = (uint32_t)FLEXID_CONVERGING;
@@ -30,9 +32,11 @@ void flexid_gap(flexid_state *state)
 static void update_row(
     flexid_state *state, uint32_t j, const flexid_real end[], flexid_real velocity)
 {
-    static const uint32_t row_start[FLEXID_ROWS + 1U] = {$row_starts};
+    static const uint32_t row_start[FLEXID_ROWS + 1U] = { {{- drive.row_starts | map("unsigned") | join(", ") -}} };
     static const flexid_real gain[FLEXID_COEFFICIENTS] = { /* G: the paper's c1 and c2 */
-$gains
+%% for name in drive.system.coefficients
+        {{ drive.twin.gains[loop.index0] | real }}{{ "" if loop.last else "," }} /* of {{ name | comment }} */
+%% endfor
     };
     flexid_real rate = REAL(0.0);
     flexid_real predicted = REAL(0.5) * (state->before[FLEXID_COEFFICIENTS + j] +
@@ -73,7 +77,7 @@ static flexid_health update(flexid_state *state, const flexid_real latest[])
 {
     flexid_real end[FLEXID_SIGNALS];
     flexid_health health = FLEXID_CONVERGING;
-    sampled_parts(latest, $input_at_end, end);
+    sampled_parts(latest, &{{ drive.held_input }}[2U * FLEXID_ROWS], end);
     for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
         update_row(state, j, end, latest[(2U * j) + 1U]);
         if (state->convergence_rate[j] < SLOWEST) {

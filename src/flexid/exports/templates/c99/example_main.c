@@ -23,7 +23,9 @@ typedef struct {
 static void compare(const flexid_values *values, const double expected[], differences *sum)
 {
     const double found[FLEXID_COEFFICIENTS] = {
-$found
+%% for name in drive.system.coefficients
+        (double)values->{{ drive.names[name] }}{{ "" if loop.last else "," }}
+%% endfor
     };
     for (unsigned i = 0U; i < FLEXID_COEFFICIENTS; ++i) {
         const double off = fabs(found[i] - expected[i]) / SCALE[i];
@@ -65,7 +67,9 @@ int main(void)
     }
 
     flexid_estimates(&state, &values);
-$prints
+%% for name in drive.system.coefficients
+    (void)printf("{{ drive.names[name] }} = %.6g\n", (double)values.{{ drive.names[name] }});
+%% endfor
     (void)printf("health %d, difference to Python %.1e of %.0e allowed\n", (int)health, off.worst,
                  off.allowed);
     return (off.too_large == 0U) ? 0 : 1;

@@ -175,7 +175,9 @@ static bool is_sound(const flexid_row *row)
 void flexid_init(flexid_state *state)
 {
     static const flexid_real start[FLEXID_COEFFICIENTS] = {
-$start
+%% for name in drive.system.coefficients
+        {{ drive.start[name] | real }}{{ "" if loop.last else "," }} /* {{ (name ~ ", " ~ drive.unit(name)) | comment }} */
+%% endfor
     };
     state->version = FLEXID_VERSION;
     state->health = (uint32_t)FLEXID_CONVERGING;

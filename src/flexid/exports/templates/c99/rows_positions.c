@@ -41,14 +41,47 @@ static void shift_window(flexid_state *state, const flexid_real latest[])
     }
 }
 
-$middle_state
+%% if law.half_window
+/* Coordinates and velocities at the middle of the window. */
+static void middle_state(const flexid_state *state, flexid_real x[])
+{
+    for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
+        x[2U * j] = state->window[MIDDLE][j];
+        flexid_real slope = REAL(0.0); /* of a straight line through the positions */
+        for (uint32_t i = 1U; i <= HALF_WINDOW; ++i) {
+            slope +=
+                (flexid_real)i * (state->window[MIDDLE + i][j] - state->window[MIDDLE - i][j]);
+        }
+        x[(2U * j) + 1U] = SAMPLES_PER_SECOND * slope / SLOPE_WEIGHT;
+    }
+}
+%% else
+/* Coordinates at the middle of the window; velocities are not needed by themselves. */
+static void middle_state(const flexid_state *state, flexid_real x[])
+{
+    for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
+        x[2U * j] = state->window[MIDDLE][j];
+        x[(2U * j) + 1U] = REAL(0.0);
+    }
+}
+{% endif %}
 /* Signals at the middle of the window: now, and at the end of the interval before it. */
 static void signals_of(const flexid_state *state, flexid_real now[], flexid_real end[])
 {
     flexid_real x[2U * FLEXID_ROWS];
     middle_state(state, x);
     sampled_parts(x, &state->window[MIDDLE][FLEXID_ROWS], now);
-$signals_end
+%% if settings.hold == "zero"
+    uint32_t input = MIDDLE; /* inputs are held until the next sample */
+    if (state->samples > ((2U * HALF_WINDOW) + 1U)) {
+        --input;
+    }
+    sampled_parts(x, &state->window[input][FLEXID_ROWS], end);
+%% else
+    for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) { /* inputs run on straight lines */
+        end[i] = now[i];
+    }
+%% endif
 }
 
 /* The mean of a signal over the last two intervals, weighted by a triangle. */
@@ -56,7 +89,7 @@ static flexid_real triangle_mean(
     const flexid_state *state, uint32_t i, const flexid_real now[], const flexid_real end[])
 {
     /* Which signals an input occurs in, so that its hold matters. */
-    static const bool held[FLEXID_SIGNALS] = {$held};
+    static const bool held[FLEXID_SIGNALS] = { {{- drive.functions.held | map("boolean") | join(", ") -}} };
     flexid_real mean;
     if (held[i]) {
         const flexid_real inner = state->end_before[i] + state->before[i];
@@ -167,7 +200,7 @@ static void after_equations(flexid_state *state)
     }
 }
 
-$turns
+{% include "c99/turns.c" %}
 /* Regressors of a row; while the filter remembers, two more unknowns: z^i and i z^i. */
 static uint32_t regressors_of(
     const flexid_state *state, uint32_t j, flexid_real regressor[])

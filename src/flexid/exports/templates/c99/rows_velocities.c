@@ -26,7 +26,7 @@ static bool next_equations(flexid_state *state, const flexid_real latest[])
     const bool there = state->samples > 0U;
     state->samples = 1U;
     if (there) {
-        sampled_parts(latest, $input_at_end, signal);
+        sampled_parts(latest, &{{ drive.held_input }}[2U * FLEXID_ROWS], signal);
         for (uint32_t i = 0U; i < FLEXID_COEFFICIENTS; ++i) {
             signal[i] = REAL(0.5) * (state->before[i] + signal[i]);
         }
@@ -54,7 +54,7 @@ static void after_equations(flexid_state *state)
     (void)state;
 }
 
-$turns
+{% include "c99/turns.c" %}
 static uint32_t regressors_of(
     const flexid_state *state, uint32_t j, flexid_real regressor[])
 {

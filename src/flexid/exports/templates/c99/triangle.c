@@ -1,6 +1,6 @@
 
 /* Where the coefficients of each row begin, and where the last ones end. */
-static const uint32_t ROW_START[FLEXID_ROWS + 1U] = {$row_starts};
+static const uint32_t ROW_START[FLEXID_ROWS + 1U] = { {{- drive.row_starts | map("unsigned") | join(", ") -}} };
 
 static flexid_real larger(flexid_real a, flexid_real b)
 {

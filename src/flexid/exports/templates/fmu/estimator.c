@@ -8,13 +8,15 @@
 #include <math.h>
 #include <stddef.h>
 
-#define SAMPLE_TIME $sample_time /* s */
+#define SAMPLE_TIME {{ settings.sample_time }} /* s */
 
 static void show(flexid_model *model)
 {
     flexid_values values;
     flexid_estimates(&model->state, &values);
-$show
+%% for name in drive.system.coefficients
+    model->real[{{ loop.index0 }}] = values.{{ drive.names[name] }};
+%% endfor
 }
 
 void flexid_begin(flexid_model *model)
@@ -33,7 +35,9 @@ const char *flexid_advance(flexid_model *model, double span)
     if (!(fabs(span - SAMPLE_TIME) < (1e-6 * SAMPLE_TIME))) {
         return "the communication step has to be the sample time of the estimator";
     }
-$sample
+%% for name in drive.sample_names
+    sample.{{ drive.names[name] }} = model->real[{{ drive.system.coefficients | length + loop.index0 }}];
+%% endfor
     model->integer[0] = (int32_t)flexid_step(&model->state, &sample);
     show(model);
     return NULL;

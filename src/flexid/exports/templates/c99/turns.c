@@ -1,3 +1,12 @@
+%% if velocities or drive.system.rows | length == 1
+/* Whether a row is solved in this step: every one. */
+static bool is_turn_of(const flexid_state *state, uint32_t j)
+{
+    (void)state;
+    (void)j;
+    return true;
+}
+%% else
 /* Whether a row is solved in this step. While the filter remembers, there are two more unknowns;
  * in float the rows take turns then, so that no step takes much longer than another. */
 static bool is_turn_of(const flexid_state *state, uint32_t j)
@@ -13,3 +22,4 @@ static bool is_turn_of(const flexid_state *state, uint32_t j)
 #endif
     return turn;
 }
+%% endif

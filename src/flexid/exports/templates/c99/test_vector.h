@@ -1,0 +1,47 @@
+/* test_vector.h: samples, and what flexid in Python makes of them; generated. */
+#ifndef TEST_VECTOR_H
+#define TEST_VECTOR_H
+
+#include "flexid_drive.h"
+
+#define N_SAMPLES {{ samples | length }}U
+#define N_CHECKS {{ checks | length }}U
+
+#if defined(FLEXID_FLOAT)
+#define V(x) (x##f)
+#else
+#define V(x) (x)
+#endif
+
+/* {{ drive.sample_names | join(", ") }} */
+static const flexid_sample SAMPLES[N_SAMPLES] = {
+%% for sample in samples
+    { {{- sample | map("value") | join(", ") -}} },
+%% endfor
+};
+
+/* The largest size of each estimate, that differences are relative to. */
+static const double SCALE[FLEXID_COEFFICIENTS] = { {{- scale | join(", ") -}} };
+
+/* How much each may differ, relative to that. More than {{ "%g" % least.double }} and
+ * {{ "%g" % least.float }} only for one that hangs on how the samples are rounded, as one does that is
+ * next to zero. */
+static const double ALLOWED[FLEXID_COEFFICIENTS] = {
+#if defined(FLEXID_FLOAT)
+    {{ allowed.float | join(", ") }}
+#else
+    {{ allowed.double | join(", ") }}
+#endif
+};
+
+/* Estimates after some samples: {{ drive.system.coefficients | join(", ") }} */
+static const struct {
+    unsigned sample;
+    double values[FLEXID_COEFFICIENTS];
+} CHECKS[N_CHECKS] = {
+%% for place, estimates in checks
+    { {{- place }}U, { {{- estimates | join(", ") -}} }},
+%% endfor
+};
+
+#endif /* TEST_VECTOR_H */
