@@ -5,8 +5,8 @@ from drive import compiled, run
 
 import flexid
 from flexid.errors import SettingError
-from flexid.exports.c99_source import DriveSource
-from flexid.exports.request import EstimatorSettings, ExportSource
+from flexid.exports.c99 import DriveSource
+from flexid.exports.request import EstimatorSettings, ExportRequest
 
 SETTINGS = EstimatorSettings(1e-3)
 
@@ -31,17 +31,19 @@ def test_names_that_are_taken_are_renamed(tmp_path):
 def test_a_row_that_is_too_long():
     """Assert that a row of more coefficients than there are bits is refused."""
     rows = [{f"c{i}": f"sin({i + 1}*q)" for i in range(count)} for count in (31, 32)]
-    assert "row[0].unknown[30]" in DriveSource(ExportSource(arm(rows[0])), SETTINGS).source()
+    assert (
+        "row[0].unknown[30]" in DriveSource(ExportRequest(arm(rows[0]), settings=SETTINGS)).source()
+    )
     with pytest.raises(SettingError, match="arm: has 32 coefficients"):
-        DriveSource(ExportSource(arm(rows[1])), SETTINGS)
+        DriveSource(ExportRequest(arm(rows[1]), settings=SETTINGS))
 
 
 def test_no_text_of_a_model_ends_a_comment():
     """Assert that names in comments are on one line and do not end them, in FMUs either."""
-    from flexid.exports.fmu_model import estimator_model
+    from flexid.exports.fmu import estimator_model
 
     model = arm({"gravity": "-sin(q)"}, "arm *\\\n/ int evil; /*")
-    unit = estimator_model(ExportSource(model), SETTINGS)
+    unit = estimator_model(ExportRequest(model, settings=SETTINGS))
     for text in (unit.header(), *unit.sources.values()):
         assert "\\\n/" not in text
         assert "\n/ int" not in text

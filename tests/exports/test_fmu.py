@@ -22,7 +22,7 @@ from fmpy.validation import validate_fmu
 import flexid
 from flexid.errors import SettingError
 from flexid.exports.fmu import write_fmu
-from flexid.exports.request import EstimatorSettings, ExportRequest, ExportSource
+from flexid.exports.request import EstimatorSettings, ExportRequest
 from flexid.simulation.free_run import free_run
 
 TRUE = {
@@ -52,16 +52,14 @@ def units(joint, tmp_path_factory):
     tool("gcc")
     directory = tmp_path_factory.mktemp("units")
     known = {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)", "u": "N m", "coulomb_velocity": "rad/s"}
-    source = ExportSource(joint, TRUE, known)
-    warnings = write_fmu(ExportRequest(source, SETTINGS), directory)
-    return directory, warnings
+    return directory, write_fmu(ExportRequest(joint, TRUE, known, settings=SETTINGS), directory)
 
 
 @pytest.fixture
 def plain():
     """A plant of the paper's joint."""
     system = flexid.flexible_joint(known={"beta1": 4.0})
-    return ExportRequest(ExportSource(system, {name: TRUE[name] for name in system.coefficients}))
+    return ExportRequest(system, {name: TRUE[name] for name in system.coefficients})
 
 
 def signals(time, **inputs):
@@ -315,13 +313,13 @@ def test_what_it_lacks_is_said(units, joint, plain, tmp_path, monkeypatch):
         assert "sources/plant.c" in content
         assert not [path for path in content if path.startswith("binaries")]
     with pytest.raises(SettingError, match=r"values of theta1.*--sample-time"):
-        write_fmu(ExportRequest(ExportSource(joint)), tmp_path)
+        write_fmu(ExportRequest(joint), tmp_path)
 
 
 def test_a_value_that_is_missing_is_no_zero(units, joint, tmp_path):
     """Assert that a plant without a value is left out, with a sentence, and not made with 0."""
     values = {name: value for name, value in TRUE.items() if name != "alpha2"}
-    said = write_fmu(ExportRequest(ExportSource(joint, values), SETTINGS), tmp_path)
+    said = write_fmu(ExportRequest(joint, values, settings=SETTINGS), tmp_path)
     assert any("the plant is left out" in w and "alpha2" in w for w in said)
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == ["estimator_fmi2.fmu", "estimator_fmi3.fmu"]
@@ -331,7 +329,7 @@ def test_a_jump_is_smoothed(tmp_path):
     """Assert that a friction that jumps otherwise than Coulomb's is smoothed as that is."""
     system = flexid.flexible_joint(("motor_stribeck",), known={"beta1": 4.0})
     values = {"theta2": 100.0, "alpha1": 400.0, "alpha_stribeck": 0.5}
-    warnings = write_fmu(ExportRequest(ExportSource(system, values)), tmp_path)
+    warnings = write_fmu(ExportRequest(system, values), tmp_path)
     assert any("coulomb_velocity" in w for w in warnings)
     described = fmpy.read_model_description(str(tmp_path / "plant_fmi3.fmu"))
     assert "coulomb_velocity" in {v.name for v in described.modelVariables}
@@ -376,9 +374,9 @@ def test_its_variables_have_units(units, name):
 def test_names_that_it_has_itself_are_refused(tmp_path):
     """Assert that a model whose state is called time is refused, not written as an invalid unit."""
     row = flexid.Row("arm", "time", "v", {"stiffness": "-time"}, "u")
-    source = ExportSource(flexid.ParametricSystem("odd", (row,)), {"stiffness": 1.0})
+    request = ExportRequest(flexid.ParametricSystem("odd", (row,)), {"stiffness": 1.0})
     with pytest.raises(SettingError, match="'time'"):
-        write_fmu(ExportRequest(source), tmp_path)
+        write_fmu(request, tmp_path)
 
 
 def test_the_command_writes_them(flexid_command, tmp_path):

@@ -9,7 +9,7 @@ from made_joint import log, made
 from flexid.errors import SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.unknowns import Unknowns
-from flexid.exports.request import source_of_identification
+from flexid.exports.request import request_of_identification
 from flexid.identification.full_model.model import Structure, data_of
 from flexid.identification.full_model.starting import smooth_unknowns
 from flexid.identification.identify import identify
@@ -68,7 +68,7 @@ def test_least_squares_seeks_no_square(recording):
 
 def test_what_is_exported_knows_the_squares(found):
     """Assert that an exported estimator has them in its known part, with the estimate's values."""
-    source = source_of_identification(found)
+    source = request_of_identification(found)
     assert not SQUARES & {*source.system.coefficients}
     assert source.system.constants.keys() >= SQUARES
     assert Unknowns(source.system).names == source.system.coefficients
@@ -85,7 +85,7 @@ def test_a_square_without_a_value_is_not_exported(found):
     none = replace(found.coefficients["alpha_ecc_product"], value=np.nan)
     coefficients = found.coefficients | {"alpha_ecc_product": none}
     with pytest.raises(SettingError, match="alpha_ecc_product"):
-        source_of_identification(replace(found, coefficients=coefficients))
+        request_of_identification(replace(found, coefficients=coefficients))
 
 
 @pytest.mark.thorough

@@ -9,7 +9,7 @@ from made_joint import COEFFICIENTS, TRUTH, log, made
 
 from flexid.arrays import to_json
 from flexid.errors import SettingError
-from flexid.exports.request import source_of_identification
+from flexid.exports.request import request_of_identification
 from flexid.frequency.linear_joint import linear_joint
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
@@ -116,4 +116,4 @@ def test_hysteresis_is_no_stiffness_of_a_linear_joint():
     linear = linear_joint(result)
     assert "hysteresis_grip" not in linear.names
     with pytest.raises(SettingError, match="identify with --terms gravity,motor_viscous"):
-        source_of_identification(result)
+        request_of_identification(result)

@@ -4,6 +4,7 @@ An FMU has its C sources inside, so that any importer with a compiler can use it
 compiler here, it holds a library for this machine as well.
 """
 
+import hashlib
 import io
 import platform
 import shutil
@@ -11,18 +12,218 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Literal
+
+import numpy as np
 
 import flexid
+from flexid.derivation.drive_source import plant_rates
 from flexid.errors import SettingError
-from flexid.exports.fmu_model import FmuModel, Variable, estimator_model, plant_model
-from flexid.exports.request import rendered
-from flexid.models.terms import SMOOTHING
+from flexid.exports.c99 import DriveSource
+from flexid.exports.request import ExportRequest, rendered
+from flexid.kernels.templates.bound import BOUND
+from flexid.models.parametric_system import ParametricSystem
+from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING
 from flexid.recording.names import cut
+from flexid.simulation.substeps import STEPS_PER_TIME_CONSTANT, fastest_pole
 
-if TYPE_CHECKING:
-    from flexid.exports.request import ExportRequest, ExportSource
+FIRST_INTEGER = 1001
+"""Value reference of the first integer output."""
+
+Causality = Literal["independent", "output", "input", "parameter"]
+
+HEALTH = ("converging", "converged", "not excited", "inconsistent", "sensor fault")
+"""What the numbers of the estimator's health mean, from 0 on."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of an FMU."""
+
+    name: str
+    causality: Causality  # parameters can be changed between communication steps
+    start: float | None  # None: only a step gives it
+    unit: str = ""
+    description: str = ""
+    integer: bool = False
+
+    @property
+    def variability(self) -> str:
+        """When it may change."""
+        if self.causality == "parameter":
+            return "tunable"
+        return "discrete" if self.integer else "continuous"
+
+    @property
+    def initial(self) -> str:
+        """How it is initialised; empty where the standard says it."""
+        if self.causality in ("independent", "input"):
+            return ""
+        return "calculated" if self.start is None else "exact"
+
+
+@dataclass(frozen=True, eq=False)
+class FmuModel:
+    """A model for co-simulation."""
+
+    identifier: str  # "plant" or "estimator": also the name of the compiled library
+    description: str
+    variables: tuple[Variable, ...]  # outputs, inputs, parameters; then integer outputs
+    sources: dict[str, str] = field(repr=False)  # C files by name, without model.h
+    includes: tuple[str, ...]  # of model.h
+    own: str  # further members of the model's struct
+    step: float  # s, of communication: the only one if it is fixed, else a usual one
+    fixed_step: bool  # any other step is refused
+
+    def __post_init__(self) -> None:
+        names = ["time", *(v.name for v in self.variables)]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise SettingError(
+                "fmu", f"has a variable of its own that is called {twice!r}: rename the model's"
+            )
+
+    @property
+    def reals(self) -> tuple[Variable, ...]:
+        """Those that are no integers; the value reference of each is its place plus 1."""
+        return tuple(v for v in self.variables if not v.integer)
+
+    def reference(self, variable: Variable) -> int:
+        """Value reference of a variable."""
+        if variable.integer:
+            return FIRST_INTEGER + [v for v in self.variables if v.integer].index(variable)
+        return 1 + self.reals.index(variable)
+
+    @cached_property
+    def token(self) -> str:
+        """What an importer has to name: it changes with everything that the FMU does."""
+        content = hashlib.sha256()
+        for text in (repr(self.variables), repr(self.step), *self.sources.values()):
+            content.update(text.encode() + b"\0")
+        digits = content.hexdigest()
+        parts = (digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:32])
+        return f"{{{'-'.join(parts)}}}"
+
+    def count(self, causality: Causality) -> int:
+        """Number of reals of a causality."""
+        return sum(v.causality == causality for v in self.reals)
+
+    def header(self) -> str:
+        """Text of ``model.h``."""
+        return rendered("fmu/model.h", model=self, first_integer=FIRST_INTEGER)
+
+
+def plant_model(request: ExportRequest) -> FmuModel:
+    """The model with its values, as a plant."""
+    system = without_jumps(request.system)
+    missing = [name for name in system.coefficients if name not in request.values]
+    if missing:
+        raise SettingError(
+            "fmu",
+            f"the plant needs values of {', '.join(missing)}: export an estimate, or add "
+            f"--sample-time for the online estimator",
+        )
+    values = {name: float(request.values[name]) for name in system.coefficients}
+    variables = (
+        *(
+            Variable(name, "output", 0.0, unit, what)
+            for row in system.rows
+            for name, unit, what in (
+                (row.coordinate, "rad", f"position of the {row.name}"),
+                (row.velocity, "rad/s", f"velocity of the {row.name}"),
+            )
+        ),
+        *(
+            Variable(name, "input", 0.0, request.units.get(name, ""), "held over a step")
+            for name in system.inputs
+        ),
+        *(
+            Variable(name, "parameter", value, request.units.get(name, ""), regressor)
+            for row in system.rows
+            for name, regressor in row.regressors.items()
+            for value in (values[name],)
+        ),
+        *(
+            Variable(name, "parameter", value, request.units.get(name, ""))
+            for name, value in system.constants.items()
+        ),
+    )
+    text = rendered(
+        "fmu/plant.c",
+        system=system,
+        steps_per_second=STEPS_PER_TIME_CONSTANT * _fastest(system, values),
+        bound=BOUND,
+        variables=variables,
+        rates=plant_rates(system),
+    )
+    title = f"{system.name}: the plant, from its inputs to its states"
+    return FmuModel("plant", title, variables, {"plant.c": text}, (), "", 1e-3, False)
+
+
+def estimator_model(request: ExportRequest) -> FmuModel:
+    """The online estimator of ``--to c99``, one sample for each communication step."""
+    drive = DriveSource(request)
+    settings = drive.settings
+    states = drive.system.states
+    state_units = dict.fromkeys(states[::2], "rad") | dict.fromkeys(states[1::2], "rad/s")
+    variables = (
+        *(
+            Variable(f"{name}_hat", "output", None, request.units.get(name, ""), "estimate")
+            for name in drive.system.coefficients
+        ),
+        *(
+            Variable(name, "input", 0.0, unit, "sample")
+            for name in drive.sample_names
+            for unit in (state_units.get(name, request.units.get(name, "")),)
+        ),
+        Variable("health", "output", None, "", _health(), integer=True),
+    )
+    text = rendered("fmu/estimator.c", drive=drive, settings=settings)
+    return FmuModel(
+        "estimator",
+        f"{drive.system.name}: {settings.summary}",
+        variables,
+        {"estimator.c": text, "flexid_drive.c": drive.source(), "flexid_drive.h": drive.header()},
+        ("flexid_drive.h",),
+        "    flexid_state state;\n",
+        settings.sample_time,
+        True,
+    )
+
+
+def without_jumps(system: ParametricSystem) -> ParametricSystem:
+    """The same with the sign of a row's own velocity smoothed as Coulomb friction is."""
+    rows = tuple(
+        replace(
+            row,
+            regressors={
+                c: text.replace(f"sign({row.velocity})", f"tanh({row.velocity}/{SMOOTHING})")
+                for c, text in row.regressors.items()
+            },
+            known=row.known.replace(f"sign({row.velocity})", f"tanh({row.velocity}/{SMOOTHING})"),
+        )
+        for row in system.rows
+    )
+    if rows == system.rows:
+        return system
+    constants = {SMOOTHING: COULOMB_VELOCITY, **system.constants}
+    return ParametricSystem(system.name, rows, system.inputs, constants)
+
+
+def _fastest(system: ParametricSystem, values: dict[str, float]) -> float:
+    """Fastest pole in 1/s of the model at rest."""
+    p = np.array([values[name] for name in system.coefficients])
+    c = np.array(list(system.constants.values()), dtype=np.float64)
+    rest, still = np.zeros(len(system.states)), np.zeros(len(system.inputs))
+    return fastest_pole(system, rest, still, p, c)
+
+
+def _health() -> str:
+    return ", ".join(f"{number} {word}" for number, word in enumerate(HEALTH))
+
 
 VERSIONS = ("2.0", "3.0")
 
@@ -34,23 +235,22 @@ _YEAR = (1980, 1, 1, 0, 0, 0)  # the same content is the same file
 _TIME = Variable("time", "independent", None, "s", "simulated time")
 
 
-def write_fmu(request: "ExportRequest", directory: Path) -> list[str]:
+def write_fmu(request: ExportRequest, directory: Path) -> list[str]:
     """Write the FMUs of a plant, of an estimator, or of both."""
     models: list[FmuModel] = []
-    source = request.source
-    whole = bool(source.values) and source.values.keys() >= {*source.system.coefficients}
+    whole = bool(request.values) and request.values.keys() >= {*request.system.coefficients}
     if whole or request.settings is None:
-        models.append(plant_model(source))
+        models.append(plant_model(request))
     if request.settings is not None:
-        models.append(estimator_model(source, request.settings))
+        models.append(estimator_model(request))
     for model in models:
         for version in VERSIONS:
             name = f"{model.identifier}_fmi{version[0]}.fmu"
             (directory / name).write_bytes(packed(model, version))
-    return _warnings(source, models)
+    return _warnings(request, models)
 
 
-def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
+def _warnings(request: ExportRequest, models: list[FmuModel]) -> list[str]:
     """What the FMUs have not, or otherwise than the estimate."""
     found = []
     names = {v.name for model in models if model.identifier == "plant" for v in model.variables}
@@ -59,12 +259,12 @@ def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
             f"the plant's friction changes its sign over {SMOOTHING}, a parameter in rad/s: it "
             f"creeps where the drive sticks"
         )
-    missing = [name for name in source.system.coefficients if name not in source.values]
-    if source.values and missing:
+    missing = [name for name in request.system.coefficients if name not in request.values]
+    if request.values and missing:
         found.append(f"the plant is left out: the log does not determine {', '.join(missing)}")
-    if source.identification is not None and names:
-        found += source.doubts
-        alignment = source.identification.choices.alignment
+    if request.identification is not None and names:
+        found += request.doubts
+        alignment = request.identification.choices.alignment
         late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
         found += [
             f"the plant leaves out the delay of the {name}, {1e3 * delay:.3g} ms: shift that "

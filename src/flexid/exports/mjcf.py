@@ -50,7 +50,7 @@ class Scene:
 
 def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     """Write ``joint.xml``, the scene of an estimate."""
-    result = request.source.identification
+    result = request.identification
     if result is None:
         raise SettingError("mjcf", "needs values: give an estimate.json of flexid identify")
     model = JointModel.of(result, 0)
@@ -66,7 +66,7 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
         f"{name.removesuffix('[1]')} differs from log to log: the scene has that of the first"
         for name in several
     ]
-    return (*request.source.doubts, *doubts, *made.notes)
+    return (*request.doubts, *doubts, *made.notes)
 
 
 def mjcf_scene(joint: JointModel, input_unit: str = TORQUE) -> Scene:

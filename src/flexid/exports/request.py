@@ -28,13 +28,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class ExportSource:
-    """A model and what is known of it."""
+class ExportRequest:
+    """What is to be exported: a model with what is known of it, and its online estimator."""
 
     system: ParametricSystem  # given coefficients are its constants, Coulomb friction is smoothed
     values: Mapping[str, float] = field(default_factory=dict)  # of its coefficients, where known
     units: Mapping[str, str] = field(default_factory=dict)  # of coefficients, constants and inputs
     identification: "Identification | None" = None
+    settings: "EstimatorSettings | None" = None  # of the online estimator
+    samples: "Samples | None" = None  # motion to test it with
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -44,9 +46,9 @@ class ExportSource:
         return (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
 
 
-def source_of_identification(
+def request_of_identification(
     result: "Identification", *, with_memory: bool = False
-) -> ExportSource:
+) -> ExportRequest:
     """The model of an identification with the terms that were kept, and its values.
 
     Offsets that differ from log to log have the value of the first one. A coefficient that the log
@@ -83,7 +85,7 @@ def source_of_identification(
         units |= dict(zip(system.inputs, ("rad", "rad/s"), strict=True))
     else:
         units |= dict.fromkeys(system.inputs, result.input_unit)
-    return ExportSource(
+    return ExportRequest(
         system,
         {name: values[name] for name in system.coefficients if isfinite(values[name])},
         units,
@@ -186,15 +188,6 @@ class EstimatorSettings:
     @property
     def _fading(self) -> str:
         return "" if self.memory_time == inf else f", memory {self.memory_time:g} s"
-
-
-@dataclass(frozen=True, eq=False)
-class ExportRequest:
-    """What is to be exported."""
-
-    source: "ExportSource"
-    settings: "EstimatorSettings | None" = None  # of the online estimator
-    samples: "Samples | None" = None  # motion to test it with
 
 
 class Target(NamedTuple):

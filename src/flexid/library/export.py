@@ -1,6 +1,7 @@
 """Models as equations, estimates as code for other tools: `flexid.derive`, `flexid.export`."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from math import isfinite
 from os import PathLike
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification
     from flexid.derivation.observer import SymbolicObserver
     from flexid.estimators.samples import Samples
-    from flexid.exports.request import EstimatorSettings, ExportSource
+    from flexid.exports.request import EstimatorSettings, ExportRequest
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, OneLog
 
@@ -218,69 +219,57 @@ def export(
         "velocities": velocities or None,
     }
     given = {name: value for name, value in given.items() if value is not None}
-    arm = _arm_of(what)
-    if arm is None:
-        source = export_source(what, terms, with_memory=TARGETS[to].with_memory)
-        samples = None if log is None else _longest(log, columns, source)
-        settings = estimator_settings(source, samples, sample_time, given)
-        write = partial(export_to, to, ExportRequest(source, settings, samples))
+    meant = what_is_meant(what, terms, with_memory=TARGETS[to].with_memory, arms=True)
+    if isinstance(meant, ExportRequest):
+        samples = None if log is None else _longest(log, columns, meant)
+        settings = estimator_settings(meant, samples, sample_time, given)
+        write = partial(export_to, to, replace(meant, settings=settings, samples=samples))
     else:
         options = (*given.values(), sample_time, terms, log)
         if to == "mjcf" and any(option is not None for option in options):
             raise SettingError(to, "of an arm takes no options but --out: leave the others out")
-        write = partial(export_arm, to, arm)
+        write = partial(export_arm, to, meant)
     with output_directory(as_path("export", "out", out)) as directory:
         warnings = write(directory)
         names = sorted(path.name for path in directory.iterdir())
     return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
 
 
-def _arm_of(what: Any) -> "ArmIdentification | None":
-    """The arm whose stored estimate is meant."""
-    if not _is_estimate(what):
-        return None
+def what_is_meant(
+    what: Any,
+    terms: Iterable[str] | None = None,
+    *,
+    with_memory: bool = False,
+    arms: bool = False,
+) -> "ExportRequest | ArmIdentification":
+    """The model or the estimate that is meant; an arm is refused where there are to be none."""
+    from flexid.exports.request import ExportRequest, request_of_identification
     from flexid.library.identify import estimated
-
-    stored = estimated("export", "what", what).result
-    return stored if stored.model == "arm" else None
-
-
-def _is_estimate(what: Any) -> bool:
-    is_path = isinstance(what, str | PathLike) and what != SHIPPED
-    return is_path and _names_an_estimate(as_path("export", "what", what))
-
-
-def export_source(
-    what: Any, terms: Iterable[str] | None = None, *, with_memory: bool = False
-) -> "ExportSource":
-    """The model that is meant, with what is known of it."""
-    from flexid.exports.request import ExportSource, source_of_identification
     from flexid.library.joint_estimate import JointEstimate
 
-    if isinstance(what, JointEstimate):
-        return source_of_identification(what.result, with_memory=with_memory)
     is_path = isinstance(what, str | PathLike) and what != SHIPPED
-    if _is_estimate(what):
-        from flexid.library.identify import estimated
-
-        stored = estimated("export", "what", what)
-        return source_of_identification(stored.of_joint, with_memory=with_memory)
+    if isinstance(what, JointEstimate) or (is_path and _names_an_estimate(what)):
+        found = estimated("export", "what", what)
+        if arms and found.result.model == "arm":
+            return found.result
+        return request_of_identification(found.of_joint, with_memory=with_memory)
     if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):
         raise ArgumentError(
             "export",
             "what",
             f"is {kind_of(what)}: give an estimate, a model, or the path of one",
         )
-    return ExportSource(declared(what, terms, unknown_input_gain=what == SHIPPED))
+    return ExportRequest(declared(what, terms, unknown_input_gain=what == SHIPPED))
 
 
-def _names_an_estimate(path: Path) -> bool:
+def _names_an_estimate(what: str | PathLike[str]) -> bool:
     """Whether a path is that of an estimate, or of a folder, which may hold one."""
+    path = as_path("export", "what", what)
     return path.suffix.lower() == ".json" or path.is_dir()
 
 
 def estimator_settings(
-    source: "ExportSource",
+    request: "ExportRequest",
     samples: "Samples | None",
     sample_time: float | None,
     given: Mapping[str, Any],
@@ -304,22 +293,22 @@ def estimator_settings(
     else:
         h = sample_time
     found: dict[str, Any] = {}
-    if source.identification is not None:
-        choices = source.identification.choices
+    if request.identification is not None:
+        choices = request.identification.choices
         found["hold"] = "zero" if choices.hold == "zero" else "linear"
         if choices.filter_rate is not None and isfinite(choices.filter_rate):
             found["filter_rate"] = choices.filter_rate
-    return EstimatorSettings(h, start=source.values, **(found | dict(given)))
+    return EstimatorSettings(h, start=request.values, **(found | dict(given)))
 
 
-def _longest(log: Any, columns: Any, source: "ExportSource") -> "Samples":
+def _longest(log: Any, columns: Any, request: "ExportRequest") -> "Samples":
     """Samples of a log's longest recording; raise if its input is not the estimate's."""
     from flexid.library.logs import one_log, samples
 
     read = one_log("export", log, columns)
     unit = read.recordings[0].input_unit
-    if source.identification is not None and source.identification.model != "link":
-        (known,) = {source.units[name] for name in source.system.inputs}
+    if request.identification is not None and request.identification.model != "link":
+        (known,) = {request.units[name] for name in request.system.inputs}
         if unit != known:
             raise SettingError(
                 "log",

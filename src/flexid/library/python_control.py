@@ -76,11 +76,13 @@ def plant_io_system(
     ModelError
         If the model file cannot be used.
     """
-    from flexid.library.export import export_source
+    from flexid.exports.request import ExportRequest
+    from flexid.library.export import what_is_meant
 
-    source = export_source(model)
+    meant = what_is_meant(model)
+    assert isinstance(meant, ExportRequest)  # no arm
     given = as_mapping("plant_io_system", "coefficients", coefficients, "{'theta2': 100.0}")
-    return _plant(source.system, {**source.values, **given}, name)
+    return _plant(meant.system, {**meant.values, **given}, name)
 
 
 def _plant(
