@@ -50,6 +50,7 @@ class Failing(Answer):
     """An answer that cannot be printed, or cannot be written."""
 
     def __init__(self, failing):
+        super().__init__(result=None)
         self.failing = failing
         self.taken = []
 
