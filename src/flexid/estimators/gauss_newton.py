@@ -155,9 +155,13 @@ def _descend(
     for _ in range(_DAMPINGS):
         step = problem.solve(equations, damping) if damping > 0.0 else undamped
         trial = Point(point.values + step.values_step, point.initial_states + step.states_step)
+        more, enough = max(10.0 * damping, _FIRST_DAMPING), equations.cost * (1.0 + 1e-12)
+        # Where steps fail, the next may fail as well: derivatives are for one that does not.
+        if damping > 0.0 and not problem.equations(trial, "nothing").cost <= enough:
+            damping = more
+            continue
         tried = problem.equations(trial)
-        more = max(10.0 * damping, _FIRST_DAMPING)
-        if tried.cost <= equations.cost * (1.0 + 1e-12):
+        if tried.cost <= enough:
             # Steps that gain far less than promised jump to and fro across the minimum.
             overshot = equations.cost - tried.cost < _POOR_GAIN * step.decrement
             less = 0.1 * damping if damping > _LEAST_DAMPING else 0.0
