@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -61,14 +62,14 @@ class Scales:
         for name in INPUTS:
             if name in channels:
                 yield from checks.check_power(source, name, channels, time)
-        if np.diff(time).max() < GAP * self._sample_time:
-            add_link_position(channels)
-            part = slice(0, len(time))
-            recording = recording_of(source, channels, time, self._sample_time, part)
-            columns = [channels[name].column for name in ENCODERS if name in channels]
-            yield from motion_warnings(
-                recording, f"{source}: columns {' and '.join(map(repr, columns))}"
-            )
+        add_link_position(channels)
+        gaps = np.flatnonzero(np.diff(time) > GAP * self._sample_time) + 1
+        parts = [slice(*ends) for ends in pairwise((0, *gaps.tolist(), len(time)))]
+        longest = max(parts, key=lambda part: part.stop - part.start)
+        recording = recording_of(source, channels, time, self._sample_time, longest)
+        columns = [channels[name].column for name in ENCODERS if name in channels]
+        place = f"{source}: columns {' and '.join(map(repr, columns))}"
+        yield from motion_warnings(recording, place)
 
     def _of_encoders(self, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
         encoders = {name: channels[name] for name in ENCODERS if name in channels}
