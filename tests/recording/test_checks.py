@@ -92,6 +92,8 @@ WARNED: list[tuple[Columns, str]] = [
         changed("velocity", link_position=lambda q: np.sin(7.7 * 0.005 * np.arange(len(q)))),
         "hardly follow each other .correlation.*one joint",
     ),
+    ({**changed("torque"), "motor_voltage": 3e3 * np.sin(SLOW[:800])}, "more than 2000, the limit"),
+    ({**changed("torque"), "motor_current": 600 * np.sin(SLOW[:800])}, "more than 500, the limit"),
 ]
 
 
@@ -110,6 +112,10 @@ CLEAN: dict[str, Columns] = {
         link_velocity=lambda v: v + 0.05 * np.random.default_rng(9).standard_normal(len(v)),
     ),
     "a switched input": changed(motor_torque=np.sign),
+    "an input of few whole numbers": changed(motor_torque=lambda u: 100.0 * np.sign(u)),
+    "few absurd values of a torque": changed(
+        motor_torque=lambda u: u + 1e6 * (np.arange(len(u)) % 40 == 7)
+    ),
     "a link at its resonance": changed("velocity", link_position=times(3.0)),
 }
 

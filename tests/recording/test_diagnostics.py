@@ -143,7 +143,11 @@ def test_a_scale_in_a_small_motion_is_left_open():
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(np.pi / 180.0, "radians read as degrees"), (180.0 / np.pi, "degrees read as radians")],
+    [
+        (np.pi / 180.0, "radians read as degrees"),
+        (180.0 / np.pi, "degrees read as radians"),
+        (0.5 / np.pi, "turns read as radians"),
+    ],
 )
 def test_an_angle_in_another_unit(factor: float, said: str):
     """Assert that gravity shows the unit of the angles, and is asked for nothing else then."""

@@ -142,6 +142,10 @@ REFUSED = {
         headed(HEADER.replace("motor_torque", "motor_torque [%]")),
         r"column 'motor_torque \[%\]': .*rated value as the scale, in a column map",
     ),
+    "thousandths of the rated torque": (
+        headed(HEADER.replace("motor_torque", "motor_torque [0.1 % of rated torque]")),
+        "rated torque. is a share of something: write .N m.* as the unit",
+    ),
     "numbers of samples": (
         headed(HEADER.replace("time", "sample")),
         "there is no time.*without a time, write sample_time = 0.001 for 1 ms",
@@ -196,8 +200,12 @@ def test_few_values_are_missing() -> None:
 def test_rows_that_are_written_twice() -> None:
     """Assert that each counts once where all of it is the same."""
     twice = np.sort(np.r_[np.arange(400), 7, 7, 300])
-    log = read_columns({name: values[twice] for name, values in COLUMNS.items()})
-    np.testing.assert_array_equal(log.recordings[0].motor_position, COLUMNS["motor_position"])
+    columns = {name: values[twice] for name, values in COLUMNS.items()}
+    (recording,) = read_columns(columns).recordings
+    np.testing.assert_array_equal(recording.motor_position, COLUMNS["motor_position"])
+    columns["motor_torque"][columns["time"] == 1.5] = np.nan
+    log = read_columns(columns)
+    assert [len(recording) for recording in log.recordings] == [300, 99]
     assert_words("rows written twice .at 0.035 s, 0.035 s, 1.5 s; 3 in all", log.warnings[0])
 
 
@@ -408,6 +416,16 @@ def test_signals_with_times_that_differ(tmp_path: Path) -> None:
         log.recordings[0].motor_position, COLUMNS["motor_position"][::2], atol=1e-12
     )
     assert any("had time stamps of their own" in warning for warning in log.warnings)
+
+
+def test_a_signal_that_is_longer_than_its_times(tmp_path: Path) -> None:
+    """Assert that both lengths are named."""
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for side in ("link", "motor"):
+            file[f"{side}/time"] = COLUMNS["time"][: 399 if side == "link" else 400]
+            file[f"{side}/position"] = COLUMNS[f"{side}_position"]
+    words = "'link/position': it has 400 values where 'link/time' has 399"
+    assert_words(words, refused(read_log, tmp_path / "log.h5"))
 
 
 def test_a_sensor_that_is_read_rarely_is_named() -> None:

@@ -131,6 +131,7 @@ def test_the_slower_clock_is_taken():
         (TIMES[::-1], TIMES, "row 2 of 'other': time runs backwards or repeats"),
         (np.repeat(TIMES, 2)[:100], TIMES, "row 2 of 'other': time runs backwards or repeats"),
         (TIMES[:1], TIMES[:1], "'other': it has 1 samples"),
+        (1.1 * TIMES, 1e200 * TIMES, "'b': it reaches 9.9e+199: correct the value"),
         (1.1 * TIMES, np.mod(9.0 * TIMES, 6.28), "'b': it jumps, as an absolute encoder"),
     ],
 )

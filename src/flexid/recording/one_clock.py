@@ -130,14 +130,11 @@ def without_holes(
         )
         kept = {name: replace(own, values=own.values[whole]) for name, own in channels.items()}
         return kept, replace(time, values=time.values[whole]), (Caution(warning, Rank.DATA),)
-    clocks, signals = {}, []
-    for name, channel in channels.items():
-        own = there[name]
-        clock = next((one for one, stamps in clocks.items() if np.array_equal(stamps, own)), "")
-        clock = clock or channel.column
-        clocks[clock] = own
-        signals.append(Signal(name, clock, channel.values[own], name in INPUTS))
-    stamps = {clock: time.values[own] for clock, own in clocks.items()}
+    stamps = {channel.column: time.values[there[name]] for name, channel in channels.items()}
+    signals = [
+        Signal(name, channel.column, channel.values[there[name]], name in INPUTS)
+        for name, channel in channels.items()
+    ]
     times, columns, warnings = on_one_clock(file, stamps, signals)
     steps = np.diff(times)
     if np.mean(steps > GAP * np.median(steps)) > MOST_GAPS:

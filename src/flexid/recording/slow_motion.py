@@ -45,7 +45,6 @@ _CERTAIN = 10.0  # standard errors: up to 7 where nothing is wrong, 50 of 0.5 % 
 _LATEST, _LATE_STEP = 0.25, 0.005  # s: delays of an input that are tried
 _FOUND_BY_A_FIT = 0.03  # s: delays up to there are sought with the parameters
 _FEWEST_REACHES = 8  # in a log whose input is tried at so large a delay to either side
-_UNEXPLAINED = 0.005  # of an input's variance: less is left where it is on time
 _FITS_LATER = 0.25  # of what is left, at another time: 0.5 or more where an input is on time
 _SMALLEST, _LARGEST = 0.003, 0.1
 """Errors of a scale that are named: smaller ones change next to nothing; larger ones are a soft
@@ -134,8 +133,8 @@ def input_lateness(recording: Recording) -> float:
     best = min(found, key=lambda delay: found[delay])
     # At the end of what was tried there may be less beyond: a motion that repeats itself, say.
     is_late = _FOUND_BY_A_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP
-    clear = found[0] > _UNEXPLAINED and found[best] < _FITS_LATER * found[0]
-    return best * recording.sample_time if is_late and clear else 0.0
+    is_clear = found[best] < _FITS_LATER * found[0]
+    return best * recording.sample_time if is_late and is_clear else 0.0
 
 
 def scales_apart(recording: Recording) -> tuple[float, float]:
