@@ -24,7 +24,7 @@ SEEDS = 40
 def quick(examples, **choices):
     """The example drive with a short experiment of few tones."""
     file = read_drive(examples / "drive.toml")
-    short = {"duration": 6.0, "sample_time": 0.002, "harmonics": 6, "ramp": 0.6}
+    short = {"duration": 6.0, "sample_time": 0.002, "harmonics": 6}
     experiment = file.drive.experiment.model_copy(update=short | choices)
     return replace(file, drive=file.drive.model_copy(update={"experiment": experiment}))
 
@@ -115,7 +115,7 @@ def test_command_starts_and_ends_at_rest(designed):
 
 def test_a_trajectory_keeps_to_its_limits(examples, tmp_path):
     """Assert that a designed motor trajectory tells everything and is written with its rate."""
-    file = quick(examples, kind="trajectory", duration=3.0, ramp=0.5, harmonics=4)
+    file = quick(examples, kind="trajectory", duration=3.0, harmonics=4)
     limits = file.drive.limits.model_copy(update={"position": 3.0, "torque": 60.0})
     drive = file.drive.model_copy(update={"limits": limits})
     result = design(replace(file, drive=drive), 1, lambda _: None)

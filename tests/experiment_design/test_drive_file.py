@@ -135,7 +135,6 @@ def test_what_an_estimate_cannot_give_is_said(examples, stored):
         ("sample_time = 0.001", "sample_time = 0.05", "sample_time"),
         ("sample_time = 0.001", "sample_time = 0.001\nharmonics = 1000", "harmonics"),
         ("sample_time = 0.001", "sample_time = 0.001\nramp = 6.0", "ramp"),
-        ("sample_time = 0.001", "sample_time = 0.001\nhighest_frequency = 0.1", "harmonics"),
         ("position_noise = 1e-4", "", "position_noise"),
         ("position_noise = 1e-4", "position_noise = 1e-4\nencoder_bits = 12", "position_noise"),
         ('criterion = "E"', 'criterion = "A"', "criterion"),

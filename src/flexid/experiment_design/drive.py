@@ -29,11 +29,9 @@ Criterion = Literal["E", "D"]
 DOUBT = 0.3
 """Relative error of every parameter that a design must bear."""
 
-HIGHEST = 1.5
-"""Frequency of the fastest tone over the resonance, where none is given."""
-
 _RANDOM_CASES = 16
-_RAMP = 0.1  # of the duration, by default
+_RAMP = 0.1  # of the duration
+_HIGHEST = 1.5  # frequency of the fastest tone over the resonance
 
 _TERMS = {
     "gravity_torque": "gravity",
@@ -114,14 +112,12 @@ class Experiment(_Table):
     kind: Literal["multisine", "trajectory"] = "multisine"  # torque, or motor position to follow
     criterion: Criterion = "E"  # the worst direction's information, or all directions'
     harmonics: Annotated[int, Field(ge=2, le=40)] = 8  # number of tones
-    highest_frequency: Positive | None = None  # rad/s, of the tones; None: 1.5 times the resonance
-    ramp: Positive | None = None  # s, in which the motion grows and fades; None: a tenth of it all
     bandwidth: Positive | None = None  # rad/s, of the position loop; None: the resonance
 
     @property
-    def rise(self) -> float:
+    def ramp(self) -> float:
         """Time in s in which the motion grows at the start and fades at the end."""
-        return _RAMP * self.duration if self.ramp is None else self.ramp
+        return _RAMP * self.duration
 
 
 class Drive(_Table):
@@ -146,7 +142,7 @@ class Drive(_Table):
             "limits": self.limits.model_dump(),
             "position_noise": self.sensors.noise,
             **self.experiment.model_dump(),
-            "ramp": self.experiment.rise,
+            "ramp": self.experiment.ramp,
         }
 
     @property
@@ -159,7 +155,7 @@ class Drive(_Table):
     @property
     def fastest(self) -> float:
         """Highest frequency of the tones in rad/s."""
-        return self.experiment.highest_frequency or HIGHEST * self.resonance
+        return _HIGHEST * self.resonance
 
     @property
     def coefficients(self) -> dict[str, float]:
@@ -285,7 +281,6 @@ class CaseRun:
         )
 
 
-_LARGEST_RAMP = 0.25  # of the duration, at either end
 _SLOWEST_SAMPLING = 10.0  # samples per period of the fastest tone
 _FEWEST_SAMPLES = 200
 _MOST_SAMPLES = 1_000_000
@@ -393,18 +388,12 @@ def _check(drive: Drive) -> None:
             "experiment.sample_time",
             f"makes {samples:.0f} samples; choose it for {_FEWEST_SAMPLES} to {_MOST_SAMPLES}",
         )
-    if wanted.rise > _LARGEST_RAMP * wanted.duration:
-        raise SettingError(
-            "experiment.ramp", f"is more than {_LARGEST_RAMP:.0%} of the duration: shorten it"
-        )
     fastest = drive.fastest
     if fastest * wanted.sample_time * _SLOWEST_SAMPLING > 2.0 * pi:
         raise SettingError(
-            "experiment.highest_frequency"
-            if wanted.highest_frequency
-            else "experiment.sample_time",
+            "experiment.sample_time",
             f"leaves fewer than {_SLOWEST_SAMPLING:.0f} samples per period of a tone of "
-            f"{fastest:.3g} rad/s: sample faster, or lower highest_frequency",
+            f"{fastest:.3g} rad/s: sample faster",
         )
     if fastest * wanted.duration < 2.0 * pi * wanted.harmonics:
         raise SettingError(

@@ -143,7 +143,7 @@ class Search:
     def _waveform(self, sample_time: float) -> Waveform:
         wanted = self.drive.experiment
         return waveform(
-            wanted.duration, sample_time, wanted.rise, self.drive.fastest, wanted.harmonics
+            wanted.duration, sample_time, wanted.ramp, self.drive.fastest, wanted.harmonics
         )
 
     @cached_property

@@ -8,7 +8,7 @@ from rich.text import Text
 from flexid.arms.result import ArmIdentification
 from flexid.report.charts.description import Chart
 from flexid.report.identification import estimates_table, verdict_reasons
-from flexid.report.page.page import Answer, Command, Page, Presenter, Section, Warned
+from flexid.report.page.page import Answer, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, numbers
 from flexid.stored_estimates.estimate_file import estimate_document
 
@@ -61,26 +61,16 @@ def page(
 ) -> Page:
     """What there is to say of an arm."""
     joints = range(1, result.arm.joints + 1)
-    sections = [Section("warnings", "Warnings", [*map(Warned, result.warnings)])]
-    sections += [
+    sections = [
         Section(
             f"joint-{joint}",
             f"Joint {joint}",
-            [
-                joint_table(result, joint),
-                *verdict_reasons(result.of_joint(joint)),
-            ],
+            [joint_table(result, joint), *verdict_reasons(result.of_joint(joint))],
         )
         for joint in joints[1:]
     ]
-    sections += [
-        Section(
-            "prediction",
-            "Prediction",
-            [free_run_table(result), *map(Text, timing_lines(result))],
-        ),
-        Section("origin", "How to repeat it", [Command(command)]),
-    ]
+    predicted = [free_run_table(result), *map(Text, timing_lines(result))]
+    sections.append(Section("prediction", "Prediction", predicted))
     logs = [Path(log["file"]).name for log in result.provenance["inputs"]]
     return Page(
         "identification",
@@ -88,7 +78,7 @@ def page(
         ", ".join(logs),
         joint_table(result, 1),
         (_trust(result, joints),),
-        [section for section in sections if section.content],
+        sections_of(result.warnings, sections, command),
     )
 
 

@@ -23,7 +23,7 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.page.page import Answer, Bullets, Command, Facts, Page, Presenter, Section
+from flexid.report.page.page import Answer, Bullets, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
 DETAILS = ("final_error.", "final_state.")
@@ -241,18 +241,16 @@ def page(summary: Summary, charts: Sequence[Chart], _command: str = "", _out: st
     """What there is to say of a campaign."""
     first, *rest = status_lines(summary)
     directory = str(summary.directory)
-    command = Command(shlex.join(["flexid", "campaign", "--summary", directory]))
-    facts = Facts([("flexid", flexid.__version__), ("rows", directory)])
+    command = shlex.join(["flexid", "campaign", "--summary", directory])
+    facts = (("flexid", flexid.__version__), ("rows", directory))
+    matters = Section("matters", "What matters", [*charts, *importance_parts(summary)])
     return Page(
         "campaign",
         f"Campaign {summary.directory.name}",
         first,
         quantiles_table(summary),
         (_finished(summary, rest), _matters(summary)),
-        (
-            Section("matters", "What matters", [*charts, *importance_parts(summary)]),
-            Section("origin", "How to repeat it", [command, facts]),
-        ),
+        sections_of((), [matters], command, facts),
     )
 
 

@@ -17,14 +17,12 @@ from flexid.report.comparison_summary import comparison_summary, largest
 from flexid.report.page.page import (
     Answer,
     Bullets,
-    Command,
-    Facts,
     Item,
     Page,
     Presenter,
     Section,
     Tone,
-    Warned,
+    sections_of,
 )
 from flexid.report.terminal import Cell, Column, Part, Table, numbers, value_cells
 
@@ -219,19 +217,21 @@ def page(
 ) -> Page:
     """What there is to say of a comparison."""
     a, b = comparison.labels
+    facts = _facts(comparison)
     return Page(
         "comparison",
         "Two estimates side by side",
         f"A: {a}; B: {b}",
         lead_table(comparison.decisive),
         (_changed(comparison), _next_step(comparison)),
-        [section for section in _sections(comparison, charts, command) if section.content],
+        sections_of(
+            comparison.warnings, _sections(comparison, charts), _command(comparison, command), facts
+        ),
         _NOTES,
     )
 
 
-def _sections(comparison: Comparison, charts: Sequence[Chart], command: str) -> Iterator[Section]:
-    yield Section("warnings", "Warnings", [*map(Warned, comparison.warnings)])
+def _sections(comparison: Comparison, charts: Sequence[Chart]) -> Iterator[Section]:
     figure = [chart for chart in charts if chart.panels]
     parameters = comparison.parameters
     table = differences_table(PARAMETERS, parameters)
@@ -244,7 +244,6 @@ def _sections(comparison: Comparison, charts: Sequence[Chart], command: str) -> 
         yield Section("coefficients", "Coefficients of the model", listed)
     if comparison.settings:
         yield Section("settings", "Different logs or settings", [settings_table(comparison)])
-    yield Section("origin", "How to repeat it", [*_origin(comparison, command)])
 
 
 def _listed(lines: list[str]) -> list[Item]:
@@ -293,16 +292,18 @@ def _next_step(comparison: Comparison) -> Answer:
     return Answer("What do I do next?", word, "", [Text(said)])
 
 
-def _origin(comparison: Comparison, command: str) -> Iterator[Item]:
-    if not command and comparison.labels != _IN_MEMORY:
-        command = shlex.join(["flexid", "compare", *comparison.labels])
-    if command:
-        yield Command(command)
-    facts = [("flexid", str(comparison.provenance.get("flexid_version", "unknown")))]
+def _command(comparison: Comparison, command: str) -> str:
+    """What repeats it: as it was typed, else by the files; nothing for what was in memory."""
+    if command or comparison.labels == _IN_MEMORY:
+        return command
+    return shlex.join(["flexid", "compare", *comparison.labels])
+
+
+def _facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
+    yield "flexid", str(comparison.provenance.get("flexid_version", "unknown"))
     for side, label in zip("AB", comparison.labels, strict=True):
-        facts.append((side, label))
-        facts += _logs(side, comparison.provenance.get(side.lower(), {}))
-    yield Facts(facts)
+        yield side, label
+        yield from _logs(side, comparison.provenance.get(side.lower(), {}))
 
 
 def _logs(side: str, provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -10,7 +10,7 @@ from flexid.analysis.excitation import Excitation
 from flexid.arrays import plain
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.report.charts.description import Chart
-from flexid.report.page.page import Answer, Command, Facts, Page, Presenter, Section
+from flexid.report.page.page import Answer, Page, Presenter, Section, sections_of
 from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.studies.huang2003.cases import TheoremCase
@@ -251,12 +251,14 @@ _PAPER = (
 
 def page(result: Reproduction, charts: Sequence[Chart], _command: str = "", _out: str = "") -> Page:
     """What there is to say of the paper."""
-    facts = Facts(
-        [
-            ("flexid", flexid.__version__),
-            ("duration of a run", f"{DURATION:g} s"),
-            ("integrator", f"Rodas5P, relative tolerance {TOLERANCE:g}"),
-        ]
+    facts = (
+        ("flexid", flexid.__version__),
+        ("duration of a run", f"{DURATION:g} s"),
+        ("integrator", f"Rodas5P, relative tolerance {TOLERANCE:g}"),
+    )
+    sections = (
+        Section("figures", "Its figures, and Theorem 1", charts),
+        Section("numbers", "The numbers behind each verdict", [*parts(result)]),
     )
     return Page(
         "reproduction",
@@ -264,11 +266,7 @@ def page(result: Reproduction, charts: Sequence[Chart], _command: str = "", _out
         _PAPER,
         claim_verdicts(result.claims),
         (_holds(result), _which_readings(result)),
-        (
-            Section("figures", "Its figures, and Theorem 1", charts),
-            Section("numbers", "The numbers behind each verdict", [*parts(result)]),
-            Section("origin", "How to repeat it", [Command("flexid reproduce"), facts]),
-        ),
+        sections_of((), sections, "flexid reproduce", facts),
     )
 
 

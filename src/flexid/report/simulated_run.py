@@ -23,7 +23,7 @@ from flexid.experiments.measures import (
 )
 from flexid.recording.write import write_parquet
 from flexid.report.charts.description import Axis, Band, Chart, Colour, Level, Line, Panel
-from flexid.report.page.page import Answer, Bullets, Command, Facts, Item, Page, Presenter, Section
+from flexid.report.page.page import Answer, Bullets, Command, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.simulation.run import Run
 
@@ -189,25 +189,22 @@ def page(
         said = Text("The log of its sensors is one like any other:")
         asked = Command(f"flexid identify {shlex.quote(str(Path(out) / 'log.parquet'))}")
         answers.append(Answer("What do I do next?", "Identify it", "", [said, asked]))
-    facts = Facts(
-        [
-            ("flexid", flexid.__version__),
-            ("experiment", experiment.path or "in memory"),
-            ("digest of the experiment", experiment.digest),
-        ]
+    facts = (
+        ("flexid", flexid.__version__),
+        ("experiment", experiment.path or "in memory"),
+        ("digest of the experiment", experiment.digest),
     )
-    origin: list[Item] = [Command(command), facts] if command else [facts]
+    sections = (
+        Section("figures", "Motion and estimates", charts),
+        Section("numbers", "The run in numbers", [Bullets([*run_lines(run, measures)])]),
+    )
     return Page(
         "simulation",
         experiment.name,
         f"{run.time[-1]:g} s, {experiment.mode}",
         estimates_table(experiment, run, measures),
         answers,
-        (
-            Section("figures", "Motion and estimates", charts),
-            Section("numbers", "The run in numbers", [Bullets([*run_lines(run, measures)])]),
-            Section("origin", "How to repeat it", origin),
-        ),
+        sections_of((), sections, command, facts),
     )
 
 

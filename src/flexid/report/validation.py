@@ -17,13 +17,11 @@ from flexid.report.page.identification_page import input_facts
 from flexid.report.page.page import (
     Answer,
     Command,
-    Facts,
-    Item,
     Page,
     Presenter,
     Section,
-    Warned,
     drawn,
+    sections_of,
 )
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.stored_estimates.validate_estimate import EstimateValidation
@@ -91,16 +89,10 @@ def page(
 ) -> Page:
     """What there is to say of a validation."""
     logs = [Path(log["file"]).name for log in result.provenance["inputs"] if log.get("file")]
-    origin: list[Item] = [Facts([*input_facts(result.provenance)])]
+    residuals = [*drawn(charts, "residuals"), *errors_parts(result)]
     sections = (
-        Section("warnings", "Warnings", [*map(Warned, result.warnings)]),
         Section("fit", "Measured and predicted", drawn(charts, "validation")),
-        Section(
-            "residuals",
-            "Residuals",
-            [*drawn(charts, "residuals"), *errors_parts(result)],
-        ),
-        Section("origin", "How to repeat it", [Command(command), *origin] if command else origin),
+        Section("residuals", "Residuals", residuals),
     )
     return Page(
         "validation",
@@ -108,7 +100,7 @@ def page(
         ", ".join(logs) or "data in memory",
         fits_table(result),
         (_predicts(result), _next(result)),
-        [section for section in sections if section.content],
+        sections_of(result.warnings, sections, command, input_facts(result.provenance)),
     )
 
 

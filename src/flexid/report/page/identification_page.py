@@ -32,15 +32,14 @@ from flexid.report.page.page import (
     Answer,
     Bullets,
     Command,
-    Facts,
     Folded,
     Item,
     Link,
     Page,
     Section,
     Tone,
-    Warned,
     drawn,
+    sections_of,
 )
 
 _USUAL = Settings()
@@ -187,22 +186,24 @@ def identification_page(
     advice: Sequence[str] = (),
 ) -> Page:
     """What there is to say of an identification."""
-    sections = _sections(result, charts, command or identification_command(result), advice)
+    command = command or identification_command(result)
+    facts = (*input_facts(result.provenance), *chosen_facts(result.provenance))
+    remarks = [_MAP] if COLUMN_MAP in command and mapped(result.provenance) else []
+    sections = _sections(result, charts, advice)
     return Page(
         "identification",
         _TITLES[result.model],
         _subject(result),
         parameters_table(result),
         (trust(result), next_step(result, estimate, advice)),
-        [section for section in sections if section.content],
+        sections_of(result.warnings, sections, command, facts, remarks),
         (_NOTE,),
     )
 
 
 def _sections(
-    result: Identification, charts: Sequence[Chart], command: str, advice: Sequence[str]
+    result: Identification, charts: Sequence[Chart], advice: Sequence[str]
 ) -> Iterator[Section]:
-    yield Section("warnings", "Warnings", [*map(Warned, result.warnings)])
     yield Section("next", "What to record next", [Bullets(advice)] if advice else [])
     predicted = [*prediction_lines(result), f"Compliance: {compliance_line(result)}"]
     yield Section("fit", "Measured and predicted", [*drawn(charts, "fit"), Bullets(predicted)])
@@ -217,9 +218,6 @@ def _sections(
     coefficients = [coefficients_table(result), *([reasons] if reasons.lines else [])]
     yield Section("coefficients", "Coefficients", coefficients)
     yield Section("choices", "What was chosen, and the alternatives", [*_choices(result)])
-    origin = Facts([*input_facts(result.provenance), *chosen_facts(result.provenance)])
-    missing = [Text(_MAP)] if COLUMN_MAP in command and mapped(result.provenance) else []
-    yield Section("origin", "How to repeat it", [Command(command), *missing, origin])
 
 
 def _subject(result: Identification) -> str:

@@ -14,6 +14,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from rich.text import Text
+
 import flexid
 from flexid.report.charts.description import Chart
 from flexid.report.terminal import Part, Table
@@ -120,6 +122,27 @@ class Presenter:
     page: Callable[..., Page] | None = None  # takes the charts, the command and its folder too
     evidence: Callable[..., Iterable[Part]] = lambda *_: ()  # what choices rest on
     write_data: Callable[..., None] = lambda *_: None  # into a folder; whether as CSV, too
+
+
+def sections_of(
+    warnings: Sequence[str],
+    sections: Iterable[Section],
+    command: str,
+    facts: Iterable[tuple[str, str]] = (),
+    remarks: Sequence[str] = (),
+) -> list[Section]:
+    """All sections but the empty ones: warnings first, and how to repeat it last."""
+    origin: list[Item] = [Command(command)] if command else []
+    origin += [Text(remark) for remark in remarks]
+    entries = [*facts]
+    if entries:
+        origin.append(Facts(entries))
+    every = (
+        Section("warnings", "Warnings", [*map(Warned, warnings)]),
+        *sections,
+        Section("origin", "How to repeat it", origin),
+    )
+    return [section for section in every if section.content]
 
 
 NAME = "report.html"
