@@ -15,7 +15,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.samples import Samples
 from flexid.models.flexible_joint import flexible_joint
-from flexid.report.charts.figure import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save
+from flexid.report.figure import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save
 from flexid.simulation.free_run import free_run
 
 JOINT = flexible_joint()

@@ -148,7 +148,7 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
     from flexid.recording.frame import table_of_arrays
     from flexid.recording.read import log_of_table
     from flexid.report.comparison import charts, page, parts
-    from flexid.report.page.page import page_html
+    from flexid.report.page import page_html
     from flexid.report.terminal import laid_out
     from flexid.stored_estimates.estimate_file import read_estimate
     from flexid.stored_estimates.validate_estimate import validate_estimate

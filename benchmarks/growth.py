@@ -23,7 +23,7 @@ from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import flexible_joint
-from flexid.report.charts.figure import BLUE, GREEN, ORANGE, new_figure, save
+from flexid.report.figure import BLUE, GREEN, ORANGE, new_figure, save
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import simulate_ensemble
 from flexid.simulation.free_run import free_run

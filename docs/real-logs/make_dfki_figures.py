@@ -22,7 +22,7 @@ from flexid.models.physical import rigid_parameters
 from flexid.models.rigid_joint import rigid_joint
 from flexid.recording import Recording, read_log, with_velocities
 from flexid.recording.velocities import velocity
-from flexid.report.charts.figure import BLUE, GREY, INK, ORANGE, RED, STYLE, new_figure, save
+from flexid.report.figure import BLUE, GREY, INK, ORANGE, RED, STYLE, new_figure, save
 
 ROOT = Path(__file__).parents[2]
 ASSETS = ROOT / "docs" / "assets"

@@ -23,7 +23,7 @@ from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.identification.structure.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
-from flexid.report.charts.figure import BLUE, GREY, ORANGE, STYLE, draw, new_figure, save
+from flexid.report.figure import BLUE, GREY, ORANGE, STYLE, draw, new_figure, save
 from flexid.report.identification import explanation, format_fits, identification_parts
 from flexid.report.identification_charts import fit_chart
 from flexid.report.terminal import print_parts

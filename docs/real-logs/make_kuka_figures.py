@@ -17,7 +17,7 @@ from flexid.identification.preparation.alignment import Alignment, Delay, aligne
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.recording import Log, Recording, read_log, with_velocities
-from flexid.report.charts.figure import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save
+from flexid.report.figure import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save
 from flexid.report.identification import format_fits
 
 ROOT = Path(__file__).parents[2]

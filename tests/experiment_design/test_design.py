@@ -13,7 +13,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.experiment_design.design import REFERENCES, Design, design, predict
 from flexid.experiment_design.drive import CaseRun, read_drive
-from flexid.report.charts.description import Level, Line, Points
+from flexid.report.chart import Level, Line, Points
 from flexid.report.design import charts, save_command
 from flexid.simulation.free_run import free_run
 from joint_logs import SAMPLE_TIME, steady_sine

@@ -12,7 +12,7 @@ from flexid.experiment_design.excitation_report import examine
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.recording.read import read_log
-from flexid.report.charts.description import Level, Points
+from flexid.report.chart import Level, Points
 from flexid.report.excitation import advice_lines, charts
 from joint_logs import FINE, SAMPLE_TIME, steady_sine, write_held_log, write_log
 

@@ -11,8 +11,8 @@ from flexid.frequency.frequency_response import frequency_response, spectral_est
 from flexid.frequency.linear_joint import linear_joint, response_band
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.report.bode_chart import bode_chart
-from flexid.report.charts.description import Line
-from flexid.report.charts.figure import draw
+from flexid.report.chart import Line
+from flexid.report.figure import draw
 from flexid.simulation.free_run import free_run
 from joint_logs import DAMPED as TRUE
 

@@ -3,7 +3,7 @@
 import pytest
 
 import flexid
-from flexid.errors import ArgumentError, FlexidError, SettingError
+from flexid.errors import ArgumentError, SettingError
 from flexid.library.arguments import joint_settings
 
 
@@ -102,8 +102,3 @@ def test_options_mean_what_the_commands_mean():
     assert settings.bounds == {"theta2": (50.0, float("inf")), "alpha2": (-float("inf"), 2.0)}
     assert settings.terms == ("gravity", "motor_viscous")
     assert (settings.input_delay, settings.link_delay) == (0.0, "auto")
-
-
-def test_errors_are_of_one_root():
-    """Assert that one clause catches all of them."""
-    assert issubclass(ArgumentError, FlexidError)

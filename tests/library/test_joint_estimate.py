@@ -37,19 +37,6 @@ def loaded(estimate, tmp_path_factory):
     return flexid.load(path)
 
 
-def test_parameters_have_all_that_one_asks(estimate):
-    """Assert that value, unit, interval and verdict are there by name, and near the truth."""
-    for name, true in TRUE.items():
-        found = estimate.parameters[name]
-        assert found.value == pytest.approx(true, rel=1e-3)
-        assert found.interval[0] < found.value < found.interval[1]
-        assert (found.verdict, found.reason) == ("determined", "")
-    assert estimate.parameters["joint_stiffness"].unit == "N m/rad"
-    assert set(estimate.coefficients) == {"theta1", "theta2", "alpha1", "alpha2", "beta1"}
-    assert estimate.verdict == "determined"
-    assert estimate.supports(strict=True)
-
-
 def test_intervals_have_any_level(estimate):
     """Assert that a higher level gives wider intervals, and the usual one those that are shown."""
     usual = estimate.intervals(0.95)

@@ -3,8 +3,8 @@
 import numpy as np
 from rich.text import Text
 
-from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Panel, Points
-from flexid.report.page.page import (
+from flexid.report.chart import Axis, Band, Chart, Level, Line, Panel, Points
+from flexid.report.page import (
     Answer,
     Command,
     Facts,
@@ -14,7 +14,7 @@ from flexid.report.page.page import (
     Section,
     Warned,
 )
-from flexid.report.page.page import Bullets as Bullets
+from flexid.report.page import Bullets as Bullets
 from flexid.report.terminal import Cell, Column, Table, numbers
 
 TIME = np.linspace(0.0, 10.0, 501)

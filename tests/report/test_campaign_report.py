@@ -11,7 +11,7 @@ from flexid.campaigns.summary import Correlation, Result, SobolIndex, Summary
 from flexid.library.simulate import CampaignResult
 from flexid.report.campaign import charts as campaign_charts
 from flexid.report.campaign import correlation_text, index_text, status_lines
-from flexid.report.charts.description import Level, Line, Points
+from flexid.report.chart import Level, Line, Points
 
 NAN = float("nan")
 

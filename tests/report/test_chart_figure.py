@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     Axis,
     Band,
     Chart,
@@ -18,8 +18,8 @@ from flexid.report.charts.description import (
     kept_samples,
     whole_decades,
 )
-from flexid.report.charts.figure import COLOURS, NARROW, draw, laid_out, save_charts
-from flexid.report.charts.svg import chart_html, chart_svg
+from flexid.report.figure import COLOURS, NARROW, draw, laid_out
+from flexid.report.svg import chart_html, chart_svg
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([2.0, np.nan, 4.0])
@@ -155,12 +155,6 @@ def test_text_is_no_formula():
     assert lines[0].startswith(r"gain $\frac of $x, and")
     assert max(map(len, lines)) <= 82
     ElementTree.fromstring(chart_svg(chart(formula, title=name)))
-
-
-def test_files_have_the_names_of_the_charts(tmp_path):
-    """Assert that a chart is written under its name in each format."""
-    save_charts([chart(panel(Line("", X, Y)))], tmp_path, ("png", "pdf"))
-    assert {path.name for path in tmp_path.iterdir()} == {"name.png", "name.pdf"}
 
 
 def test_whole_decades_hold_the_values():

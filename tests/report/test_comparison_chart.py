@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 import flexid
 from flexid.comparisons.comparison import compare_estimates
-from flexid.report.charts.description import Line, Points
+from flexid.report.chart import Line, Points
 from flexid.report.comparison import charts
 from made_estimates import STIFFER, TRUE, exact, with_parameter
 

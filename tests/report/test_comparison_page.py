@@ -5,68 +5,11 @@ from __future__ import annotations
 import shlex
 from dataclasses import replace
 
-import pytest
-
-import flexid
-from browser import serious_faults
 from flexid.comparisons.comparison import compare_estimates
 from flexid.report.comparison import charts
 from flexid.report.comparison import page as comparison_page
-from flexid.report.page.page import Bullets, Command
+from flexid.report.page import Bullets, Command
 from made_estimates import STIFFER, TRUE, exact, with_parameter
-
-HOSTILE = '"></script><img src=x onerror=alert(1)>'
-
-
-def hostile():
-    """An estimate in which every text from outside is markup."""
-    b = replace(exact(STIFFER, "b"), warnings=(HOSTILE,))
-    b = with_parameter(b, "motor_inertia", verdict="undetermined", reason=HOSTILE)
-    log = {"file": HOSTILE, "sha256": HOSTILE}
-    return replace(
-        b, provenance={"flexid_version": HOSTILE, "settings": {HOSTILE: HOSTILE}, "inputs": [log]}
-    )
-
-
-@pytest.fixture(scope="module")
-def path(tmp_path_factory):
-    """The page of a drive that has become stiffer, whose log has a hostile name, alone."""
-    path = tmp_path_factory.mktemp("alone") / "report.html"
-    a, b = flexid.JointEstimate(exact(TRUE, "a")), flexid.JointEstimate(hostile())
-    flexid.compare(a, b).report(path)
-    return path
-
-
-@pytest.mark.thorough
-def test_it_asks_for_nothing_and_runs_nothing(page):
-    """Assert that markup from outside is text, and that no request is made but for the page."""
-    page.wait_for_timeout(200)
-    assert (page.watched.requests, page.watched.complaints) == ([page.url], [])
-    assert page.locator("img").count() == 0
-    for section in ("warnings", "origin", "settings", "values"):
-        assert HOSTILE in page.locator(f"#{section}").inner_text()
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
-def test_the_first_screen_answers(page, width, height):
-    """Assert that what has changed, and what to do, are seen without scrolling."""
-    page.set_viewport_size({"width": width, "height": height})
-    words = page.locator(".answer .word")
-    assert words.all_inner_texts() == ["Yes", "Record B once more"]
-    for word in words.all():
-        box = word.bounding_box()
-        assert 0.0 <= box["y"] <= height - box["height"]
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-
-
-@pytest.mark.thorough
-def test_no_serious_fault(page):
-    """Assert that axe-core finds no serious fault, light and dark, wide and narrow."""
-    for scheme, width in (("light", 1280), ("dark", 390)):
-        page.emulate_media(color_scheme=scheme)
-        page.set_viewport_size({"width": width, "height": 800})
-        assert serious_faults(page) == []
 
 
 def word(a, b):

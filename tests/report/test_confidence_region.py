@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from flexid.report.charts.description import Line, Points
+from flexid.report.chart import Line, Points
 from flexid.report.identification_charts import (
     confidence_region,
     confidence_regions_chart,
@@ -86,18 +86,6 @@ def test_the_most_correlated_pair():
     assert most_correlated(fit(), ("a", "b", "c")) == ("a", "b")
     assert most_correlated(fit(), ("c", "b")) == ("b", "c")
     assert most_correlated(fit(), ("c",)) is None
-
-
-def test_the_chart_names_values_units_and_fits():
-    """Assert that axes carry names with units, titles the correlation, and marks the fits."""
-    chart = confidence_regions_chart("prediction error", fit(), [("a", "b"), ("b", "c")], UNITS)
-    link, motor = chart.panels
-    assert [(axis.label, axis.unit) for axis in (link.x, link.y)] == [("a", "1/s^2"), ("b", "1/s")]
-    assert link.title == "a and b:\ncorrelation +0.90"
-    assert motor.title == "b and c:\ncorrelation -0.30"
-    labels = [mark.label for mark in link.marks if mark.label]
-    assert labels == ["prediction error: joint 95 %", "each by itself"]
-    assert "a and b by +0.90, b and c by -0.30" in chart.says
 
 
 def test_the_chart_holds_region_intervals_and_centre():

@@ -17,7 +17,7 @@ from flexid.identification.vocabulary.evidence import (
     ParameterEstimate,
     Validation,
 )
-from flexid.report.charts.description import Band, Level, Line, Panel, Points
+from flexid.report.chart import Band, Level, Line, Panel, Points
 from flexid.report.free_run_chart import free_run_chart, residual_chart
 from flexid.report.identification_charts import (
     correlated_pairs,

@@ -10,18 +10,17 @@ import pytest
 from made_result import VALIDATION, made_result
 
 import flexid
-from browser import serious_faults
 from flexid.analysis.excitation import excitation_of_gram
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.report.identification_charts import identification_charts
-from flexid.report.page.identification_page import (
+from flexid.report.identification_page import (
     identification_command,
     identification_page,
     next_step,
     trust,
 )
-from flexid.report.page.page import Bullets, Command, Facts
+from flexid.report.page import Bullets, Command, Facts
 
 HOSTILE = "<script>alert(1)<"
 FILE = '"><img src=x onerror=alert(2)>.csv'
@@ -105,12 +104,6 @@ def test_parameters_are_as_printed(page, estimate):
         assert line.split("  ")[0] == name
         shown = unit.replace("²", "^2")
         assert all(text in line for text in (value, interval, shown, verdict))
-
-
-@pytest.mark.thorough
-def test_no_serious_fault(page):
-    """Assert that axe-core finds nothing that keeps people out."""
-    assert serious_faults(page) == []
 
 
 @pytest.mark.thorough

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexid.recording.recording import Log, Recording
-from flexid.report.charts.description import Line
+from flexid.report.chart import Line
 from flexid.report.free_run_chart import log_chart
 
 

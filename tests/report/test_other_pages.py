@@ -11,7 +11,7 @@ from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
 from flexid.report import campaign, simulated_run
 from flexid.report import reproduction as reproduced
-from flexid.report.page.page import Command, page_html
+from flexid.report.page import Command, page_html
 from flexid.report.reproduction_charts import reproduction_charts
 
 FOLDER = Path(__file__).parents[2] / "experiments"

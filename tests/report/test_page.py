@@ -6,7 +6,7 @@ import pytest
 from made_page import made_page
 
 from browser import Watched, serious_faults
-from flexid.report.page.page import page_html
+from flexid.report.page import page_html
 
 HOSTILE = '"><img src=x onerror=alert(1)></script><script>alert(2)</script>{{ 7 * 7 }}'
 STROKE = "() => getComputedStyle(document.querySelector('.chart path[stroke]')).stroke"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexid.experiments import read_experiment
-from flexid.report.charts.description import Band, Level, Line
+from flexid.report.chart import Band, Level, Line
 from flexid.report.simulated_run import motion_chart, observer_chart
 from flexid.simulation.run import Run
 
@@ -55,11 +55,3 @@ def test_every_estimate_is_drawn_beside_its_truth(run: Run):
         assert np.array_equal(estimate.y, run.estimates[:, place])
     settled = sum(abs(e) < 0.05 * run.loop.coefficients[n] for n, e in run.final_errors().items())
     assert f"At the end {settled} of 4" in chart.says
-
-
-def test_charts_carry_the_name_of_the_experiment(run: Run):
-    """Assert that both have it as it is, and the names of their files."""
-    name = r"gain $\frac of $x"
-    charts = motion_chart(name, run), observer_chart(name, run)
-    assert {chart.title for chart in charts} == {name}
-    assert [chart.name for chart in charts] == ["motion", "estimates"]

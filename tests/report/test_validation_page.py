@@ -7,7 +7,7 @@ import pytest
 
 from flexid.identification.vocabulary.evidence import FreeRun
 from flexid.report.free_run_chart import residual_chart
-from flexid.report.page.page import Command, page_html
+from flexid.report.page import Command, page_html
 from flexid.report.validation import fit_chart, page
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 

@@ -15,8 +15,8 @@ from rich.text import Text
 
 from flexid.identification.vocabulary.evidence import CoefficientEstimate
 from flexid.report.identification import estimates_table
-from flexid.report.page.page import Answer as PageAnswer
-from flexid.report.page.page import Bullets, Command, Link
+from flexid.report.page import Answer as PageAnswer
+from flexid.report.page import Bullets, Command, Link
 from flexid.report.terminal import Table
 from flexid.studio import jobs
 from flexid.studio.jobs import Answer, JobError, Workers

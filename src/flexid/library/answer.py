@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from flexid.report.charts.description import Chart
-    from flexid.report.page.page import Page, Presenter
+    from flexid.report.chart import Chart
+    from flexid.report.page import Page, Presenter
     from flexid.report.terminal import Part
 
 _WIDTH = 100  # columns of a text
@@ -120,15 +120,15 @@ class Answer:
             If it cannot be written.
         """
         from flexid.files import output_directory
-        from flexid.report.charts.figure import save_charts
+        from flexid.report.figure import save_charts
 
         with output_directory(as_path("save_figures", "directory", directory)) as files:
             save_charts(self._drawn, files, self._formats)
 
     def _write_files(self, directory: Path, command: str, out: str, *, csv: bool) -> None:
         """Write what the command writes: document, time series, figures and page."""
-        from flexid.report.charts.figure import save_charts
-        from flexid.report.page.page import save_page
+        from flexid.report.figure import save_charts
+        from flexid.report.page import save_page
 
         (directory / self._file).write_text(to_json(self._document()), encoding="utf-8")
         self._presenter.write_data(*self._shown, directory, csv)
@@ -153,7 +153,7 @@ class Answer:
 
     def _leading_figure(self) -> "Figure | None":
         """The figure that a notebook shows."""
-        from flexid.report.charts.figure import draw
+        from flexid.report.figure import draw
 
         return draw(self._drawn[0]) if self._drawn else None
 
@@ -177,7 +177,7 @@ class ReportedAnswer(Answer):
             If it cannot be written.
         """
         from flexid.files import write_document
-        from flexid.report.page.page import page_html
+        from flexid.report.page import page_html
 
         page = self._page()
         assert page is not None
@@ -213,7 +213,7 @@ class PlottedAnswer(Answer):
         ax : Axes, optional
             In whose place the panels are drawn.
         """
-        from flexid.report.charts.figure import draw
+        from flexid.report.figure import draw
 
         return draw(self._drawn[0], ax=ax)
 

@@ -12,7 +12,7 @@ from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
 from flexid.library.logs import all_recordings
 from flexid.report import validation
 from flexid.report.bode_chart import bode_chart
-from flexid.report.charts.figure import draw
+from flexid.report.figure import draw
 from flexid.report.free_run_chart import residual_chart
 from flexid.report.identification_charts import (
     estimates_chart,

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from flexid.library.logs import Columns, Logs, OneLog
     from flexid.library.validation import EstimateValidation, Prediction
     from flexid.recording.recording import Log
-    from flexid.report.charts.description import Chart
-    from flexid.report.page.page import Page
+    from flexid.report.chart import Chart
+    from flexid.report.page import Page
 
 
 class JointEstimate(ReportedAnswer):
@@ -392,7 +392,7 @@ class JointEstimate(ReportedAnswer):
         return identification_charts(self.result)
 
     def _page(self, command: str = "", out: str = "") -> "Page":
-        from flexid.report.page.identification_page import identification_page
+        from flexid.report.identification_page import identification_page
 
         stored = shlex.quote(str(Path(out) / self._file))
         return identification_page(self.result, self._drawn, command, stored, self._advice())

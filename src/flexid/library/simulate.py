@@ -79,7 +79,7 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
         ax : Axes, optional
             In whose place the panels are drawn.
         """
-        from flexid.report.charts.figure import draw
+        from flexid.report.figure import draw
 
         return draw(self._drawn[0], ax=ax)
 
@@ -91,7 +91,7 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
         ax : Axes, optional
             In whose place the panels are drawn.
         """
-        from flexid.report.charts.figure import draw
+        from flexid.report.figure import draw
 
         return draw(self._drawn[1], ax=ax)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from rich.text import Text
 
 from flexid.arms.result import ArmIdentification
-from flexid.report.charts.description import Chart
+from flexid.report.chart import Chart
 from flexid.report.identification import estimates_table, verdict_reasons
-from flexid.report.page.page import Answer, Page, Presenter, Section, sections_of
+from flexid.report.page import Answer, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, numbers
 from flexid.stored_estimates.estimate_file import estimate_document
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.frequency.frequency_response import Frequency, FrequencyResponse, Response
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     Axis,
     Band,
     Chart,

@@ -13,7 +13,7 @@ import flexid
 from flexid.arrays import FloatArray
 from flexid.campaigns.summary import QUANTILES, Result, Summary
 from flexid.experiments.measures import Units
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     Axis,
     Chart,
     Dash,
@@ -23,7 +23,7 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.page.page import Answer, Bullets, Page, Presenter, Section, sections_of
+from flexid.report.page import Answer, Bullets, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
 DETAILS = ("final_error.", "final_state.")

@@ -12,9 +12,9 @@ from flexid.arrays import plain
 from flexid.comparisons.comparison import Comparison
 from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
+from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.comparison_summary import comparison_summary, largest
-from flexid.report.page.page import (
+from flexid.report.page import (
     Answer,
     Bullets,
     Item,

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from flexid.experiment_design.design import Design, Extreme, Prediction
 from flexid.experiment_design.drive import DOUBT
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     Axis,
     Chart,
     Colour,
@@ -21,7 +21,7 @@ from flexid.report.charts.description import (
     Points,
     whole_decades,
 )
-from flexid.report.page.page import Presenter
+from flexid.report.page import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}

@@ -13,7 +13,7 @@ from flexid.experiment_design.excitation_report import (
     ExcitationReport,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     VERDICT_COLOURS,
     Axis,
     Chart,
@@ -25,7 +25,7 @@ from flexid.report.charts.description import (
     whole_decades,
 )
 from flexid.report.identification import excitation_lines, verdict_reasons
-from flexid.report.page.page import Presenter
+from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, value_cells, verdict_cell
 
 _MANY = 99  # times, beyond which a factor is no more than large

@@ -8,7 +8,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.recording.recording import Log
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     Axis,
     Band,
     Chart,

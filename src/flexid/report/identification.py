@@ -16,7 +16,7 @@ from flexid.identification.vocabulary.evidence import (
     ValueEstimate,
 )
 from flexid.models.parameter_kinds import ANGLES
-from flexid.report.page.page import Presenter
+from flexid.report.page import Presenter
 from flexid.report.terminal import (
     VERDICT_STYLES,
     Cell,

@@ -21,7 +21,7 @@ from flexid.identification.vocabulary.evidence import ParameterEstimate, slopes_
 from flexid.identification.vocabulary.intervals import CONFIDENCE, interval
 from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.report.bode_chart import bode_chart
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     VERDICT_COLOURS,
     Axis,
     Band,

@@ -9,8 +9,8 @@ import flexid
 from flexid.analysis.excitation import Excitation
 from flexid.arrays import plain
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
-from flexid.report.charts.description import Chart
-from flexid.report.page.page import Answer, Page, Presenter, Section, sections_of
+from flexid.report.chart import Chart
+from flexid.report.page import Answer, Page, Presenter, Section, sections_of
 from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.studies.huang2003.cases import TheoremCase

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
 from flexid.arrays import FloatArray
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     Axis,
     Chart,
     Colour,

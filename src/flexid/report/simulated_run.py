@@ -22,8 +22,8 @@ from flexid.experiments.measures import (
     run_columns,
 )
 from flexid.recording.write import write_parquet
-from flexid.report.charts.description import Axis, Band, Chart, Colour, Level, Line, Panel
-from flexid.report.page.page import Answer, Bullets, Command, Page, Presenter, Section, sections_of
+from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Panel
+from flexid.report.page import Answer, Bullets, Command, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.simulation.run import Run
 

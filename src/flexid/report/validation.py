@@ -11,10 +11,10 @@ from rich.text import Text
 
 from flexid.arrays import plain
 from flexid.identification.judgement.compliance import WEAK_FIT
-from flexid.report.charts.description import Chart
+from flexid.report.chart import Chart
 from flexid.report.free_run_chart import free_run_chart, residual_chart
-from flexid.report.page.identification_page import input_facts
-from flexid.report.page.page import (
+from flexid.report.identification_page import input_facts
+from flexid.report.page import (
     Answer,
     Command,
     Page,

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from flexid.models.parameter_kinds import ANGLES, difference
 from flexid.report.identification import negligible
-from flexid.report.page.page import Presenter
+from flexid.report.page import Presenter
 from flexid.report.terminal import (
     Cell,
     Column,

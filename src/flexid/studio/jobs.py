@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from flexid.identification.vocabulary.progress import Progress
     from flexid.recording.overview import FileOverview
     from flexid.recording.survey import LogSurvey
-    from flexid.report.charts.svg import Drawn
-    from flexid.report.page.page import Answer as PageAnswer
+    from flexid.report.page import Answer as PageAnswer
+    from flexid.report.svg import Drawn
     from flexid.report.terminal import Table
     from flexid.studio.choices import Choices
 
@@ -235,8 +235,8 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
     from flexid.identification.preparation.joint import Kind, joint_of
     from flexid.recording.read import read_log
     from flexid.recording.survey import survey
-    from flexid.report.charts.svg import drawn
     from flexid.report.free_run_chart import log_chart
+    from flexid.report.svg import drawn
     from flexid.studio.choices import ALL_TERMS
 
     log = read_log(Path(name), choices.column_map)
@@ -253,11 +253,11 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     from flexid.files import write_document
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
-    from flexid.report.charts.svg import drawn
     from flexid.report.identification import coefficients_table, parameters_table
     from flexid.report.identification_charts import identification_charts
-    from flexid.report.page.identification_page import identification_page
-    from flexid.report.page.page import page_html
+    from flexid.report.identification_page import identification_page
+    from flexid.report.page import page_html
+    from flexid.report.svg import drawn
 
     progress("reading the log (the first run on a machine compiles for up to a minute)")
     log = read_log(Path(name), choices.column_map)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
     from flexid.identification.vocabulary.progress import Progress
-    from flexid.report.charts.svg import Drawn
+    from flexid.report.svg import Drawn
     from flexid.simulation.run import Run
     from flexid.simulation.sampled import Sampling
     from flexid.studio.window import Window
@@ -183,7 +183,7 @@ def play(
     _: Progress, chosen: PlayChoices, pinned: PlayChoices | None, window: str = "wide"
 ) -> PlayedRuns:
     """Simulate a loop, and say what came of it beside a pinned one."""
-    from flexid.report.charts.svg import drawn
+    from flexid.report.svg import drawn
 
     begun = perf_counter()
     runs: list[Played | None] = []

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import FlexidError
-from flexid.report.page.page import drawing_style, page_environment
+from flexid.report.page import drawing_style, page_environment
 from flexid.studio import identify_room, play
 from flexid.studio.identify_room import IdentifyRoom
 from flexid.studio.jobs import Workers

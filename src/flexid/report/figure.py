@@ -29,7 +29,7 @@ from matplotlib.ticker import (
 )
 
 from flexid.errors import SettingError
-from flexid.report.charts.description import (
+from flexid.report.chart import (
     Axis,
     Band,
     Chart,

@@ -1,6 +1,6 @@
 """What a figure shows: a chart is a grid of panels, and a panel a stack of marks over two axes.
 
-`flexid.report.charts.figure` draws a chart for files and notebooks, `flexid.report.charts.svg` the
+`flexid.report.figure` draws a chart for files and notebooks, `flexid.report.svg` the
 same drawing for a page and the studio. A line of a million samples has no more pixels than others,
 so marks are thinned to fewer samples with the same look.
 """

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-from flexid.report.charts.description import Chart
-from flexid.report.charts.figure import COLOURS, GRID, NARROW, STYLE, WIDTH, laid_out
+from flexid.report.chart import Chart
+from flexid.report.figure import COLOURS, GRID, NARROW, STYLE, WIDTH, laid_out
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType

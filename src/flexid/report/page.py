@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from rich.text import Text
 
 import flexid
-from flexid.report.charts.description import Chart
+from flexid.report.chart import Chart
 from flexid.report.terminal import Part, Table
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ def _environment() -> Environment:
     from jinja2 import FileSystemLoader
     from markupsafe import Markup
 
-    from flexid.report.charts.svg import chart_html
+    from flexid.report.svg import chart_html
 
     environment = page_environment(FileSystemLoader(_HERE / "templates"))
     environment.filters["drawn"] = lambda chart: Markup(chart_html(chart))

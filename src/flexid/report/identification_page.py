@@ -16,7 +16,7 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.columns import is_by_name
-from flexid.report.charts.description import Chart
+from flexid.report.chart import Chart
 from flexid.report.identification import (
     coefficients_table,
     compliance_line,
@@ -28,7 +28,7 @@ from flexid.report.identification import (
     residual_lines,
     verdict_reasons,
 )
-from flexid.report.page.page import (
+from flexid.report.page import (
     Answer,
     Bullets,
     Command,

@@ -1,1 +1,0 @@
-"""What a figure shows, described once and drawn by Matplotlib, in a page or in the studio."""
