@@ -1,4 +1,4 @@
-"""How the studio is started, and what is said where it cannot be."""
+"""The studio's server: who is let in, which logs it takes, and what it serves."""
 
 from __future__ import annotations
 
@@ -12,8 +12,179 @@ from urllib.request import Request, urlopen
 import pytest
 
 from flexid.studio import guard, server
+from flexid.studio.guard import COOKIE, Guard, UploadError, is_loopback, safe_name, save
 from flexid.studio.jobs import Workers
 from flexid.studio.window import Offer, Window
+
+HERE = "127.0.0.1:8765"
+TOKEN = "a-long-secret"
+Headers = dict[str, str]
+
+
+def answer(
+    headers: Headers,
+    *,
+    host: str = "127.0.0.1",
+    token: str = "",
+    path: str = "/",
+    query: str = "",
+    method: str = "GET",
+    kind: str = "http",
+) -> tuple[int, Headers]:
+    """Status and headers of what a guard answers; 200 is what it guards, 1008 a closed socket."""
+    sent: list[Any] = []
+
+    async def app(_scope: Any, _receive: Any, send: Any) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def receive() -> dict[str, str]:
+        return {"type": "websocket.connect"}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {
+        "type": kind,
+        "method": method,
+        "path": path,
+        "query_string": query.encode(),
+        "headers": [(name.lower().encode(), value.encode()) for name, value in headers.items()],
+    }
+    guard = Guard(app, host, token)
+    asyncio.run(guard(scope, receive, send))
+    if sent[0]["type"] == "websocket.close":
+        return sent[0]["code"], {}
+    found = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
+    return sent[0]["status"], found
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        *((name, 200) for name in (HERE, "localhost:8765", "[::1]:8765")),
+        *((name, 403) for name in ("evil.example", "127.0.0.1.evil.example", "", "[", "10.1.1.1")),
+        ("localhost.evil.example", 403),
+    ],
+)
+def test_the_loopback_is_let_in_by_its_names_alone(host: str, status: int):
+    """Assert that a name that somebody else lets resolve to the loopback does not serve."""
+    assert answer({"Host": host})[0] == status
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:9000"])
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_another_page_is_refused(origin: str, kind: str):
+    """Assert that no page of another origin can ask, be it by a socket."""
+    status, _ = answer({"Host": HERE, "Origin": origin}, kind=kind)
+    assert status == (403 if kind == "http" else 1008)
+
+
+def test_who_acts_says_where_from():
+    """Assert that a request that changes something, or opens a socket, has an origin: ours."""
+    assert answer({"Host": HERE}, method="POST")[0] == 403
+    assert answer({"Host": HERE}, kind="websocket")[0] == 1008
+    ours = {"Host": HERE, "Origin": f"http://{HERE}"}
+    assert answer(ours, method="POST")[0] == 200
+    assert answer(ours, kind="websocket")[0] == 200
+
+
+def test_the_token_is_asked_for():
+    """Assert that nobody gets in without it, nor with a part of it."""
+    for query in ("", "token=", "token=a-long", f"token={TOKEN}x", "token=%ff"):
+        assert answer({"Host": HERE}, token=TOKEN, query=query)[0] == 403
+    for cookie in ("", f"{COOKIE}=wrong", f"other={TOKEN}", "="):
+        assert answer({"Host": HERE, "Cookie": cookie}, token=TOKEN)[0] == 403
+    ours = {"Host": HERE, "Origin": f"http://{HERE}"}
+    query = f"token={TOKEN}"
+    assert answer(ours, token=TOKEN, kind="websocket", query=query)[0] == 1008
+
+
+def test_the_token_becomes_a_cookie():
+    """Assert that the token leaves the address, and that scripts cannot read the cookie."""
+    status, headers = answer({"Host": HERE}, token=TOKEN, query=f"hold=zero&token={TOKEN}")
+    assert status == 303
+    assert headers["location"] == "/?hold=zero"
+    cookie = headers["set-cookie"].lower()
+    assert "httponly" in cookie
+    assert "samesite=lax" in cookie
+    let_in = {"Host": HERE, "Cookie": f"{COOKIE}={TOKEN}", "Origin": f"http://{HERE}"}
+    assert answer(let_in, token=TOKEN)[0] == 200
+    assert answer(let_in, token=TOKEN, kind="websocket")[0] == 200
+
+
+def test_off_the_loopback_a_number_serves():
+    """Assert that a studio on the network is reached by its number, and by no foreign name."""
+    let_in = {"Cookie": f"{COOKIE}={TOKEN}"}
+    assert answer({"Host": "10.1.1.1:8765", **let_in}, host="0.0.0.0", token=TOKEN)[0] == 200
+    assert answer({"Host": "evil.example", **let_in}, host="0.0.0.0", token=TOKEN)[0] == 403
+
+
+def test_answers_keep_the_browser_in():
+    """Assert that a page runs the scripts of the studio alone, and stands in no frame."""
+    policy = answer({"Host": HERE})[1]["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "script-src 'self'; style-src 'self';" in policy
+    assert "frame-ancestors 'none'" in policy
+
+
+def test_what_the_loopback_is():
+    """Assert that only addresses of this machine count as such."""
+    names = ("127.0.0.1", "localhost", "::1", "0.0.0.0", "localhost.example")
+    assert [name for name in names if is_loopback(name)] == [*names[:3]]
+
+
+async def chunks(*parts: bytes) -> AsyncIterator[bytes]:
+    """Return what a browser sends."""
+    for part in parts:
+        yield part
+
+
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        ("run 1.csv", "run 1.csv"),
+        ("../../etc/passwd.csv", "passwd.csv"),
+        ("..\\..\\windows\\log.CSV", "log.CSV"),
+        ("<script>alert(1)</script>.csv", "script_.csv"),
+        ("....csv", "log.csv"),
+        ("-rf.parquet", "rf.parquet"),
+        ("a\0b\n\u202e.csv", "a_b__.csv"),
+        ("x" * 500 + ".csv", "x" * 80 + ".csv"),
+        ("Messung März.csv", "Messung M_rz.csv"),
+    ],
+)
+def test_names_are_plain(name: str, safe: str):
+    """Assert that a name from outside leads nowhere and holds nothing but plain characters."""
+    assert safe_name(name) == safe
+
+
+@pytest.mark.parametrize("name", ["", "passwd", "log.exe", "log.csv/", "log.html", ".csv.sh"])
+def test_other_kinds_are_refused(name: str):
+    """Assert that only logs are taken."""
+    with pytest.raises(UploadError, match="whose names end in"):
+        safe_name(name)
+
+
+def test_a_full_disk_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that logs do not fill the disk."""
+    monkeypatch.setattr(guard, "LEAST_FREE", 10**18)
+    with pytest.raises(UploadError, match="disk"):
+        asyncio.run(save(chunks(b"1"), "a.csv", tmp_path))
+
+
+@pytest.mark.parametrize(("parts", "status"), [((b"12345", b"678901"), 413), ((), 400)])
+def test_size_is_bounded(
+    parts: tuple[bytes, ...], status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that too much, and nothing, is refused, and the log in use stays whole."""
+    monkeypatch.setattr(guard, "LARGEST_UPLOAD", 10)
+    before = asyncio.run(save(chunks(b"time", b",q\n"), "a.csv", tmp_path))
+    assert before == tmp_path / "a.csv"
+    with pytest.raises(UploadError) as caught:
+        asyncio.run(save(chunks(*parts), "a.csv", tmp_path))
+    assert caught.value.status == status
+    assert before.read_bytes() == b"time,q\n"
+    assert [*tmp_path.iterdir()] == [before]
 
 
 def test_without_the_package(flexid, monkeypatch: pytest.MonkeyPatch):

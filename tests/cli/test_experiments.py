@@ -1,11 +1,15 @@
-"""``flexid simulate`` as a user meets it."""
+"""Experiments on the command line: simulate, campaign and reproduce."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import polars as pl
+import pytest
+from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 import flexid as package
 from flexid.experiments import read_experiment
@@ -108,3 +112,88 @@ def test_model_of_ones_own_has_its_own_names(flexid: Callable, tmp_path: Path, e
     columns = pl.read_parquet(tmp_path / "run" / "run.parquet").columns
     assert {"time", "arm_position", "true_arm_position", "viscous_estimate"} <= set(columns)
     assert not any("[" in name for name in columns)
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """The tiny campaign."""
+    return write_experiment(tmp_path / "tiny.toml")
+
+
+def test_a_campaign_is_run_and_summarised(flexid, tiny, tmp_path):
+    """Assert that the command says what became of the runs, and the summary what they tell."""
+    out = tmp_path / "out"
+    run = flexid("campaign", tiny, "--out", out)
+    assert (run.status, run.stderr) == (0, "")
+    assert run.stdout.splitlines()[0] == f"12 runs in {out}: finished 12"
+    summary = flexid("campaign", "--summary", out)
+    assert summary.status == 0
+    assert "finished 12 (100 %)" in summary.stdout
+    assert "tracking_rms" in summary.stdout
+    assert max(map(len, summary.stdout.splitlines())) <= 80
+    document = json.loads((out / "summary.json").read_text())
+    assert document["results"]["tracking_rms"]["finite"] == 12
+    assert (out / "distributions.png").stat().st_size > 10_000
+    assert json.loads(flexid("campaign", "--summary", out, "--json").stdout) == document
+
+
+def test_a_campaign_in_which_nothing_finishes(flexid, tmp_path):
+    """Assert that the campaign is done, and that its summary exits 1 and says why."""
+    campaign = '[campaign]\nkind = "grid"\nvary.controller.derivative = [1e9, 2e9]\n'
+    text = EXPERIMENT.replace("duration = 0.1", "duration = 1.0")
+    path = write_experiment(tmp_path / "tiny.toml", campaign, text)
+    run = flexid("campaign", path, "--out", tmp_path / "out")
+    assert run.status == 0
+    assert run.stdout.splitlines()[0].endswith("diverged 2")
+    summary = flexid("campaign", "--summary", tmp_path / "out")
+    assert summary.status == 1
+    assert "diverged 2 (100 %)" in summary.stdout
+
+
+@pytest.fixture(scope="session")
+def reproduced(tmp_path_factory) -> tuple[subprocess.CompletedProcess[str], Path]:
+    """Return the finished command, run once in a process of its own, and its directory."""
+    out = tmp_path_factory.mktemp("reproduced") / "new" / "directory"
+    command = [sys.executable, "-c", "from flexid.cli.main import main; main()"]
+    run = subprocess.run(
+        [*command, "reproduce", "--out", str(out)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    return run, out
+
+
+def test_it_writes_figures_and_result_and_nothing_else(reproduced):
+    """Assert that tables are printed, and that Figures 1 to 5 and that of Theorem 1 are written."""
+    run, out = reproduced
+    assert run.returncode == 0, run.stderr
+    assert "Claims of the paper" in run.stdout
+    assert "Traceback" not in run.stderr
+    names = [*(f"figure{number}" for number in range(1, 6)), "theorem1"]
+    expected = {f"{name}.{extension}" for name in names for extension in ("png", "pdf")}
+    assert {file.name for file in out.iterdir()} == expected | {"result.json", "report.html"}
+    assert all(file.stat().st_size > 5000 for file in out.iterdir())
+
+
+def test_result_has_the_agreed_keys(reproduced):
+    """Assert the shape of result.json that others rely on."""
+    _, out = reproduced
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert set(result["readings"]) == {"1,2,3", "1,1,3"}
+    for reading in result["readings"].values():
+        errors = reading["parameter_errors_at_30s"]
+        assert set(errors) == {"theta1", "theta2", "alpha1", "alpha2"}
+        assert reading["max_tracking_error_20_30"] > 0
+        assert len(reading["poles"]) == 4
+    assert {"key", "source", "statement", "verdict", "findings"} == set(result["claims"][0])
+    assert result["provenance"]["flexid_version"]
+
+
+def test_json_is_the_document(reproduced, flexid):
+    """Assert that --json prints what result.json holds, and no table."""
+    _, out = reproduced
+    printed = flexid("reproduce", "--json")
+    assert printed.status == 0
+    assert json.loads(printed.stdout) == json.loads((out / "result.json").read_text("utf-8"))

@@ -1,22 +1,71 @@
-"""Runs of the paper's closed loop for the page."""
+"""Play: what its sliders may stand at, its runs, and the room in a browser."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qsl
 
 import numpy as np
 import pytest
 
+from browser import Watched, serious_faults
 from flexid.analysis.excitation import excitation
 from flexid.analysis.histories import row_histories
-from flexid.errors import SimulationError
+from flexid.errors import SettingError, SimulationError
 from flexid.report.reproduction_charts import SYMBOLS
 from flexid.simulation import closed_loop
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
+from flexid.studies.huang2003.readings import table1_loop
 from flexid.studio import play as played
-from flexid.studio.play import TABLE1, play, read_play
+from flexid.studio.play import READINGS, SLIDERS, TABLE1, play, query_of, read_play
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+
+def test_it_begins_at_table_one():
+    """Assert that the loop of the first view is the paper's, and the drive ideal."""
+    paper = table1_loop((1, 2, 3))
+    assert TABLE1.loop.parameters.tolist() == pytest.approx(paper.parameters.tolist())
+    assert TABLE1.loop.start_estimates.tolist() == paper.start_estimates.tolist()
+    assert TABLE1.sampling is None
+    assert read_play({}) == TABLE1
+    assert set(READINGS) == {"1,2,3", "1,1,3"}
+
+
+def test_an_address_says_all():
+    """Assert that a run and a pinned one are the same when they come back from their address."""
+    chosen = read_play({"reading": "1,1,3", "k": "80", "sampled": "yes", "torque_limit": "500"})
+    pinned = read_play({"amplitude": "0.5"})
+    found = dict(parse_qsl(query_of(chosen, pinned)))
+    assert found["room"] == "play"
+    assert read_play(found) == chosen
+    assert read_play(found, "pin.") == pinned
+    assert chosen.sampling is not None
+    assert chosen.sampling.input_limit == 500.0
+    assert dict(parse_qsl(query_of(chosen, None)))["pin"] == "none"
+
+
+@pytest.mark.parametrize("slider", SLIDERS, ids=lambda slider: slider.name)
+def test_ends_of_a_slider(slider):
+    """Assert that a slider's ends are taken, and nothing beyond them."""
+    for value in (slider.lowest, slider.highest):
+        assert read_play({slider.name: repr(float(value))}).values[slider.name] == value
+    for text in (slider.highest * 1.01, slider.lowest - 0.01 * slider.highest, "nan", "inf", "x"):
+        with pytest.raises(SettingError, match=slider.name):
+            read_play({slider.name: str(text)})
+
+
+@pytest.mark.parametrize(
+    "values",
+    [None, "x", {"reading": "9,9,9"}, {"k": "x" * 1000}, {f"key{i}": "" for i in range(1000)}],
+)
+def test_what_cannot_be_meant_is_refused(values: object):
+    """Assert that an address with other values is answered in a sentence."""
+    with pytest.raises(SettingError):
+        read_play(values)
 
 
 def numbers(rows: tuple[tuple[str, str, str], ...], place: int) -> dict[str, float]:
@@ -112,3 +161,67 @@ def test_where_the_true_value_is_zero_the_error_has_its_unit():
         True,
         False,
     ]
+
+
+def cell(page: Page, column: int) -> str:
+    """The tracking error of this run, or of the pinned one."""
+    return page.inner_text(f"#play-figures tbody tr:first-child td:nth-child({column + 1})")
+
+
+@pytest.mark.thorough
+def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
+    """Assert that the other reading is a click, beside the first, and that a link repeats it."""
+    watched = Watched(page)
+    page.goto(empty_address)
+    page.wait_for_selector("#file:enabled")
+    page.click("nav >> text=Play")
+    page.wait_for_selector("#play-figures table")
+    assert cell(page, 1) == cell(page, 2) == "0.00082 rad"
+    page.check("input[value='1,1,3']")
+    page.wait_for_selector("#play-figures td:has-text('0.27 rad')")
+    assert cell(page, 2) == "0.00082 rad"
+    page.wait_for_selector("#play-charts .chart.wide:has-text('V of Theorem 1')")
+    assert serious_faults(page) == []
+    again = page.url
+    page.goto("about:blank")
+    page.goto(again)
+    page.wait_for_selector("#play-figures td:has-text('0.27 rad')")
+    assert page.is_checked("input[value='1,1,3']")
+    assert page.is_hidden("#room-identify")
+    assert watched.complaints == []
+
+
+@pytest.mark.thorough
+def test_a_slider_is_moved_pinned_and_put_back(page: Page, empty_address: str):
+    """Assert that keys move a slider, that what they give can be pinned, and Table I comes back."""
+    page.goto(f"{empty_address}?room=play&pin=none")
+    page.wait_for_selector("#play-figures table")
+    assert cell(page, 2) == ""
+    page.focus("input[name=k]")
+    for _ in range(15):
+        page.keyboard.press("ArrowLeft")
+    page.wait_for_selector("#play-figures td:not(:has-text('0.00082 rad'))")
+    page.wait_for_url("**k=**")
+    label = page.get_attribute("input[name=k]", "aria-valuetext")
+    assert label is not None
+    assert label.endswith("1/s")
+    assert float(label.split()[0]) < 50.0
+    page.click("text=Pin this run")
+    page.wait_for_url("**pin.k=**")
+    page.click("[data-kind=reset]")
+    page.wait_for_url(lambda url: "k=" not in url)
+    page.wait_for_selector("#play-figures td:has-text('0.00082 rad')")
+
+
+@pytest.mark.thorough
+def test_a_hostile_room_does_nothing(page: Page, empty_address: str):
+    """Assert that values that cannot be meant are refused where one sees it."""
+    page.goto(f"{empty_address}?room=play&k=%3Cscript%3Ealert(1)%3C/script%3E")
+    page.wait_for_selector("#play-figures table")
+    assert "give a number from 5 to 200" in page.inner_text("#play-problem")
+    assert cell(page, 1) == "0.00082 rad"
+    page.goto(f"{empty_address}?room=play&joint_stiffness=-1e300")
+    page.wait_for_selector("#play-problem .problem")
+    page.check("input[value='1,1,3']")
+    page.wait_for_selector("#play-figures td:has-text('0.27 rad')")
+    assert page.inner_text("#play-problem") == ""

@@ -1,0 +1,151 @@
+"""A comparison as text within every width, as a chart, and on its page."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import flexid
+from flexid.comparisons.comparison import compare_estimates
+from flexid.report.chart import Line, Points
+from flexid.report.comparison import charts, outcome_texts, parts
+from flexid.report.comparison import page as comparison_page
+from flexid.report.comparison_summary import comparison_summary
+from flexid.report.page import Bullets, Command
+from flexid.report.terminal import format_with_interval, laid_out
+from made_estimates import STIFFER, TRUE, drawn, exact, with_parameter
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    """A drive before, and after, stiffer and with an offset that A does without."""
+    rng = np.random.default_rng(21)
+    a, b = drawn(rng), drawn(rng, {**STIFFER, "alpha_offset": 3.0}, hold="linear")
+    offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
+    return compare_estimates(
+        replace(a, removed={offset.name: offset}), b, ("before.json", "after.json")
+    )
+
+
+@pytest.mark.parametrize("width", range(40, 201))
+def test_it_fits_every_width(comparison, width):
+    """Assert that each line fits, and that each value and each interval stands whole."""
+    lines = [line.plain for line in laid_out(parts(comparison), width)]
+    assert max(map(len, lines)) <= width
+    page = " ".join(" ".join(lines).split())
+    for d in comparison.parameters.values():
+        low, high = d.percent_interval
+        shown = [format_with_interval(d.percent, low, high, digits)[1:] for digits in (1, 2)]
+        assert (
+            any(f"[{lower}, {upper}] %" in page for lower, upper in shown) or d.name in NO_PERCENT
+        )
+
+
+NO_PERCENT = {"motor_offset_torque"}
+
+
+def test_a_bound_promises_no_less_than_the_interval(comparison):
+    """Assert that rounding makes no bound smaller than it is."""
+    for d in comparison.parameters.values():
+        if d.outcome == "no change":
+            for text in outcome_texts(d):
+                stated = float(re.findall(r"[\d.e+-]*\d", text)[0])
+                largest = d.largest_percent if np.isfinite(d.largest_percent) else d.largest
+                assert largest <= stated < 1.2 * largest
+
+
+def test_what_may_hide_is_rounded_up(comparison):
+    """Assert that the sentence promises no less than the interval."""
+    d = replace(comparison.parameters["joint_stiffness"], outcome="no change")
+    d = replace(d, percent_interval=(-1.0, 2.11))
+    found = replace(comparison, parameters={d.name: d}, together=None)
+    (line,) = comparison_summary(found)
+    assert line.endswith("the largest that may hide is one of 2.2 % of joint_stiffness.")
+
+
+def marks(panel, kind):
+    """Marks of one kind, A's before B's."""
+    return [mark for mark in panel.marks if isinstance(mark, kind)]
+
+
+def test_values_and_intervals_stand_side_by_side():
+    """Assert that each panel has A about zero, and B as many per cent away as it differs."""
+    a, b = exact(TRUE, "a"), exact(STIFFER, "b")
+    (chart,) = charts(compare_estimates(a, b))
+    assert [panel.title.partition("\n")[0] for panel in chart.panels] == [*a.parameters]
+    for panel, name in zip(chart.panels, a.parameters, strict=True):
+        of_a, of_b = (e.parameters[name] for e in (a, b))
+        points, lines = marks(panel, Points), marks(panel, Line)
+        assert [point.y.item() for point in points] == [0.0, 1.0]
+        assert points[0].x.item() == 0.0
+        assert points[1].x.item() == pytest.approx(100.0 * (of_b.value / of_a.value - 1.0))
+        for line, value in zip(lines, (of_a, of_b), strict=True):
+            ends = 100.0 * (np.array(value.interval) / of_a.value - 1.0)
+            np.testing.assert_allclose(line.x, ends, atol=1e-9)
+    stiffness = chart.panels[[*a.parameters].index("joint_stiffness")]
+    assert stiffness.title == "joint_stiffness\nchanged"
+    assert stiffness.x.unit == "%"
+
+
+def test_what_may_be_zero_has_its_unit():
+    """Assert that no percentage is drawn where A's value may be zero."""
+    a, b = (exact({**TRUE, "alpha_offset": value}, str(value)) for value in (1.0, 0.5))
+    a = with_parameter(a, "motor_offset_torque", value=0.1, std=0.25, interval=(-0.4, 0.6))
+    (chart,) = charts(compare_estimates(a, b))
+    (panel,) = [panel for panel in chart.panels if panel.title.startswith("motor_offset_torque")]
+    assert panel.x.unit == "N m"
+
+
+def test_the_library_draws_it():
+    """Assert that a comparison has a figure."""
+    a, b = (flexid.JointEstimate(exact(true, log)) for true, log in ((TRUE, "a"), (STIFFER, "b")))
+    assert isinstance(flexid.compare(a, b).plot(), Figure)
+
+
+def word(a, b):
+    """The answer to whether anything has changed, with what it means."""
+    answer = comparison_page(compare_estimates(a, b), ()).answers[0]
+    return answer.word, answer.tone
+
+
+def test_each_outcome_has_its_word():
+    """Assert that change, none, doubt, lack and contradiction are told apart at a glance."""
+    a, same, stiffer = exact(TRUE, "a"), exact(TRUE, "b"), exact(STIFFER, "b")
+    assert word(a, same) == ("Nothing is seen", "good")
+    assert word(a, stiffer) == ("Yes", "bad")
+    p = same.parameters["gravity_torque"]
+    doubtful = with_parameter(same, p.name, value=p.value + 2.2 * 2**0.5 * p.std)
+    assert word(a, doubtful) == ("Perhaps", "fair")
+    unknown = with_parameter(same, p.name, verdict="undetermined", reason="contradicted")
+    assert word(a, unknown) == ("Not all of it is known", "fair")
+    assert word(a, exact(STIFFER, "a")) == ("No", "bad")
+    again = replace(exact(TRUE, "a"), provenance={**a.provenance, "settings": {"hold": "zero"}})
+    assert word(a, again) == ("Yes", "good")
+
+
+def test_the_command_repeats_it():
+    """Assert that files are named so that a shell takes them, and that memory has no command."""
+    a, b = exact(TRUE, "a"), exact(STIFFER, "b")
+
+    def commands(*labels):
+        page = comparison_page(compare_estimates(a, b, *labels), ())
+        (origin,) = [section for section in page.sections if section.name == "origin"]
+        return [item.text for item in origin.content if isinstance(item, Command)]
+
+    assert commands() == []
+    (command,) = commands(("my drive/estimate.json", "b.json"))
+    assert shlex.split(command) == ["flexid", "compare", "my drive/estimate.json", "b.json"]
+
+
+def test_what_is_not_compared_is_explained():
+    """Assert that the reason stands below both values."""
+    b = with_parameter(exact(TRUE, "b"), "joint_stiffness", verdict="undetermined", reason="odd")
+    page = comparison_page((found := compare_estimates(exact(TRUE, "a"), b)), charts(found))
+    (values,) = [section for section in page.sections if section.name == "values"]
+    (said,) = [item for item in values.content if isinstance(item, Bullets)]
+    assert [*said.lines] == ["joint_stiffness: in B odd"]
