@@ -13,11 +13,9 @@ from flexid.campaigns.rows import ERROR, FINISHED, REACHED, STATUS
 from flexid.campaigns.store import Manifest, Store, find_store
 from flexid.errors import CampaignError
 
-FEWEST_RUNS = 10
-"""Fewest runs from which a correlation is computed."""
+_FEWEST_RUNS = 10  # fewest runs from which a correlation is computed
 
-FEWEST_POINTS = 16
-"""Fewest complete points of Saltelli's plan from which indices are computed."""
+_FEWEST_POINTS = 16  # fewest complete points of Saltelli's plan from which indices are computed
 
 _LEVEL = 0.05
 _SEED = 1  # of the resampling; SALib takes 0 for none
@@ -54,7 +52,7 @@ def rank_correlations(
 
     there = np.isfinite(result)
     values, result = values[there], result[there]
-    if len(result) < FEWEST_RUNS or np.ptp(result) == 0.0:
+    if len(result) < _FEWEST_RUNS or np.ptp(result) == 0.0:
         return ()
     varying = [place for place in range(len(inputs)) if np.ptp(values[:, place]) > 0.0]
     found = []
@@ -78,7 +76,7 @@ def sobol_indices(inputs: Sequence[str], result: FloatArray) -> tuple[SobolIndex
             "is evaluated by SALib, which is not installed: pip install 'flexid[campaigns]'",
         ) from None
     result = result[np.all(np.isfinite(result), axis=1)]
-    if len(result) < FEWEST_POINTS or np.ptp(result) == 0.0:
+    if len(result) < _FEWEST_POINTS or np.ptp(result) == 0.0:
         return ()
     problem = {"num_vars": len(inputs), "names": list(inputs)}
     found = sobol.analyze(

@@ -139,8 +139,7 @@ def _source(coefficient: str, values: Values) -> str:
     return next(n for n in values if coefficient in joint_coefficients({**inertias, n: 1.0}))
 
 
-MOST_SAMPLES = 10_000_000
-"""Most samples of one run."""
+_MOST_SAMPLES = 10_000_000  # most samples of one run
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,8 +247,8 @@ def _checked(content: Mapping[str, Any], refuse: Refuse) -> Tables:
     settings = tables.settings
     if settings.duration < settings.sample_time:
         raise refuse("run.duration", "is shorter than the sample time: lengthen it")
-    if settings.duration > MOST_SAMPLES * settings.sample_time:
-        raise refuse("run.duration", f"makes more than {MOST_SAMPLES} samples: shorten it")
+    if settings.duration > _MOST_SAMPLES * settings.sample_time:
+        raise refuse("run.duration", f"makes more than {_MOST_SAMPLES} samples: shorten it")
     return tables
 
 

@@ -17,11 +17,9 @@ from flexid.estimators.samples import Samples
 from flexid.exports.request import ExportRequest, rendered
 from flexid.models.parametric_system import Row
 
-LARGEST_SAMPLE = 1e9
-"""A number in a sample beyond this, in its unit, is a fault of the sensor."""
+_LARGEST_SAMPLE = 1e9  # a number in a sample beyond this, in its unit, is a fault of the sensor
 
-MOST_COEFFICIENTS = 31
-"""Of a row: which of them are determined stands in the bits of one number."""
+_MOST_COEFFICIENTS = 31  # of a row: which of them are determined stands in the bits of one number
 
 _RECENT = 10.0  # time constants of the filter that "lately" reaches back over
 _RECENT_TIME = 0.5  # s, where there is no filter
@@ -34,10 +32,10 @@ class DriveSource:
         assert request.settings is not None  # export_to has seen to it
         self.system, self.settings = request.system, request.settings
         for row in self.system.rows:
-            if len(row.coefficients) > MOST_COEFFICIENTS:
+            if len(row.coefficients) > _MOST_COEFFICIENTS:
                 raise SettingError(
                     row.name,
-                    f"has {len(row.coefficients)} coefficients, more than the {MOST_COEFFICIENTS} "
+                    f"has {len(row.coefficients)} coefficients, more than the {_MOST_COEFFICIENTS} "
                     f"of a row that an estimator in C takes: leave some out",
                 )
         self.twin = self.settings.twin(self.system)
@@ -134,7 +132,7 @@ class DriveSource:
             settings=settings,
             law=law,
             velocities=settings.velocities,
-            largest=LARGEST_SAMPLE,
+            largest=_LARGEST_SAMPLE,
             **more,
         )
 

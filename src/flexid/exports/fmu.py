@@ -30,8 +30,7 @@ from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING
 from flexid.recording.names import cut
 from flexid.simulation.substeps import STEPS_PER_TIME_CONSTANT, fastest_pole
 
-FIRST_INTEGER = 1001
-"""Value reference of the first integer output."""
+_FIRST_INTEGER = 1001  # value reference of the first integer output
 
 Causality = Literal["independent", "output", "input", "parameter"]
 
@@ -94,7 +93,7 @@ class FmuModel:
     def reference(self, variable: Variable) -> int:
         """Value reference of a variable."""
         if variable.integer:
-            return FIRST_INTEGER + [v for v in self.variables if v.integer].index(variable)
+            return _FIRST_INTEGER + [v for v in self.variables if v.integer].index(variable)
         return 1 + self.reals.index(variable)
 
     @cached_property
@@ -113,7 +112,7 @@ class FmuModel:
 
     def header(self) -> str:
         """Text of ``model.h``."""
-        return rendered("fmu/model.h", model=self, first_integer=FIRST_INTEGER)
+        return rendered("fmu/model.h", model=self, first_integer=_FIRST_INTEGER)
 
 
 def plant_model(request: ExportRequest) -> FmuModel:

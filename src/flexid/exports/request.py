@@ -137,8 +137,7 @@ def _with_terms(
     return ParametricSystem(joint.smooth.name, tuple(rows), inputs, used)
 
 
-MEMORY_TIME = 60.0
-"""s; a drive runs for years, and sums in float do not grow for ever."""
+_MEMORY_TIME = 60.0  # s; a drive runs for years, and sums in float do not grow for ever
 
 
 @dataclass(frozen=True)
@@ -151,7 +150,7 @@ class EstimatorSettings:
     # by coefficient or row: the paper's observer
     gains: Mapping[str, float] = field(default_factory=dict)
     filter_rate: float = 20.0  # 1/s, of the filter that positions pass
-    memory_time: float = MEMORY_TIME  # s, after which a sample weighs 1/e as much
+    memory_time: float = _MEMORY_TIME  # s, after which a sample weighs 1/e as much
     start: Mapping[str, float] = field(default_factory=dict)  # 0 where no value is given
 
     def __post_init__(self) -> None:

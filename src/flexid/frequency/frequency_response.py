@@ -47,17 +47,6 @@ class SpectralEstimate:
     averages: int  # number of segments, with those that overlap
 
 
-@dataclass(frozen=True, eq=False)
-class _Spectra:
-    """Averaged spectra of an input u and an output y, each (n,), and how many were averaged."""
-
-    frequency: FloatArray
-    of_input: FloatArray
-    of_output: FloatArray
-    between: NDArray[np.complex128]
-    averages: int
-
-
 def spectral_estimates(
     recordings: Sequence[Recording], result: Identification
 ) -> tuple[SpectralEstimate, ...]:
@@ -72,13 +61,9 @@ def spectral_estimates(
         samples = max(len(r) for r in alike)
         length = max(_SHORTEST, samples // _SEGMENTS)
         for output, channel in SHOWN[result.model].outputs.items():
-            spectra = [
-                _spectra(*_differenced(r, result, channel), sample_time, length)
-                for r in alike
-                if len(r) > length
-            ]
-            if spectra:
-                found.append(_estimate(output, _averaged(spectra), result, sample_time))
+            moved = [_differenced(r, result, channel) for r in alike if len(r) > length]
+            if moved:
+                found.append(_estimate(output, moved, length, result, sample_time))
     return tuple(found)
 
 
@@ -92,36 +77,31 @@ def _differenced(
     return recording.needed_input[1:], output
 
 
-def _spectra(u: FloatArray, y: FloatArray, sample_time: float, length: int) -> _Spectra:
+def _spectra(u: FloatArray, y: FloatArray, sample_time: float, length: int) -> ComplexArray:
+    """Spectra of input, of output, and between them, shape (3, n)."""
     from scipy.signal import csd, welch  # half a second, for whoever asks
 
     rate = 1.0 / sample_time
-    frequency, of_input = welch(u, rate, nperseg=length)
-    _, of_output = welch(y, rate, nperseg=length)
-    _, between = csd(u, y, rate, nperseg=length)
-    averages = 1 + (len(u) - length) // (length - length // 2)
-    return _Spectra(frequency, of_input, of_output, np.asarray(between, np.complex128), averages)
-
-
-def _averaged(spectra: Sequence[_Spectra]) -> _Spectra:
-    total = sum(s.averages for s in spectra)
-    shares = [s.averages / total for s in spectra]
-    return _Spectra(
-        spectra[0].frequency,
-        np.sum([w * s.of_input for w, s in zip(shares, spectra, strict=True)], axis=0),
-        np.sum([w * s.of_output for w, s in zip(shares, spectra, strict=True)], axis=0),
-        np.sum([w * s.between for w, s in zip(shares, spectra, strict=True)], axis=0),
-        total,
-    )
+    of_input, of_output = (welch(signal, rate, nperseg=length)[1] for signal in (u, y))
+    return np.array((of_input, of_output, csd(u, y, rate, nperseg=length)[1]), np.complex128)
 
 
 def _estimate(
-    output: str, spectra: _Spectra, result: Identification, sample_time: float
+    output: str,
+    moved: Sequence[tuple[FloatArray, FloatArray]],  # input and output of each recording
+    length: int,
+    result: Identification,
+    sample_time: float,
 ) -> SpectralEstimate:
-    inside = (spectra.frequency > 0.0) & (spectra.frequency < _HIGHEST * 0.5 / sample_time)
-    inside &= (spectra.of_input > 0.0) & (spectra.of_output > 0.0)
-    frequency = spectra.frequency[inside]
-    u, y, between = spectra.of_input[inside], spectra.of_output[inside], spectra.between[inside]
+    counts = [1 + (len(u) - length) // (length - length // 2) for u, _ in moved]
+    each = [_spectra(u, y, sample_time, length) for u, y in moved]
+    spectra = sum(n / sum(counts) * part for n, part in zip(counts, each, strict=True))
+    of_input, of_output, between = np.asarray(spectra)
+    frequency: FloatArray = np.fft.rfftfreq(length, sample_time).astype(np.float64)
+    inside = (frequency > 0.0) & (frequency < _HIGHEST * 0.5 / sample_time)
+    inside &= (of_input.real > 0.0) & (of_output.real > 0.0)
+    frequency, between = frequency[inside], between[inside]
+    u, y = of_input.real[inside], of_output.real[inside]
     jw = 2j * np.pi * frequency
     alignment = result.choices.alignment
     late = alignment.link_delay.value if output.startswith("link") else 0.0
@@ -130,13 +110,8 @@ def _estimate(
         late += alignment.input_delay.value
         values *= jw * sample_time / -np.expm1(-jw * sample_time)
         values /= _held(result.choices.hold, frequency, sample_time)
-    return SpectralEstimate(
-        output,
-        frequency,
-        values * np.exp(jw * late),
-        np.abs(between) ** 2 / (u * y),
-        spectra.averages,
-    )
+    coherence = np.abs(between) ** 2 / (u * y)
+    return SpectralEstimate(output, frequency, values * np.exp(jw * late), coherence, sum(counts))
 
 
 def _held(hold: Hold, frequency: FloatArray, sample_time: float) -> NDArray[np.complex128]:

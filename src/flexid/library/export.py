@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from flexid.library.logs import Columns, OneLog
 
 
-SHIPPED = "flexible-joint"
-"""Name of the model that needs no file."""
+_SHIPPED = "flexible-joint"  # name of the model that needs no file
 
 
 class ObserverText(str):
@@ -103,7 +102,7 @@ def _notes(observer: "SymbolicObserver") -> Iterator[str]:
 
 def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) -> ParametricSystem:
     """The model that is meant."""
-    if isinstance(model, str) and model == SHIPPED:
+    if isinstance(model, str) and model == _SHIPPED:
         from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
 
         # The equations hold for every value of a known beta1, which stays a symbol in them.
@@ -114,7 +113,7 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
     if terms is not None or unknown_input_gain:
         raise SettingError(
             "unknown-input-gain" if terms is None else "terms",
-            f"belongs to {SHIPPED}; a model states its own terms",
+            f"belongs to {_SHIPPED}; a model states its own terms",
         )
     if isinstance(model, ParametricSystem):
         return model
@@ -247,19 +246,19 @@ def what_is_meant(
     from flexid.library.identify import estimated
     from flexid.library.joint_estimate import JointEstimate
 
-    is_path = isinstance(what, str | PathLike) and what != SHIPPED
+    is_path = isinstance(what, str | PathLike) and what != _SHIPPED
     if isinstance(what, JointEstimate) or (is_path and _names_an_estimate(what)):
         found = estimated("export", "what", what)
         if arms and found.result.model == "arm":
             return found.result
         return request_of_identification(found.of_joint, with_memory=with_memory)
-    if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):
+    if not is_path and what != _SHIPPED and not isinstance(what, ParametricSystem):
         raise ArgumentError(
             "export",
             "what",
             f"is {kind_of(what)}: give an estimate, a model, or the path of one",
         )
-    return ExportRequest(declared(what, terms, unknown_input_gain=what == SHIPPED))
+    return ExportRequest(declared(what, terms, unknown_input_gain=what == _SHIPPED))
 
 
 def _names_an_estimate(what: str | PathLike[str]) -> bool:

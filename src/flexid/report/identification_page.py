@@ -43,8 +43,7 @@ from flexid.report.page import (
 )
 
 _USUAL = Settings()
-COLUMN_MAP = "MAP.toml"
-"""What stands for a column map, whose name no estimate holds."""
+_COLUMN_MAP = "MAP.toml"  # what stands for a column map, whose name no estimate holds
 
 _CHOSEN = ("hold", "input_delay", "link_delay", "coulomb_velocity", "filter_rate")
 
@@ -73,7 +72,7 @@ def _command(name: str, result: Identification, more: list[str]) -> str:
     files = [str(source.get("file") or "LOG") for source in logs] or ["LOG"]
     options = [*_options(result.provenance.get("settings", {}))]
     if mapped(result.provenance):
-        options += ["--columns", COLUMN_MAP]
+        options += ["--columns", _COLUMN_MAP]
     return shlex.join(["flexid", name, *files, *options, *more])
 
 
@@ -165,7 +164,7 @@ _TITLES = {
 }
 _INPUTS = {"N m": " and the torque", "V": " and the voltage", "A": " and the current"}
 _MAP = (
-    f"{COLUMN_MAP} stands for the column map: the channels were computed as below, which the "
+    f"{_COLUMN_MAP} stands for the column map: the channels were computed as below, which the "
     f"columns' names alone do not say."
 )
 _NAMED = 3  # files in a heading
@@ -188,7 +187,7 @@ def identification_page(
     """What there is to say of an identification."""
     command = command or identification_command(result)
     facts = (*input_facts(result.provenance), *chosen_facts(result.provenance))
-    remarks = [_MAP] if COLUMN_MAP in command and mapped(result.provenance) else []
+    remarks = [_MAP] if _COLUMN_MAP in command and mapped(result.provenance) else []
     sections = _sections(result, charts, advice)
     return Page(
         "identification",
@@ -328,7 +327,7 @@ def next_step(result: Identification, estimate: str, advice: Sequence[str] = ())
     question, lacking = "What do I do next?", _lacking(result)
     if not lacking:
         said = Text("This log needs nothing more. On one that the estimate has never seen:")
-        columns = f" --columns {COLUMN_MAP}" if mapped(result.provenance) else ""
+        columns = f" --columns {_COLUMN_MAP}" if mapped(result.provenance) else ""
         test = Command(f"flexid validate {estimate} NEXT.csv{columns}")
         return Answer(question, "Test it on another log", "", [said, test])
     reasons = [f"{e.name}: {e.reason}" for e in lacking[:1] if e.reason]

@@ -21,8 +21,7 @@ WIDEST = 100
 USUAL = 80
 """Columns of an answer where there is no terminal to ask."""
 
-NARROWEST = 40
-"""Columns below which a terminal breaks the lines itself."""
+_NARROWEST = 40  # columns below which a terminal breaks the lines itself
 
 _BETWEEN = 2  # blanks between two columns
 _NARROWEST_TEXT = 16  # columns of text that is broken into lines
@@ -224,7 +223,7 @@ def wrapped(text: str, width: int, indent: str = "") -> list[str]:
 def print_parts(parts: Iterable[Part]) -> None:
     """Print tables and texts on standard output, one after the other."""
     columns = shutil.get_terminal_size((USUAL, 24)).columns
-    width = min(max(columns, NARROWEST), WIDEST)
+    width = min(max(columns, _NARROWEST), WIDEST)
     console, parts = _Console(), [*parts]
     lines = list(laid_out(parts, width))
     if not encodable("".join(line.plain for line in lines)):  # what is spelled takes more room

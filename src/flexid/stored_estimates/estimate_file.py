@@ -29,8 +29,7 @@ FORMAT_VERSION = 1
 
 LARGEST_FILE = 20_000_000  # bytes; an estimate of many logs has some values for each
 
-USUAL_NAME = "estimate.json"
-"""Of the file in a folder that ``flexid identify --out`` wrote."""
+_USUAL_NAME = "estimate.json"  # of the file in a folder that ``flexid identify --out`` wrote
 
 WANTED = "an estimate.json of flexid identify"
 
@@ -110,7 +109,7 @@ def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
     else:
         path = Path(estimate)
         if path.is_dir():
-            path = path / USUAL_NAME
+            path = path / _USUAL_NAME
         file = str(path)
         refuse = partial(_refusal, file)
         raw = read_bytes(path, LARGEST_FILE, WANTED, partial(refuse, ""))

@@ -37,8 +37,7 @@ ATTENUATIONS = (15.0, 25.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 GAINS = (0.02, 0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 """Values of the observer's gain c for the rate of convergence."""
 
-SWEEP_TOLERANCE = 1e-6
-"""Relative tolerance of the sweeps, whose numbers need three digits."""
+_SWEEP_TOLERANCE = 1e-6  # relative tolerance of the sweeps, whose numbers need three digits
 
 _SAMPLE_TIME = 1e-3
 _STEADY_STATE = 1.0  # s, after which the motion under (1,2,3) has long reached its steady state
@@ -73,7 +72,7 @@ class RatePoint:
 
 def attenuation_point(exponents: Exponents, k: float) -> AttenuationPoint:
     """Simulate Table I with another attenuation factor."""
-    run = simulate(table1_loop(exponents, k), DURATION, 2 * _SAMPLE_TIME, SWEEP_TOLERANCE)
+    run = simulate(table1_loop(exponents, k), DURATION, 2 * _SAMPLE_TIME, _SWEEP_TOLERANCE)
     return AttenuationPoint(
         k,
         run.largest_tracking_error(STEADY_FROM, DURATION),
@@ -91,7 +90,7 @@ def peak_torque(exponents: Exponents, k: float) -> float:
 
 def late_tracking_errors(exponents: Exponents, ends: Sequence[float]) -> dict[float, float]:
     """Largest tracking error in rad over the 10 s before each time, in a run beyond the paper's."""
-    run = simulate(table1_loop(exponents), max(ends), 2 * _SAMPLE_TIME, SWEEP_TOLERANCE)
+    run = simulate(table1_loop(exponents), max(ends), 2 * _SAMPLE_TIME, _SWEEP_TOLERANCE)
     return {end: run.largest_tracking_error(end - 10.0, end) for end in ends}
 
 
@@ -105,7 +104,7 @@ def rate_points() -> dict[str, list[RatePoint]]:
     for gain in GAINS:
         duration = float(np.clip(20.0 / gain, 40.0, 500.0))
         loop = table1_loop((1, 2, 3), observer_gains=(gain, gain))
-        run = simulate(loop, duration, 0.01, SWEEP_TOLERANCE)
+        run = simulate(loop, duration, 0.01, _SWEEP_TOLERANCE)
         steady = run.between(_STEADY_STATE, duration)
         time = run.time[steady]
         for history in row_histories(run):
@@ -136,11 +135,9 @@ def steady_condition(amplitude: float = AMPLITUDE) -> float:
     return excitation("link", UNKNOWN[:2], f).condition_number
 
 
-SMALL_AMPLITUDE = 0.1
-"""Amplitude in rad at which one sinusoid leaves f nearly dependent."""
+_SMALL_AMPLITUDE = 0.1  # amplitude in rad at which one sinusoid leaves f nearly dependent
 
-STANDSTILL = 1.0
-"""Constant reference in rad."""
+_STANDSTILL = 1.0  # constant reference in rad
 
 _TOLERANCE = 1e-8
 
@@ -187,14 +184,19 @@ def excited_case() -> TheoremCase:
 def standstill_case() -> TheoremCase:
     """A constant reference: every regressor is constant, so each row keeps one unseen direction."""
     return _case(
-        "(A4) fails: standstill", f"{STANDSTILL:g} rad", 0.0, STANDSTILL, 6000.0, ("link", "motor")
+        "(A4) fails: standstill",
+        f"{_STANDSTILL:g} rad",
+        0.0,
+        _STANDSTILL,
+        6000.0,
+        ("link", "motor"),
     )
 
 
 def small_case() -> TheoremCase:
     """One sinusoid of small amplitude: sin x1 and x1 - x3 are proportional but for terms in x1³."""
-    reference = f"{SMALL_AMPLITUDE:g} sin {FREQUENCY:g}t rad"
-    return _case("(A4) nearly fails", reference, SMALL_AMPLITUDE, 0.0, 1500.0, ("link",))
+    reference = f"{_SMALL_AMPLITUDE:g} sin {FREQUENCY:g}t rad"
+    return _case("(A4) nearly fails", reference, _SMALL_AMPLITUDE, 0.0, 1500.0, ("link",))
 
 
 CASES = (excited_case, standstill_case, small_case)

@@ -75,8 +75,7 @@ class Claim:
         return "holds" if outcomes == {True} else "does not hold"
 
 
-ROUNDING = 1e-12
-"""Relative error that floating-point arithmetic explains."""
+_ROUNDING = 1e-12  # relative error that floating-point arithmetic explains
 
 
 def design_claims(best: SteadyRun) -> list[Claim]:
@@ -101,7 +100,7 @@ def design_claims(best: SteadyRun) -> list[Claim]:
             "Section 3",
             "Given the motor inertia, all other physical parameters follow from the coefficients",
             (
-                Finding("any", f"{worst}, exact coefficients", exact, "<=", ROUNDING),
+                Finding("any", f"{worst}, exact coefficients", exact, "<=", _ROUNDING),
                 Finding("1,1,3", f"{worst}, estimates at 30 s", found, "<=", 1e-3),
             ),
         ),
