@@ -26,7 +26,7 @@ from flexid.control.laws import pd_gravity
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import Ensemble, simulate_ensemble
 from flexid.simulation.loop import ClosedLoop
-from flexid.studies.huang2003.readings import table1_loop
+from flexid.studies.readings import table1_loop
 
 _SEED = 1
 _ACCURACY = 1e-5

@@ -18,7 +18,7 @@ from flexid.arrays import FloatArray
 from flexid.control.laws import pd_gravity
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.sampled import Sampling, simulate_sampled
-from flexid.studies.huang2003.readings import AMPLITUDE, FREQUENCY, table1_loop
+from flexid.studies.readings import AMPLITUDE, FREQUENCY, table1_loop
 
 SOURCE = Path(__file__).with_name("sampled_loop.c")
 

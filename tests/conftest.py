@@ -22,7 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 from flexid.cli.main import main
-from flexid.studies.huang2003.reproduction import Reproduction, reproduce
+from flexid.studies.reproduction import Reproduction, reproduce
 
 if TYPE_CHECKING:
     from flexid.library.joint_estimate import JointEstimate

@@ -10,7 +10,7 @@ from flexid.analysis.histories import RowHistory, row_histories
 from flexid.analysis.lyapunov import ALLOWED_RISE, LyapunovMonitor, monitor, monitor_run
 from flexid.errors import SettingError
 from flexid.simulation.closed_loop import simulate
-from flexid.studies.huang2003.readings import sine, table1_loop
+from flexid.studies.readings import sine, table1_loop
 
 TIME = np.linspace(0.0, 20.0, 4001)
 TOLERANCE = 1e-10

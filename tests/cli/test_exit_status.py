@@ -117,7 +117,7 @@ import signal
 import sys
 import time
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
-import flexid.studies.huang2003.reproduction as module
+import flexid.studies.reproduction as module
 def reproduce(finished):
     print([name[:8] for name in os.listdir(sys.argv[-1])], flush=True)
     time.sleep(60.0)

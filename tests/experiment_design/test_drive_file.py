@@ -159,14 +159,3 @@ def test_each_file_answers_for_its_own_values(text, written, stored):
         read_drive(written(text), read_estimate(path))
     with pytest.raises(SettingError, match=r"drive\.toml: the key 'parameters\.joint_stiffness'"):
         read_drive(written(text.replace("= 100.0", "= -100.0")), read_estimate(path))
-
-
-@pytest.mark.parametrize(
-    "content", ["", "{}", '{"format_version": 1}', '{"format_version": 1, "parameters": 3}']
-)
-def test_bad_estimates_are_one_sentence(examples, tmp_path, content):
-    """Assert that a file that is no estimate is refused by name."""
-    path = tmp_path / "estimate.json"
-    path.write_text(content)
-    with pytest.raises(SettingError, match=r"estimate\.json"):
-        read_drive(examples / "drive.toml", read_estimate(path))

@@ -13,7 +13,7 @@ from flexid.experiments import experiment as experiments
 from flexid.experiments import read_experiment
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.sampled import Sampling
-from flexid.studies.huang2003.readings import PHYSICAL, TRUE, table1_loop
+from flexid.studies.readings import PHYSICAL, TRUE, table1_loop
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 TEXT = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from flexid.control.laws import robust_law
 from flexid.errors import ExperimentError
 from flexid.experiments import Experiment, read_experiment
 from flexid.simulation.closed_loop import loop_kernel
-from flexid.studies.huang2003.readings import PHYSICAL, table1_loop
+from flexid.studies.readings import PHYSICAL, table1_loop
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 

@@ -18,7 +18,7 @@ from flexid.library.python_control import observer_start, signal
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.free_run import free_run
 from flexid.simulation.loop import ClosedLoop
-from flexid.studies.huang2003.readings import TRUE as TABLE_1
+from flexid.studies.readings import TRUE as TABLE_1
 from joint_logs import DAMPED as TRUE
 
 PRECISE = {"rtol": 1e-9, "atol": 1e-11, "method": "LSODA"}

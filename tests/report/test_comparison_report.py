@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-import flexid
 from flexid.comparisons.comparison import compare_estimates
 from flexid.report.chart import Line, Points
 from flexid.report.comparison import charts, outcome_texts, parts
@@ -99,12 +97,6 @@ def test_what_may_be_zero_has_its_unit():
     (chart,) = charts(compare_estimates(a, b))
     (panel,) = [panel for panel in chart.panels if panel.title.startswith("motor_offset_torque")]
     assert panel.x.unit == "N m"
-
-
-def test_the_library_draws_it():
-    """Assert that a comparison has a figure."""
-    a, b = (flexid.JointEstimate(exact(true, log)) for true, log in ((TRUE, "a"), (STIFFER, "b")))
-    assert isinstance(flexid.compare(a, b).plot(), Figure)
 
 
 def word(a, b):

@@ -102,16 +102,6 @@ def test_what_a_killed_process_has_left_is_removed(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_output_onto_a_file_is_refused(tmp_path):
-    """Assert that an existing file in the way is one sentence, not a traceback."""
-    (tmp_path / "out").write_text("")
-    with (
-        pytest.raises(SettingError, match="cannot be written"),
-        output_directory(tmp_path / "out"),
-    ):
-        pass
-
-
 def test_directory_in_the_way_of_a_file_is_refused(tmp_path):
     """Assert that a directory with a file's name stops the output before any file is moved."""
     (tmp_path / "b.txt").mkdir()

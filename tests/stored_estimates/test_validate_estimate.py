@@ -239,7 +239,6 @@ def with_value(value, *keys):
         (with_value("3", "coefficients", "beta1", "value"), "value"),
         (with_value(stored_value(1.0), "coefficients", "gamma1"), "gamma1"),
         (with_value(["stiction"], "choices", "terms"), "stiction"),
-        (with_value("spline", "choices", "hold"), "hold"),
         (with_value(1e9, "choices", "input_delay", "value"), "input_delay"),
         (with_value(-1.0, "choices", "coulomb_velocity"), "coulomb_velocity"),
         (with_value({"a": "wide"}, "choices", "shapes"), "shapes"),

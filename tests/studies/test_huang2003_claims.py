@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexid.studies.huang2003.claims import Claim, Finding
+from flexid.studies.claims import Claim, Finding
 
 VERDICTS = {
     "no acceleration": "holds",

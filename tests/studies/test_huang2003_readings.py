@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.studies.huang2003.readings import SIMULATED, closed_loop_poles
+from flexid.studies.readings import SIMULATED, closed_loop_poles
 
 ERRORS = {
     "1,2,3": {"theta1": 0.168536, "theta2": -0.225358, "alpha1": -1.542909, "alpha2": 0.113534},

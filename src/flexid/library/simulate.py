@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from flexid.experiments.measures import Measures
     from flexid.recording.recording import Log
     from flexid.simulation.run import Run
-    from flexid.studies.huang2003.claims import Claim
-    from flexid.studies.huang2003.reproduction import Reproduction
+    from flexid.studies.claims import Claim
+    from flexid.studies.reproduction import Reproduction
 
 
 class SimulatedRun(ReportedAnswer, TabularAnswer):
@@ -278,6 +278,6 @@ def reproduce(*, progress: Progress = silent) -> PaperReproduction:
     PaperReproduction
         All runs, and every claim decided.
     """
-    from flexid.studies.huang2003.reproduction import reproduce as run
+    from flexid.studies.reproduction import reproduce as run
 
     return PaperReproduction(run(progress))

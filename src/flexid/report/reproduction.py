@@ -13,9 +13,9 @@ from flexid.report.chart import Chart
 from flexid.report.page import Answer, Page, Presenter, Section, sections_of
 from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
-from flexid.studies.huang2003.cases import TheoremCase
-from flexid.studies.huang2003.claims import Claim, Verdict
-from flexid.studies.huang2003.readings import (
+from flexid.studies.cases import TheoremCase
+from flexid.studies.claims import Claim, Verdict
+from flexid.studies.readings import (
     AMPLITUDE,
     ATTENUATION,
     DURATION,
@@ -29,7 +29,7 @@ from flexid.studies.huang2003.readings import (
     Reading,
     SteadyRun,
 )
-from flexid.studies.huang2003.reproduction import Reproduction
+from flexid.studies.reproduction import Reproduction
 
 _COLOURS: dict[Verdict, str] = {
     "holds": "green",

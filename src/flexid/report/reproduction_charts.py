@@ -20,9 +20,9 @@ from flexid.report.chart import (
     whole_decades,
     with_margin,
 )
-from flexid.studies.huang2003.cases import RatePoint
-from flexid.studies.huang2003.readings import DURATION, TOLERANCE, UNKNOWN, SteadyRun
-from flexid.studies.huang2003.reproduction import Reproduction
+from flexid.studies.cases import RatePoint
+from flexid.studies.readings import DURATION, TOLERANCE, UNKNOWN, SteadyRun
+from flexid.studies.reproduction import Reproduction
 
 _OF_ERRORS: tuple[Colour, ...] = ("blue", "orange", "green", "red")
 _OF_ROWS: tuple[Colour, ...] = ("ink", "grey")  # one legend names errors and rows

@@ -1,1 +1,1 @@
-"""Published studies reproduced: their runs and their claims."""
+"""Huang (2003) reproduced: Table I, the readings of its control law, and its claims."""

@@ -19,7 +19,7 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.models.physical import joint_coefficients
 from flexid.report.reproduction_charts import SYMBOLS, Played, play_chart
 from flexid.simulation.loop import ClosedLoop
-from flexid.studies.huang2003.readings import (
+from flexid.studies.readings import (
     AMPLITUDE,
     ATTENUATION,
     FREQUENCY,

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from flexid.control.laws import pd_gravity
 from flexid.simulation.closed_loop import simulate
-from flexid.studies.huang2003.cases import (
+from flexid.studies.cases import (
     ATTENUATIONS,
     CASES,
     AttenuationPoint,
@@ -17,8 +17,8 @@ from flexid.studies.huang2003.cases import (
     peak_torque,
     rate_points,
 )
-from flexid.studies.huang2003.claims import Claim, decide_claims
-from flexid.studies.huang2003.readings import (
+from flexid.studies.claims import Claim, decide_claims
+from flexid.studies.readings import (
     ATTENUATION,
     DURATION,
     EARLIER_ATTENUATION,

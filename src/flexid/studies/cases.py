@@ -16,7 +16,7 @@ from flexid.analysis.histories import row_histories
 from flexid.analysis.lyapunov import Limit, LyapunovMonitor, monitor_run
 from flexid.analysis.persistence import decay_rate, persistence
 from flexid.simulation.closed_loop import simulate
-from flexid.studies.huang2003.readings import (
+from flexid.studies.readings import (
     AMPLITUDE,
     DURATION,
     FREQUENCY,

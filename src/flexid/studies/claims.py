@@ -10,13 +10,13 @@ from flexid.analysis.excitation import WEAK_CONDITION
 from flexid.analysis.lyapunov import ALLOWED_RISE
 from flexid.errors import AccelerationError
 from flexid.models.physical import physical_parameters
-from flexid.studies.huang2003.cases import (
+from flexid.studies.cases import (
     AttenuationPoint,
     RatePoint,
     TheoremCase,
     steady_condition,
 )
-from flexid.studies.huang2003.readings import (
+from flexid.studies.readings import (
     ATTENUATION,
     EARLIER_ATTENUATION,
     PHYSICAL,
