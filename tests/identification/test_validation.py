@@ -10,7 +10,7 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.identification.full_model.model import Data
-from flexid.identification.structure.validation import residuals_over_noise, validate_with
+from flexid.identification.structure.validation import validate_with
 from flexid.identification.vocabulary.evidence import Validation
 
 CHANNELS = ("link_position", "motor_position", "deflection")
@@ -38,17 +38,6 @@ def predicted(whole: Data, starts=(START,), timing: Timing | None = None, **chan
     """Prediction with the true coefficients, or some others."""
     values = np.array([*{**COEFFICIENTS, **changed}.values()])
     return validate_with(JOINT, motion_of(whole, timing), values, whole.samples, starts)
-
-
-def test_residuals_are_counted_in_noise(recording):
-    """Assert that the true model leaves as much as the noise, twice half of it, and no less."""
-    whole, values = data(recording), np.array([*COEFFICIENTS.values()])
-    problem = motion_of(whole)
-    known = replace(whole, noise=np.array([NOISE, NOISE / 2.0]))
-    found = residuals_over_noise(problem, values, known, 2.0)
-    assert found == pytest.approx({"link_position": 1.0, "motor_position": 2.0}, rel=0.03)
-    lost = residuals_over_noise(problem, values * [1.0, 1.0, 1.0, -1e5, 1.0], known, 10.0)
-    assert {*lost.values()} == {np.inf}
 
 
 def test_right_model_predicts_to_the_noise(recording):

@@ -14,6 +14,7 @@ import keyword
 from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from flexid.errors import ModelError
 from flexid.models.expression import CONSTANTS, FUNCTIONS, check_expression
@@ -166,24 +167,24 @@ class ParametricSystem:
         for memory in self.memories:
             check_expression(memory.path, coordinates, f"{self.name}: {memory.name}")
 
-    @property
+    @cached_property
     def states(self) -> tuple[str, ...]:
         """State names in order: coordinate and velocity of each row in turn, then memories."""
         of_rows = (name for row in self.rows for name in (row.coordinate, row.velocity))
         return (*of_rows, *(memory.name for memory in self.memories))
 
-    @property
+    @cached_property
     def coefficients(self) -> tuple[str, ...]:
         """Names of all unknown coefficients, row by row, then the grips of memories."""
         of_rows = (name for row in self.rows for name in row.coefficients)
         return (*of_rows, *(memory.grip for memory in self.memories))
 
-    @property
+    @cached_property
     def variables(self) -> frozenset[str]:
         """The names an expression of this system may use."""
         return frozenset({*self.states, *self.inputs, *self.constants})
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Hash of everything that a derivation depends on (not of the constants' values)."""
         content = {

@@ -7,6 +7,7 @@ dropped without a kernel of their own.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -78,12 +79,12 @@ class Joint:
     grips: Mapping[str, str] = field(default_factory=dict)
     first_grip: float = 1.0  # in 1/rad, where the search for a grip begins
 
-    @property
+    @cached_property
     def remembered(self) -> frozenset[str]:
         """Coefficients that only the model with memory has."""
         return frozenset({*self.remembering.coefficients} - {*self.extended.coefficients})
 
-    @property
+    @cached_property
     def optional(self) -> frozenset[str]:
         """Coefficients that a term brings, and that may be absent."""
         return frozenset(c for names in self.terms.values() for c in names)

@@ -350,11 +350,13 @@ class _Quadratic:
 
     def chance(self, group: list[int], values: FloatArray, covariance: FloatArray) -> float:
         """Probability of values as large together, were they zero; one where some are free."""
-        part = covariance[np.ix_(group, group)]
+        part = covariance[group][:, group]
         if not np.isfinite(part).all():
             return 1.0
-        scale = np.sqrt(np.diag(part))
-        inverse, free = scaled_inverse(part, scale)
+        if len(group) == 1:  # most are, and this is asked for thousands of times
+            inverse, free = 1.0 / np.where(part > 0.0, part, 1.0), part <= 0.0
+        else:
+            inverse, free = scaled_inverse(part, np.sqrt(np.diag(part)))
         if free.any():
             return 1.0
         square = float(values[group] @ inverse @ values[group])

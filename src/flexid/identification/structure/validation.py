@@ -143,22 +143,6 @@ def _warm_up(sample_time: float) -> int:
     return max(FEWEST_SAMPLES, round(_WARM_UP / sample_time))
 
 
-def residuals_over_noise(
-    problem: SegmentedMotion,
-    values: FloatArray,
-    data: Data,
-    duration: float,  # in s
-) -> dict[str, float]:
-    """Residual of each position over its sensor's noise, as root mean squares."""
-    segments = divide(data.samples, duration)
-    states = following_states(problem, values, segments)
-    equations = replace(problem, segments=segments).equations(Point(values, states), "nothing")
-    squares = np.mean(equations.residuals[segments.within] ** 2, axis=0)
-    ratios = np.sqrt(squares) / data.noise if np.isfinite(equations.cost) else np.inf * squares
-    names = ["motor" if row.name == "rigid" else row.name for row in problem.unknowns.system.rows]
-    return {f"{name}_position": float(r) for name, r in zip(names, ratios, strict=True)}
-
-
 def _predictions(
     joint: Channels,
     model: SegmentedMotion,
