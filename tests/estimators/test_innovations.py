@@ -22,18 +22,13 @@ from disturbed_joint import (
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.innovations import (
-    Innovations,
-    Sizes,
-    _steady_covariance,
-    _steady_gains,
-    _transition,
-    fit_innovations,
-)
+from flexid.estimators.innovations import Innovations, _bounds, _Observing, fit_innovations
 from flexid.estimators.prediction_error import described
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Observer, Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
+from flexid.estimators.spectra import cost_by_spectra
+from flexid.estimators.steady_gains import Sizes, steady_covariance, steady_gains, transition_of
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import flexible_joint
 
@@ -54,7 +49,7 @@ def motion(samples: Samples) -> SegmentedMotion:
 def observed(samples: Samples) -> SegmentedMotion:
     """The same with the gains for the truth."""
     problem = motion(samples)
-    gains = _steady_gains(problem, _transition(jacobian(), SAMPLE_TIME), SAMPLE_TIME, SIZES)
+    gains = steady_gains(problem, transition_of(jacobian(), SAMPLE_TIME), SAMPLE_TIME, SIZES)
     own, disturbed, decay, whitening = (each[None] for each in gains[:4])
     always = np.array([len(samples)])
     observer = Observer(own, disturbed, decay, still(samples), whitening, always)
@@ -72,7 +67,7 @@ AT_REST = Point(VALUES, np.zeros((1, 4)))
 def test_steady_covariance_is_that_of_the_riccati_equation():
     """Assert that doubling the time ends where SciPy solves the equation."""
     system = sampled()
-    found = _steady_covariance(system.step, system.noise, system.sees, system.sensors)
+    found = steady_covariance(system.step, system.noise, system.sees, system.sensors)
     exact = riccati(system)
     scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
     assert np.abs((found - exact) / scale).max() < 1e-8
@@ -209,6 +204,43 @@ def test_first_velocity_is_found_in_one_step():
     step = problem.solve(equations)
     after = problem.equations(Point(VALUES + step.values_step, states + step.states_step))
     assert equations.cost - after.cost == pytest.approx(step.decrement, rel=0.02)
+
+
+def observing(seed: int) -> _Observing:
+    """A motion at the truth, to be observed with any sizes."""
+    samples = disturbed_samples(seed, 3000)
+    return _Observing.of(motion(samples), AT_REST, still(samples))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        Sizes(0.5 * NOISE, DISTURBANCES, RATES),
+        Sizes(NOISE, np.array([2.0, 0.3]) * DISTURBANCES, RATES),
+        Sizes(NOISE, DISTURBANCES, np.array([0.4, 3.0]) * RATES),
+    ],
+    ids=["sensors", "disturbances", "rates"],
+)
+def test_spectra_tell_what_other_sizes_cost(other: Sizes):
+    """Assert that spectra of innovations give the likelihood of other sizes to a twentieth."""
+    made = observing(7)
+    first = made.with_sizes(SIZES)
+    assert first.motion is not None
+    cost = cost_by_spectra(first.motion, SIZES, first.residuals, made.transitions)
+    assert cost(SIZES) == pytest.approx(first.cost, rel=1e-9)
+    expected = made.with_sizes(other).cost - first.cost
+    assert expected > 50.0
+    assert cost(other) - cost(SIZES) == pytest.approx(expected, rel=0.05)
+
+
+def test_both_searches_find_sizes_as_likely():
+    """Assert that the search by spectra ends where the search by motions does, or lower."""
+    made = observing(8)
+    start = Sizes(2.0 * NOISE, 0.3 * DISTURBANCES, np.full(2, SLOWEST))
+    bounds = _bounds(Sizes(NOISE, 0.05 * 20.0 * DISTURBANCES, RATES), SAMPLE_TIME, SLOWEST)
+    by_spectra = made.with_sizes(made.likeliest_by_spectra(start, bounds)).cost
+    by_motions = made.with_sizes(made.likeliest(start, bounds, 0.7, 400)).cost
+    assert by_spectra < by_motions + 1.0
 
 
 @cache

@@ -134,6 +134,11 @@ def other_minima(doubted: Doubted) -> FloatArray:
     return np.column_stack(moved) if moved else np.zeros((len(doubted.values), 0))
 
 
+def unfinished_steps(doubted: Doubted) -> FloatArray:
+    """Where steps do not end, as dry friction makes them rough, the next one is still to come."""
+    return doubted.fitted.minimum.reduced.values_step[:, None]
+
+
 def negative_values(doubted: Doubted) -> FloatArray:
     """A friction that drives has the part of something else: it may be zero as well."""
     covariance = doubted.estimate.covariance
@@ -178,6 +183,7 @@ DOUBTS: tuple[tuple[Doubt, str], ...] = (
     (halves_of_the_log, "the halves of the log disagree"),
     (another_band, "it depends on the band of the log that is fitted"),
     (other_minima, "another set of values explains the log as well"),
+    (unfinished_steps, "the steps of the fit do not end"),
     (negative_values, "a friction or damping came out negative"),
     (looks_like_a_term, "what no term describes may look like it"),
 )

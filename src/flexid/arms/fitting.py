@@ -110,10 +110,10 @@ def residual_excess(fitted: FittedArm) -> FloatArray:
 def explains(fitted: FittedArm) -> bool:
     """Whether a fit has ended and leaves hardly more than the encoders' noise."""
     left = float(np.mean(residual_excess(fitted) ** 2))
-    return _has_ended(fitted) and left <= THRESHOLDS.sensor_excess
+    return has_ended(fitted) and left <= THRESHOLDS.sensor_excess
 
 
-def _has_ended(fitted: FittedArm) -> bool:
+def has_ended(fitted: FittedArm) -> bool:
     """Whether steps ended, and not because sensitivities beyond all bounds left nothing known."""
     return fitted.minimum.last_step <= _UNFINISHED and not fitted.minimum.reduced.free.all()
 
@@ -183,7 +183,7 @@ def _ends(found: Sequence[FittedArm]) -> Iterator[FittedArm]:
         weighted = replace(fitted, data=replace(fitted.data, noise=noise))
         with suppress(ConvergenceError):
             end = over_longer(weighted, fitted.problem.segments, _FINE)
-            if _has_ended(end):
+            if has_ended(end):
                 yield replace(end, data=fitted.data)
 
 

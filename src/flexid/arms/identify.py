@@ -10,7 +10,14 @@ import numpy as np
 import flexid
 from flexid.arms.disturbed import fit_disturbed
 from flexid.arms.doubts import with_doubts
-from flexid.arms.fitting import FittedArm, effect_sizes, exact_fits, explains, residual_excess
+from flexid.arms.fitting import (
+    FittedArm,
+    effect_sizes,
+    exact_fits,
+    explains,
+    has_ended,
+    residual_excess,
+)
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, joint_of_name
@@ -112,7 +119,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
     structure = fitted.structure
     balance, fixed = structure.joint.balance, structure.fixed
     parameters: dict[str, ParameterEstimate] = {}
-    shares = _shares(fitted, log)
+    shares = _shares(found, log)
     for name, joint, term in balance.placed():
         if name in fitted.names:
             parameters[name] = _judged(name, _unit(term, log.input_units, joint), found, shares)
@@ -218,7 +225,9 @@ def _doubts(
         names = (f"{name}_{joint}" for name in _POSITIVE)
         negative = [name for name in names if parameters[name].value <= 0.0]
         if negative:
-            own = {name for name in parameters if joint_of_name(name) == joint}
+            # Where the fit has not ended it may have run away, and links are coupled.
+            alone = has_ended(found.fitted)
+            own = {name for name in parameters if joint_of_name(name) == joint or not alone}
             said = f"{', '.join(negative)} came out negative, which no spring or inertia can be"
             doubts.append((own, Caution(f"{said}: check the signs of this joint", Rank.SCALE)))
     return doubts
@@ -269,17 +278,17 @@ def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:
     return found
 
 
-def _shares(fitted: FittedArm, log: ArmLog) -> dict[str, float]:
-    """Share of the largest torque of its balance that one unit of each parameter makes."""
-    balance = fitted.structure.joint.balance
-    values = {**fitted.structure.fixed, **fitted.by_name}
+def _shares(found: _Found, log: ArmLog) -> dict[str, float]:
+    """Share of the largest known torque of its balance that one unit of each parameter makes."""
+    structure, estimate = found.fitted.structure, found.estimate
+    balance = structure.joint.balance
+    known = zip(estimate.names, estimate.values, estimate.deviations, strict=True)
+    values = {**structure.fixed, **{n: v for n, v, std in known if std < abs(v)}}
     sizes = effect_sizes(balance, log.recordings)
-    own = np.array([abs(values[name]) for name in balance.coefficients])
-    largest = (sizes * own).max(axis=1)
-    largest = np.where(largest > 0.0, largest, np.inf)
-    return dict(
-        zip(balance.coefficients, (sizes / largest[:, None]).max(axis=0).tolist(), strict=True)
-    )
+    own = np.array([abs(values.get(name, 0.0)) for name in balance.coefficients])
+    largest = np.maximum((sizes * own).max(axis=1), np.finfo(float).tiny)
+    shares = (sizes / largest[:, None]).max(axis=0)
+    return dict(zip(balance.coefficients, shares.tolist(), strict=True))
 
 
 def _condition(fitted: FittedArm) -> float:

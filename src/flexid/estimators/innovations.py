@@ -11,50 +11,33 @@ likelihood of the innovations is greatest. With no disturbance this is the predi
 the whole log. The idea is that of the innovations form in Ljung, System Identification, ch. 4.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, expm
+from scipy.linalg import LinAlgError
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import Minimum, minimise
 from flexid.estimators.segmented_motion import Observer, Point, SegmentedMotion
+from flexid.estimators.spectra import cost_by_spectra
+from flexid.estimators.steady_gains import Sizes, steady_gains, transition_of
 
 _ROUNDS = (4, 2)  # of sizes and coefficients in turn, from afar and from values nearly right
 _STEPS = (8, 30)  # of Gauss and Newton in each, and in the last
-_TRIALS = (80, 40)  # of sizes and rates in each, of one joint; of more in proportion
+_TRIALS = (80, 40)  # of sizes and rates in each
 _OF_ONE_JOINT = 6  # sizes and rates: those of two sensors and two rows
+_SEARCHES = 3  # of the sizes of more joints by their spectra, in each round
+_ITERATIONS = 30  # of each of these
+_SEARCHED = 10.0  # of the cost, that a search brings at least where another one follows
 _SPREAD = 0.7  # natural logarithm, by which the first trials differ; less in later rounds
 _FINE = 0.03  # standard deviations, of a step that ends an iteration
 _WORST = 1e15  # cost of what cannot be computed
 _FIRST_SHARE = 0.05  # of its row's acceleration, that a disturbance has to begin with
-_DOUBLINGS = 40  # of the time within which a filter has to settle
-_STEADY = 1e-10  # of a covariance, by which the last doubling changes it
 _RANGES = (1e-2, 1e2)  # of a sensor's noise, over that of its signal's short differences
 _SHARES = (1e-4, 2.0)  # of a disturbance, over its row's acceleration
-
-
-@dataclass(frozen=True, eq=False)
-class Sizes:
-    """What drives the innovations apart from the input."""
-
-    sensors: FloatArray  # (n_outputs,): standard deviation of each output's noise, in rad
-    disturbances: FloatArray  # (n_rows,): root mean square of each row's disturbance, in rad/s²
-    rates: FloatArray  # (n_rows,): how fast each changes, in 1/s
-
-    @classmethod
-    def of_logarithms(cls, logarithms: FloatArray, n_outputs: int) -> "Sizes":
-        """Those with some natural logarithms, shape (n_outputs + 2 n_rows,)."""
-        sensors, rest = np.split(np.exp(logarithms), [n_outputs])
-        return cls(sensors, *np.split(rest, 2))
-
-    @property
-    def logarithms(self) -> FloatArray:
-        """Natural logarithms of all."""
-        return np.log(np.concatenate((self.sensors, self.disturbances, self.rates)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,22 +69,23 @@ def fit_innovations(
     found: Innovations | None = None
     rounds = _ROUNDS[near]
     for turn in range(rounds):
-        cost_of = _cost(problem, point, directions)
+        observing = _Observing.of(problem, point, directions)
         # Initial states come first, with the coefficients: what they leave passes for noise.
-        if turn:
+        if turn and len(sizes.logarithms) > _OF_ONE_JOINT:
+            sizes = observing.likeliest_by_spectra(sizes, bounds)
+        elif turn:
             spread = _SPREAD / (2.0 if near else turn)
-            sizes = _likeliest(cost_of, sizes, bounds, spread, _TRIALS[near])
-        cost, observed = cost_of(sizes)
-        if observed is None:
+            sizes = observing.likeliest(sizes, bounds, spread, _TRIALS[near])
+        seen = observing.with_sizes(sizes)
+        if seen.motion is None:
             raise ConvergenceError(
                 "prediction error", "the disturbed motion diverges from the starting values"
             )
         minimum = minimise(
-            observed, point, _FINE, insist=False, iterations=_STEPS[turn == rounds - 1]
+            seen.motion, point, _FINE, insist=False, iterations=_STEPS[turn == rounds - 1]
         )
         point = minimum.point
-        cost += minimum.equations.cost - observed.equations(point, "nothing").cost
-        found = Innovations(observed, minimum, sizes, cost)
+        found = Innovations(seen.motion, minimum, sizes, minimum.equations.cost + seen.entropy)
     assert found is not None
     return found
 
@@ -120,7 +104,7 @@ def predicting(
     ConvergenceError
         If it diverges.
     """
-    _, observed = _cost(problem, point, directions)(sizes)
+    observed = _Observing.of(problem, point, directions).with_sizes(sizes).motion
     if observed is None or observed.observer is None:
         raise ConvergenceError("prediction error", "the disturbed motion diverges")
     return replace(observed, observer=replace(observed.observer, corrected=corrected))
@@ -159,131 +143,102 @@ def _bounds(first: Sizes, sample_time: float, slowest: float) -> tuple[FloatArra
     )  # type: ignore[return-value]
 
 
-def _likeliest(
-    cost: Callable[[Sizes], tuple[float, SegmentedMotion | None]],
-    sizes: Sizes,
-    bounds: tuple[FloatArray, FloatArray],
-    spread: float,
-    trials: int,
-) -> Sizes:
-    """Sizes of the greatest likelihood, near some others."""
-    from scipy.optimize import minimize  # late: it takes a third of a second to import
+class _Observed(NamedTuple):
+    """A motion with the observer for some sizes."""
 
-    start, n = np.clip(sizes.logarithms, *bounds), len(sizes.sensors)
-    found = minimize(
-        lambda x: cost(Sizes.of_logarithms(np.clip(x, *bounds), n))[0],
-        start,
-        method="Nelder-Mead",
-        options={
-            "maxfev": trials * max(1, len(start) // _OF_ONE_JOINT),
-            "fatol": 1.0,
-            "xatol": 0.05,
-            "initial_simplex": np.vstack((start, start + spread * np.eye(len(start)))),
-        },
-    )
-    return Sizes.of_logarithms(np.clip(found.x, *bounds), n)
+    cost: float  # twice the negative logarithm of the likelihood, but for a constant
+    motion: SegmentedMotion | None  # None where it diverges
+    residuals: FloatArray  # (n_samples, n_outputs)
+    entropy: float  # the part of the cost that no residual changes
 
 
-def _cost(
-    problem: SegmentedMotion, point: Point, directions: FloatArray
-) -> Callable[[Sizes], tuple[float, SegmentedMotion | None]]:
-    """What sizes cost at a point, and the motion with their observer; None where it diverges."""
-    segments = problem.segments
-    recordings = np.unique(segments.recordings).tolist()
-    steps = [float(segments.sample_times[segments.recordings == r][0]) for r in recordings]
-    transitions = [
-        _transition(problem.linearised(point, recording), step)
-        for recording, step in zip(recordings, steps, strict=True)
-    ]
+@dataclass(frozen=True, eq=False)
+class _Observing:
+    """A motion at a point, to be observed with any sizes."""
 
-    def cost(sizes: Sizes) -> tuple[float, SegmentedMotion | None]:
-        made, entropy = {}, 0.0
-        try:
-            for recording, step, transition in zip(recordings, steps, transitions, strict=True):
-                made[recording] = _steady_gains(problem, transition, step, sizes)
-                count = segments.lengths[segments.recordings == recording].sum()
-                entropy += float(count) * made[recording][4]
-        except (LinAlgError, ValueError):
-            return _WORST, None
-        gains = [
-            np.array([made[recording][i] for recording in segments.recordings.tolist()])
-            for i in range(4)
+    problem: SegmentedMotion
+    point: Point
+    directions: FloatArray  # (n_samples, n_rows)
+    transitions: list[FloatArray]  # of each recording
+
+    @classmethod
+    def of(cls, problem: SegmentedMotion, point: Point, directions: FloatArray) -> "_Observing":
+        """With the transitions at the point."""
+        segments = problem.segments
+        transitions = [
+            transition_of(problem.linearised(point, recording), step)
+            for recording, (_, step) in zip(
+                np.unique(segments.recordings).tolist(), segments.by_recording(), strict=True
+            )
         ]
-        observer = Observer(gains[0], gains[1], gains[2], directions, gains[3], segments.lengths)
-        observed = replace(problem, observer=observer)
-        squares = observed.equations(point, "nothing").cost
-        if not np.isfinite(squares):
-            return _WORST, None
-        return squares + entropy, observed
+        return cls(problem, point, directions, transitions)
 
-    return cost
+    def with_sizes(self, sizes: Sizes) -> _Observed:
+        """The motion with the observer for some sizes."""
+        segments = self.problem.segments
+        place = np.unique(segments.recordings, return_inverse=True)[1]
+        counts = np.bincount(place, segments.lengths)
+        steps = segments.sample_times[segments.firsts]
+        try:
+            made = [
+                steady_gains(self.problem, transition, step, sizes)
+                for transition, step in zip(self.transitions, steps.tolist(), strict=True)
+            ]
+        except (LinAlgError, ValueError):
+            return _Observed(_WORST, None, segments.outputs, 0.0)
+        entropy = sum(float(count) * own[4] for count, own in zip(counts, made, strict=True))
+        gain, disturbed, decay, whitening = (
+            np.array([own[i] for own in made])[place] for i in range(4)
+        )
+        observer = Observer(gain, disturbed, decay, self.directions, whitening, segments.lengths)
+        motion = replace(self.problem, observer=observer)
+        equations = motion.equations(self.point, "nothing")
+        if not np.isfinite(equations.cost):
+            return _Observed(_WORST, None, equations.residuals, entropy)
+        return _Observed(equations.cost + entropy, motion, equations.residuals, entropy)
 
+    def likeliest(
+        self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray], spread: float, trials: int
+    ) -> Sizes:
+        """Sizes of the greatest likelihood, near some others."""
+        from scipy.optimize import minimize  # late: it takes a third of a second to import
 
-def _transition(jacobian: FloatArray, sample_time: float) -> FloatArray:
-    """What one interval makes of states and of disturbances that are constant over it.
+        start, n = np.clip(sizes.logarithms, *bounds), len(sizes.sensors)
+        found = minimize(
+            lambda x: self.with_sizes(Sizes.of_logarithms(np.clip(x, *bounds), n)).cost,
+            start,
+            method="Nelder-Mead",
+            options={
+                "maxfev": trials,
+                "fatol": 1.0,
+                "xatol": 0.05,
+                "initial_simplex": np.vstack((start, start + spread * np.eye(len(start)))),
+            },
+        )
+        return Sizes.of_logarithms(np.clip(found.x, *bounds), n)
 
-    Returns shape (n_states + n_rows, n_states + n_rows).
-    """
-    n, rows = len(jacobian), len(jacobian) // 2
-    forced = np.zeros((n + rows, n + rows))
-    forced[:n, :n] = jacobian
-    forced[1:n:2, n:] = np.eye(rows)
-    return np.asarray(expm(forced * sample_time), dtype=np.float64)
+    def likeliest_by_spectra(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
+        """The same of many sizes, which hardly need the motion itself."""
+        from scipy.optimize import minimize  # late, as above
 
-
-def _steady_gains(
-    problem: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Kalman's gains of states and disturbances, the decay, the whitening, and log det S.
-
-    A disturbance is constant over an interval, which it enters with what the one before left of it
-    and what the sample at its start has taught: d <- decay d + G e.
-    """
-    rows = len(sizes.rates)
-    n = len(transition) - rows
-    step, decay = transition.copy(), np.exp(-sizes.rates * sample_time)
-    step[n:, n:] = np.diag(decay)
-    noise = np.zeros_like(step)
-    noise[n:, n:] = np.diag(sizes.disturbances**2 * (1.0 - decay**2))
-    sees = np.zeros((len(problem.segments.measured), n + rows))
-    sees[np.arange(len(sees)), problem.segments.measured] = 1.0
-    sensors = _sensor_covariance(problem, sizes.sensors)
-    predicted = _steady_covariance(step, noise, sees, sensors)
-    covariance = sees @ predicted @ sees.T + sensors
-    gain = np.asarray(np.linalg.solve(covariance, sees @ predicted).T, dtype=np.float64)
-    triangle = np.linalg.cholesky(covariance)
-    whitening = np.asarray(np.tril(np.linalg.inv(triangle)), dtype=np.float64)
-    entropy = 2.0 * float(np.log(np.diag(triangle)).sum())
-    return gain[:n], gain[n:], decay, whitening, entropy
-
-
-def _steady_covariance(
-    step: FloatArray, noise: FloatArray, sees: FloatArray, sensors: FloatArray
-) -> FloatArray:
-    """Covariance of a predicted state that a sample no longer changes, by doubling the time.
-
-    Anderson and Moore, Optimal Filtering (1979), sec. 6.7.
-    """
-    forward = step.T
-    information = sees.T @ np.linalg.solve(sensors, sees)
-    covariance = noise
-    unit = np.eye(len(step))
-    for _ in range(_DOUBLINGS):
-        inverse = np.linalg.inv(unit + information @ covariance)
-        more = forward.T @ covariance @ inverse @ forward
-        information = information + forward @ inverse @ information @ forward.T
-        forward = forward @ inverse @ forward
-        covariance = covariance + more
-        if np.abs(more).max() <= _STEADY * np.abs(covariance).max():
-            return 0.5 * (covariance + covariance.T)
-    raise LinAlgError("the filter does not settle")
-
-
-def _sensor_covariance(problem: SegmentedMotion, sensors: FloatArray) -> FloatArray:
-    """Of the outputs' noise; one that was measured relative to another has the other's as well."""
-    reference = problem.references
-    mixing = np.eye(len(sensors))
-    for a, other in enumerate(reference):
-        if other is not None:
-            mixing[a, other] = 1.0
-    return mixing @ np.diag(sensors**2) @ mixing.T
+        n = len(sizes.sensors)
+        best = self.with_sizes(sizes)
+        for _ in range(_SEARCHES):
+            if best.motion is None:
+                break
+            cost = cost_by_spectra(best.motion, sizes, best.residuals, self.transitions)
+            found = minimize(
+                lambda x, cost=cost: cost(Sizes.of_logarithms(x, n)),
+                np.clip(sizes.logarithms, *bounds),
+                method="L-BFGS-B",
+                bounds=np.column_stack(bounds),
+                options={"maxiter": _ITERATIONS},
+            )
+            other = Sizes.of_logarithms(found.x, n)
+            seen = self.with_sizes(other)
+            gain = best.cost - seen.cost
+            if gain > 0.0:
+                sizes, best = other, seen
+            if gain < _SEARCHED:
+                break
+        return sizes

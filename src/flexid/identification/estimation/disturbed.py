@@ -17,8 +17,8 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.innovations import Sizes
 from flexid.estimators.rowwise import LeastSquaresFit
+from flexid.estimators.steady_gains import Sizes
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimation.band import (
     PER_PERIOD,

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import Minimum, minimise
-from flexid.estimators.innovations import Sizes, fit_innovations, predicting
+from flexid.estimators.innovations import fit_innovations, predicting
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide
+from flexid.estimators.steady_gains import Sizes
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import FINE, Data, Fitted, M, Structure
 from flexid.identification.structure.validation import Follower

@@ -1,0 +1,102 @@
+"""The steady observer of a disturbed motion: Kalman's gains for sizes of noise and disturbances."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import LinAlgError, expm
+
+from flexid.arrays import FloatArray
+from flexid.estimators.segmented_motion import SegmentedMotion
+
+_DOUBLINGS = 40  # of the time within which a filter has to settle
+_STEADY = 1e-10  # of a covariance, by which the last doubling changes it
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """What drives the innovations apart from the input."""
+
+    sensors: FloatArray  # (n_outputs,): standard deviation of each output's noise, in rad
+    disturbances: FloatArray  # (n_rows,): root mean square of each row's disturbance, in rad/s²
+    rates: FloatArray  # (n_rows,): how fast each changes, in 1/s
+
+    @classmethod
+    def of_logarithms(cls, logarithms: FloatArray, n_outputs: int) -> "Sizes":
+        """Those with some natural logarithms, shape (n_outputs + 2 n_rows,)."""
+        sensors, rest = np.split(np.exp(logarithms), [n_outputs])
+        return cls(sensors, *np.split(rest, 2))
+
+    @property
+    def logarithms(self) -> FloatArray:
+        """Natural logarithms of all."""
+        return np.log(np.concatenate((self.sensors, self.disturbances, self.rates)))
+
+
+def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
+    """What one interval makes of states and of disturbances that are constant over it.
+
+    Returns shape (n_states + n_rows, n_states + n_rows).
+    """
+    n, rows = len(jacobian), len(jacobian) // 2
+    forced = np.zeros((n + rows, n + rows))
+    forced[:n, :n] = jacobian
+    forced[1:n:2, n:] = np.eye(rows)
+    return np.asarray(expm(forced * sample_time), dtype=np.float64)
+
+
+def steady_gains(
+    problem: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Kalman's gains of states and disturbances, the decay, the whitening, and log det S.
+
+    A disturbance is constant over an interval, which it enters with what the one before left of it
+    and what the sample at its start has taught: d <- decay d + G e.
+    """
+    rows = len(sizes.rates)
+    n = len(transition) - rows
+    step, decay = transition.copy(), np.exp(-sizes.rates * sample_time)
+    step[n:, n:] = np.diag(decay)
+    noise = np.zeros_like(step)
+    noise[n:, n:] = np.diag(sizes.disturbances**2 * (1.0 - decay**2))
+    sees = np.zeros((len(problem.segments.measured), n + rows))
+    sees[np.arange(len(sees)), problem.segments.measured] = 1.0
+    sensors = _sensor_covariance(problem, sizes.sensors)
+    predicted = steady_covariance(step, noise, sees, sensors)
+    covariance = sees @ predicted @ sees.T + sensors
+    gain = np.asarray(np.linalg.solve(covariance, sees @ predicted).T, dtype=np.float64)
+    triangle = np.linalg.cholesky(covariance)
+    whitening = np.asarray(np.tril(np.linalg.inv(triangle)), dtype=np.float64)
+    entropy = 2.0 * float(np.log(np.diag(triangle)).sum())
+    return gain[:n], gain[n:], decay, whitening, entropy
+
+
+def steady_covariance(
+    step: FloatArray, noise: FloatArray, sees: FloatArray, sensors: FloatArray
+) -> FloatArray:
+    """Covariance of a predicted state that a sample no longer changes, by doubling the time.
+
+    Anderson and Moore, Optimal Filtering (1979), sec. 6.7.
+    """
+    forward = step.T
+    information = sees.T @ np.linalg.solve(sensors, sees)
+    covariance = noise
+    unit = np.eye(len(step))
+    for _ in range(_DOUBLINGS):
+        inverse = np.linalg.inv(unit + information @ covariance)
+        more = forward.T @ covariance @ inverse @ forward
+        information = information + forward @ inverse @ information @ forward.T
+        forward = forward @ inverse @ forward
+        covariance = covariance + more
+        if np.abs(more).max() <= _STEADY * np.abs(covariance).max():
+            return 0.5 * (covariance + covariance.T)
+    raise LinAlgError("the filter does not settle")
+
+
+def _sensor_covariance(problem: SegmentedMotion, sensors: FloatArray) -> FloatArray:
+    """Of the outputs' noise; one that was measured relative to another has the other's as well."""
+    reference = problem.references
+    mixing = np.eye(len(sensors))
+    for a, other in enumerate(reference):
+        if other is not None:
+            mixing[a, other] = 1.0
+    return mixing @ np.diag(sensors**2) @ mixing.T
