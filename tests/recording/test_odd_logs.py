@@ -41,7 +41,38 @@ def times_per_channel() -> str:
     return "\n".join(["time,link_position,time,motor_position,time,motor_torque", *lines]) + "\n"
 
 
+def with_stamps() -> str:
+    """The log with a stamp as ROS writes it."""
+    names = "header.stamp.secs,header.stamp.nsecs,link/position,motor/position,motor/effort"
+    stamps = [(int(t), round(1e9 * (t % 1.0))) for t in COLUMNS["time"].tolist()]
+    rows = [
+        f"{secs},{nsecs},{line.split(',', 1)[1]}"
+        for (secs, nsecs), line in zip(stamps, LINES, strict=True)
+    ]
+    return "\n".join([names, *rows]) + "\n"
+
+
+LABELS = (
+    ",Type: double,Type: double,Type: double\n"
+    ",Unit: deg,Unit: deg,Unit: N*m\n"
+    ",BlockPath: m/a,BlockPath: m/b,BlockPath: m/c"
+)
+HUNDREDTHS = {n: 100.0 * v if "position" in n else v for n, v in DEGREES.items()}
 READ: dict[str, str | bytes] = {
+    "a stamp in two columns": with_stamps(),
+    "labels below the names": headed(f"{HEADER}\n{LABELS}", DEGREES),
+    "names of one program": headed(
+        "t [s],GVL.fLinkPos [°],GVL.fMotorPos [°],GVL.fMotorTorque [Nm]"
+    ).replace("[°]", "[rad]"),
+    "topics of states": headed("__time,/link/joint_states/pos,/motor/joint_states/pos,/js/effort"),
+    "functions of time": headed("t,q_l(t),q_m(t),tau(t)"),
+    "blanks that do not break": headed(
+        "time,link\u00a0position\u00a0[rad],motor\u00a0position,motor\u00a0torque\u00a0[N\u00a0m]"
+    ),
+    "parts of a unit": headed(
+        "time,link_position [0.01 deg],motor_position [1e-2 deg],motor_torque", HUNDREDTHS
+    ),
+    "no unit of the time": headed(f"{HEADER}\n-,deg,deg,N m", DEGREES),
     "German": with_decimal_commas(
         "Zeit [s],Winkel Abtrieb [°],Winkel Motor [°],Drehmoment [Nm]", DEGREES
     ),
@@ -146,6 +177,24 @@ REFUSED = {
         headed(HEADER.replace("motor_torque", "motor_torque [0.1 % of rated torque]")),
         "rated torque. is a share of something: write .N m.* as the unit",
     ),
+    "a header in two lines": (
+        headed('time,"link\nposition","motor\nposition",motor_torque'),
+        "line 1: a quotation mark opens in the header .*: write all column names in one line",
+    ),
+    "YAML": ("time: 0.0\nposition:\n- 0.1\n- 0.2\n", "line 1: a name stands before each value"),
+    "names within rows": ("t:0.0 q:0.1\nt:0.1 q:0.2\n", "line 1: a name stands before each value"),
+    "a range as a unit": (
+        headed(HEADER.replace("motor_torque", "motor_torque [10 V]")),
+        "the unit .10 V. is not known: write .*, or the unit and a scale in a column map",
+    ),
+    "lists in cells": (
+        "time,link_position,motor_position\n" + "".join(f'{t},"[0.1, {t}]",0\n' for t in range(9)),
+        "line 2, column 'link_position': '.0.1, 0.' is a list: write a column for each",
+    ),
+    "units in cells": (
+        headed("time,link_position,motor_position,motor_torque").replace("\n1.0,", "\n1.0 s,"),
+        "line 202, column 'time': '1.0 s' has letters behind its digits: write the unit in",
+    ),
     "numbers of samples": (
         headed(HEADER.replace("time", "sample")),
         "there is no time.*without a time, write sample_time = 0.001 for 1 ms",
@@ -160,6 +209,22 @@ def test_refused(name: str, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text(text, encoding="utf-8")
     assert_words(words, refused(read_log, path))
+
+
+@pytest.mark.parametrize(("tick", "bits"), [("ms", 16), ("us", 32)])
+@pytest.mark.parametrize("is_signed", [False, True])
+def test_a_clock_that_overflows_is_counted_on(tick: str, bits: int, is_signed: bool) -> None:
+    """Assert that a counter that begins again costs no sample, and that other times are refused."""
+    ticks = np.rint(COLUMNS["time"] * {"ms": 1e3, "us": 1e6}[tick]).astype(np.int64)
+    low = -(2 ** (bits - 1)) if is_signed else 0
+    counted = (ticks - ticks[150]) % 2**bits + low
+    columns = {**without(COLUMNS, "time"), f"time [{tick}]": counted}
+    log = read_columns(columns)
+    (recording,) = log.recordings
+    time = recording.time - recording.start_time
+    np.testing.assert_allclose(time, COLUMNS["time"], atol=1e-6)
+    assert_words(f"as a counter of {bits} bits does, and was counted on", log.warnings[0])
+    assert_words("runs backwards", refused(read_columns, {**columns, f"time [{tick}]": -ticks}))
 
 
 def with_holes(cell: str, every: int) -> str:

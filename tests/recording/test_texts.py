@@ -232,7 +232,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
         lambda text: rows(whole)(text).replace(",", ";", 3),
         "has a comma, and it cannot be known whether",
     ),
-    "hexadecimal": (cells(lambda cell: hex(int(1e4 * float(cell)))), "'0x0' is not a number"),
+    "hexadecimal": (cells(lambda cell: hex(int(1e4 * float(cell)))), "'0x0' is hexadecimal"),
     "words for numbers": (
         rows(lambda line: ",".join([*line.split(",")[:-1], str(line[-1] > "5")])),
         "'(True|False)' is not a number: correct it, or remove the row, and",
@@ -247,7 +247,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
     ),
     "JSON": (
         lambda text: "".join(f'{{"time": {line}}}\n' for line in text.splitlines()),
-        "line 1: this is JSON: write a header",
+        "line 1: a name stands before each value, as in JSON or YAML: write a header",
     ),
 }
 

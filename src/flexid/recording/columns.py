@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 _LINK = "link_position (or deflection)"
 _INPUT = "motor_torque (or motor_current, or motor_voltage)"
 _OPTIONAL = (_LINK, _INPUT)
+_NANOSECONDS = re.compile(r"(.{0,200})(?:nano|n)(secs?|seconds)$")
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
 
 
@@ -42,6 +43,17 @@ class _Column(NamedTuple):
 
     header: str
     unit: str | None
+    nanoseconds: str = ""  # the column of them, where this one has a stamp's whole seconds
+
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """All columns of the channel."""
+        return (self.header, self.nanoseconds) if self.nanoseconds else (self.header,)
+
+    @property
+    def shown(self) -> str:
+        """These, for a message."""
+        return " + ".join(map(repr, self.headers))
 
 
 @dataclass
@@ -109,12 +121,13 @@ def recipes_of(
         if name == "time" and column_map is not None and column_map.sample_time is not None:
             recipes[name] = counted_time(column_map)
             continue
-        header, unit = plan.found[name]
+        header, unit, nanoseconds = plan.found[name]
         place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
         gear = None if column_map is None else column_map.gear(name)
-        recipes[name] = Recipe({header: 1.0}, table.file, place, gear, unit)
+        weights = {header: 1.0, **({nanoseconds: 1e-9} if nanoseconds else {})}
+        recipes[name] = Recipe(weights, table.file, place, gear, unit)
     if column_map is None and not table.kinds:  # a bag holds much that no joint needs
-        taken = {column.header for column in plan.found.values()}
+        taken = {header for column in plan.found.values() for header in column.headers}
         unused = [name for name in table.names if name not in taken]
         if unused:
             plan.warnings.append(
@@ -181,7 +194,10 @@ def _canonical_columns(table: Table, named: set[str]) -> dict[str, _Column]:
 
 def _add_usual(table: Table, plan: _Plan) -> None:
     """Add columns that have usual names where no column has the channel's own."""
-    candidates = _candidates(table, plan)
+    stamp = _stamp_of_two(table)
+    candidates = _candidates(table, plan, stamp.headers if stamp else ())
+    if stamp and "time" not in candidates:
+        candidates["time"] = [(stamp, Usual("time", "s"))]
     skipped = set(plan.found)
     if skipped & set(INPUTS):
         skipped |= set(INPUTS)
@@ -207,7 +223,7 @@ def _add_usual(table: Table, plan: _Plan) -> None:
     plan.found |= added
     if added:
         shown = ", ".join(
-            f"{column.header!r} for {name} in {column.unit or SI_UNITS[name][0]}"
+            f"{column.shown} for {name} in {column.unit or SI_UNITS[name][0]}"
             for name, column in added.items()
         )
         plan.warnings.append(
@@ -219,6 +235,18 @@ def _add_usual(table: Table, plan: _Plan) -> None:
             f"{table.file}: {quoted(commands)} is a command, and not a measurement: log "
             f"the measured torque or current, which may be later and smaller"
         )
+
+
+def _stamp_of_two(table: Table) -> _Column | None:
+    """A stamp's columns of whole seconds and of nanoseconds, as ROS writes it."""
+    bare = {split_header(header)[0].lower(): header for header in table.names}
+    parts = {header: match for name, header in bare.items() if (match := _NANOSECONDS.match(name))}
+    found = [
+        _Column(bare[match[1] + match[2]], "s", header)
+        for header, match in parts.items()
+        if match[1] + match[2] in bare
+    ]
+    return found[0] if len(found) == 1 else None
 
 
 def _has_stamps(table: Table, name: str) -> bool:
@@ -233,9 +261,9 @@ def _has_stamps(table: Table, name: str) -> bool:
 _Candidates = dict[str, list[tuple[_Column, Usual]]]
 
 
-def _candidates(table: Table, plan: _Plan) -> _Candidates:
-    """Columns by the channel that their usual names stand for, of one joint."""
-    taken = {column.header for column in plan.found.values()}
+def _candidates(table: Table, plan: _Plan, others: tuple[str, ...]) -> _Candidates:
+    """Columns by the channel that their usual names stand for, of one joint, but for some."""
+    taken = {*others, *(column.header for column in plan.found.values())}
     names = {header: table.short_name(header) for header in table.names if header not in taken}
     ignored = common_words(names.values())
     named = {header: named_channel(name, ignored) for header, name in names.items()}

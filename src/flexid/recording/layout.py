@@ -25,6 +25,8 @@ LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megaby
 _MORE_ROWS = 3  # of numbers after the first: fewer may be lines of a preamble
 LONGEST_LINE = 1_000_000  # bytes
 _DATE_AND_BLANKS = re.compile(r"\s*[\d./-]{8,10} \d\d?:\d\d:[\d.,]{2,20}\S{0,9}\s+[+-]?[\d.]")
+_KEYED = re.compile(r"\s*(?:\{|\[\{|---\s*$|[\w./]{1,99}:(?:\s*$|\s*[+-]?\d))")  # JSON, YAML
+_LABEL = re.compile(r"(Type|Units?|Interp|BlockPath|PortIndex|Name): ?")
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,8 @@ def layout_of(file: str, text: bytes) -> Layout:
         plain = [line for line in lines if not line.is_comment]
     header, units = _above(file, lines[: lines.index(first)], first, separator, width)
     # A row before it may have another length, and is refused later.
-    first = next(line for line in plain if line.number > header.number and line is not units)
+    below = (line for line in plain if line.number > header.number and line is not units)
+    first = next(line for line in below if not _label(line, separator))
     if len(_names(header, separator)) == width and not _is_row(split(first.text, separator)):
         raise RecordingError(
             file,
@@ -88,12 +91,12 @@ def layout_of(file: str, text: bytes) -> Layout:
 def _without_rows(file: str, lines: list[_Line], plain: list[_Line]) -> Layout:
     """The layout of a text without a row of numbers: its first line is taken for the header."""
     first = plain[0]
-    if first.text.lstrip().startswith(("{", "[{")):
+    if _KEYED.match(first.text):
         raise RecordingError(
             file,
             f"line {first.number}",
-            "this is JSON: write a header with the column names, and a line of numbers for each "
-            "sample",
+            "a name stands before each value, as in JSON or YAML: write a header with the column "
+            "names, and a line of numbers for each sample",
         )
     dated = next((line for line in plain if _DATE_AND_BLANKS.match(line.text)), None)
     if dated is not None:
@@ -127,6 +130,7 @@ def _above(
         named = [line for line in above if not line.is_comment]
         if not named:
             raise _no_header(file, first.number)
+        _check_quotes(file, named[0])
         cells = [_names(line, separator) for line in named]
         several = [
             line
@@ -134,8 +138,10 @@ def _above(
             if len(names) > 1 and not _is_row(names)
         ]
         return several[-1] if several else named[0], None
-    units = None
-    if len(named) > 1 and _is_units(_names(named[-1], separator)):
+    labels = {line.number: _label(line, separator) for line in named}
+    units = next((line for line in named if labels[line.number].startswith("Unit")), None)
+    named = [line for line in named if not labels[line.number]] or named
+    if len(named) > 1 and units is None and _is_units(_names(named[-1], separator)):
         units = named.pop()
     without_numbers = [line for line in named if not any(map(is_number, _names(line, separator)))]
     named = without_numbers or named
@@ -148,8 +154,24 @@ def _above(
     return header, units
 
 
+def _label(line: _Line, separator: str) -> str:
+    """The first of the labels with which all cells below the names begin, as Simulink writes."""
+    found = [_LABEL.match(cell) for cell in _names(line, separator) if cell]
+    return found[0][1] if found and found[0] and all(found) else ""
+
+
 def _repeats(cells: list[str]) -> bool:
     return len({*cells}) < len(cells)
+
+
+def _check_quotes(file: str, header: _Line) -> None:
+    if _bare(header).count('"') % 2:
+        raise RecordingError(
+            file,
+            f"line {header.number}",
+            "a quotation mark opens in the header and does not close on this line: write all "
+            "column names in one line",
+        )
 
 
 def _no_header(file: str, line: int) -> RecordingError:
@@ -248,10 +270,7 @@ def _layout(
 ) -> Layout:
     """The layout with these parts, whose names are checked."""
     place = f"line {header.number}"
-    if _bare(header).count('"') % 2:
-        raise RecordingError(
-            file, place, "a quotation mark opens in the header and does not close: mend it"
-        )
+    _check_quotes(file, header)
     names = _names(header, separator)
     if not names:  # the csv module gives up
         raise RecordingError(file, place, "the header cannot be read: write shorter column names")
@@ -303,8 +322,8 @@ def without_twins(file: str, layout: Layout, frame: polars.DataFrame) -> polars.
 
 def _with_unit(file: str, line: int, name: str, unit: str) -> str:
     """A name with the unit that stands below it."""
-    unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", unit).strip()
-    if not unit:
+    unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", _LABEL.sub("", unit)).strip()
+    if unit in ("", "-"):
         return name
     bare, own = split_header(name)
     if own is None:

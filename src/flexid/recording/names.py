@@ -18,9 +18,9 @@ MOST_TIMES = 3  # in a message
 _TIMES = ("s", "ms", "us", "ns")
 _FEWEST_NAMES = 3  # of quantities, whose common words say nothing
 _SYMBOL = 4  # letters, up to which a unit may be another word
-_NARROW = str.maketrans(
-    "（）［］【】｛｝＜＞", "()[][]{}<>"
-)  # brackets as wide as a Chinese letter
+_NARROW = str.maketrans(  # brackets as wide as a Chinese letter, and blanks that do not break
+    "（）［］【】｛｝＜＞\u00a0\u202f", "()[][]{}<>  "
+)
 _SPOKEN_UNIT = re.compile(r"(.*?[^\s/,:])(?:\s+/\s*|\s*,\s*|\s*:\s*|\s+in\s+)([^\s\d][^,:]{0,23})")
 _LAST_WORDS = re.compile(r"[\s_.\-/]+|(?<=[a-z])(?=[A-Z])")
 _PARTING = re.compile(r"[/.](?=[^\s\d])")  # of the parts of a path
@@ -63,7 +63,7 @@ def split_header(header: str) -> tuple[str, str | None]:
         unit = next(group for group in match.groups()[1:] if group is not None).strip()
         if re.fullmatch(r"[\d:, ]+", unit) or _is_side(unit):
             return header, None
-        return match[1].strip(), unit
+        return match[1].strip(), None if unit == "t" else unit  # as q(t), a function of time
     match = _SPOKEN_UNIT.fullmatch(header)
     if match is not None and unit_of_word(match[2]) is not None:
         return match[1].strip(), match[2]
@@ -122,7 +122,7 @@ def common_words(headers: Iterable[str]) -> frozenset[str]:
     """
     found = []
     for header in headers:
-        words = words_of(header) if len(header) <= LONGEST else None
+        words = words_of(split_header(header)[0]) if len(header) <= LONGEST else None
         if words is not None and {*words.quantities} - {"time"}:
             found.append({word for word in words.others if not word.isdigit()})
     return frozenset(set.intersection(*found)) if len(found) >= _FEWEST_NAMES else frozenset()

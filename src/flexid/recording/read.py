@@ -40,13 +40,13 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     origins = {name: channel.origin for name, channel in channels.items()}
     for name, channel in channels.items():
         checks.check_magnitude(table.file, name, channel)
-    time = channels.pop("time")
+    time, again = wraps.count_on(table.file, channels.pop("time"))
     channels, time, repeated = without_repeats(table, channels, time)
     channels, time, holes = without_holes(table.file, channels, time)
     channels, time, frozen = without_frozen(table.file, channels, time)
     channels, values, uncounted, odd = mended(table.file, channels, time.values)
     time = replace(time, values=values)
-    warnings += repeated + holes + frozen + odd
+    warnings += again + repeated + holes + frozen + odd
     grid = even_grid(table, time.column, time.values)
     warnings += grid.warnings
     warnings += _check_each(table.file, channels)

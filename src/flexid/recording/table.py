@@ -32,6 +32,12 @@ _DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[-:./]\d\d?[-:./]\d\d|\d+:\d\d"
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 _HOLE = r"(?i)^\s*(?:[+-]?nan(?:\(ind\))?|n/?a|#n/?a|null|none|-+)?\s*$"
+_FORMS = {  # of cells that may be mended for the whole column
+    r"[\[{]": "is a list: write a column for each of its values",
+    r"[+-]?0x[\da-fA-F]+$": "is hexadecimal: write decimal numbers",
+    r"[+-]?\d[\d.,eE+-]*\s?[^\W\d_°]{1,4}$": "has letters behind its digits: write the unit in the "
+    "column's name, as in [deg]",
+}
 _TIME_REMEDY = f"the time may be seconds, or stamps such as {EXAMPLE}"
 
 
@@ -219,4 +225,7 @@ def _bad_cell(cell: object) -> str:
         return f"{cut!r} has marks between its thousands: export numbers without"
     if re.match(_DATE, text):
         return f"{cut!r} is a date or a time of day, not a number: {_TIME_REMEDY}"
+    for pattern, reason in _FORMS.items():
+        if re.match(pattern, text):
+            return f"{cut!r} {reason}"
     return f"{cut!r} is not a number: correct it, or remove the row"

@@ -91,6 +91,8 @@ _MEASURED = {
 _SHARES = {"%", "‰", "percent", "permille", "pct", "promille"}
 _RATED = re.compile(r"\s*[%‰]|.*\b(rated|nominal|nenn\w*)\b", re.IGNORECASE)
 _GRAD = {"grad", "gon"}
+# 0.01 deg, 1e-3 rad; 10 V may be a range
+_MULTIPLE = re.compile(r"(\d{0,9}\.\d{1,9}(?:[eE]-?\d)?|\d[eE]-\d) ?([^\W\d].*)")
 DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
 
 
@@ -159,6 +161,10 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
             f"the unit [{text}] may mean degrees, or gon of which 400 are a turn: write [deg], or "
             f"unit = 'turn' and scale = '1/400' in a column map"
         )
+    multiple = _MULTIPLE.fullmatch(text)
+    if multiple is not None:
+        factor, si_unit = scale_to_si(multiple[2], si_units)
+        return float(multiple[1]) * factor, si_unit
     if "rad/s" in si_units:
         text = _PER_SECOND.get(text.lower(), text)
     if text in si_units:  # as nearly always; Pint takes a third of a second to be ready
@@ -183,7 +189,10 @@ def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     Root units are compared rather than dimensions, because a radian has none: a count, a percentage
     or a hertz would pass for an angle or an angular velocity.
     """
-    unknown = UnitError(f"the unit [{text}] is not known: write {_accepted(si_units)}")
+    unknown = UnitError(
+        f"the unit [{text}] is not known: write {_accepted(si_units)}, or the unit and a scale in "
+        f"a column map"
+    )
     text = re.sub(f"[{DOTS}]", "·", text).replace("º", "°")
     text = _spelled(text) or text
     # Exponents and numbers are limited, so that no unit text can ask for a power tower.

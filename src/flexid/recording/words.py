@@ -42,8 +42,9 @@ _OTHERS = {
         "consigne riferimento consigna"
     ),
     "filler": (
-        "meas measured act actual enc encoder side sensor value values data shaft of the "
-        "ist istwert gemessen mesure mesuree misurata medida medido de du la le del della do da van"
+        "meas measured act actual active present state states enc encoder side sensor value values "
+        "data shaft of the ist istwert gemessen mesure mesuree misurata medida medido de du la le "
+        "del della do da van"
     ),
     "filler of time": "date stamp elapsed rel relative since start sim simulation ros abs system",
 }

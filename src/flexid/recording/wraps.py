@@ -1,4 +1,4 @@
-"""Wraps of absolute encoders: undone where they are clear, named where they are not."""
+"""Wraps of encoders and clocks: undone where they are clear, named where they are not."""
 
 from __future__ import annotations
 
@@ -74,6 +74,25 @@ def without_wraps(time: FloatArray, readings: FloatArray, turn: float) -> tuple[
 
 def _times(time: FloatArray, jumps: NDArray[np.intp]) -> str:
     return first_times([f"{time[index + 1]:.6g} s" for index in jumps[:MOST_TIMES]], len(jumps))
+
+
+def count_on(file: str, time: Channel) -> tuple[Channel, tuple[str, ...]]:
+    """A time that goes on where a counter of 16 or 32 bits begins again, and a warning of that."""
+    if np.all(np.diff(time.values) >= 0.0):
+        return time, ()
+    ticks = time.values / time.origin.factor
+    steps = np.diff(ticks)
+    usual, again = np.median(steps), np.flatnonzero(steps < 0.0)
+    for bits in (16, 32):
+        if np.all(np.abs(steps[again] + 2.0**bits - usual) < (GAP - 1.0) * usual):
+            at = first_times([f"{time.values[place]:.6g} s" for place in again])
+            warning = (
+                f"{file}: {time.place}: the time begins again after {at}, as a counter of {bits} "
+                f"bits does, and was counted on: check it"
+            )
+            ticks[1:] += 2.0**bits * np.cumsum(steps < 0.0)
+            return replace(time, values=ticks * time.origin.factor), (warning,)
+    return time, ()
 
 
 def turns_apart(position: FloatArray, other: FloatArray) -> float:
