@@ -65,6 +65,8 @@ READ: dict[str, str | bytes] = {
         "t [s],GVL.fLinkPos [°],GVL.fMotorPos [°],GVL.fMotorTorque [Nm]"
     ).replace("[°]", "[rad]"),
     "topics of states": headed("__time,/link/joint_states/pos,/motor/joint_states/pos,/js/effort"),
+    "a comment of units": headed(f"# units: s, deg, deg, Nm\n{HEADER}", DEGREES),
+    "a control input": headed("t,q_l,q_m,u_Nm"),
     "functions of time": headed("t,q_l(t),q_m(t),tau(t)"),
     "blanks that do not break": headed(
         "time,link\u00a0position\u00a0[rad],motor\u00a0position,motor\u00a0torque\u00a0[N\u00a0m]"
@@ -109,7 +111,10 @@ LEFT_OUT = {
     "a comment": (interrupted("# paused"), "line 12 was left out, as a comment$"),
     "comments with blanks": (interrupted("# a b").replace(",", " "), "left out, as a comment$"),
     "blank lines": (interrupted("", "  ", ""), "line 12 and 2 more were left out, as blank$"),
-    "the header": (interrupted(HEADER), "line 12 was left out, as the column names once more$"),
+    "the header": (
+        interrupted(f"\ufeff{HEADER}"),
+        "line 12 was left out, as the column names once more$",
+    ),
     "all of them": (interrupted("% x", HEADER, ""), "as a comment or the column .* or blank$"),
     "a line between two": ("\n\n".join([HEADER, *LINES]), "and 398 more were left out"),
 }
@@ -508,4 +513,6 @@ def test_a_column_with_the_unit_of_an_input_is_named(tmp_path: Path) -> None:
     path.write_text(headed(HEADER.replace("motor_torque", "M_Nm")), encoding="utf-8")
     log = read_log(path)
     assert log.recordings[0].input is None
-    assert_words("only the link.*to identify the motor too, name 'M_Nm'", log.warnings[0])
+    assert_words("only the link.*to identify the motor too, name 'M_Nm'.*map$", log.warnings[0])
+    path.write_text(headed(HEADER.replace("motor_torque", "joint_torque")), encoding="utf-8")
+    assert_words("'joint_torque' in .* unless a sensor measures it", read_log(path).warnings[0])

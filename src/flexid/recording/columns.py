@@ -347,6 +347,9 @@ def _require(table: Table, plan: _Plan) -> None:
         ]
         if hints[0] or likely:
             which = quoted(likely) if likely else "that column"
+            found = [named_channel(header) for header in likely]
+            if any(one is not None and one.channel == "torque" for one in found):
+                what += ", unless a sensor measures it at the spring"
             plan.warnings.append(
                 f"{table.file}: there is no {labels}, so only the link can be identified: to "
                 f"identify the motor too, name {which} in {what}"

@@ -26,7 +26,7 @@ _MORE_ROWS = 3  # of numbers after the first: fewer may be lines of a preamble
 LONGEST_LINE = 1_000_000  # bytes
 _DATE_AND_BLANKS = re.compile(r"\s*[\d./-]{8,10} \d\d?:\d\d:[\d.,]{2,20}\S{0,9}\s+[+-]?[\d.]")
 _KEYED = re.compile(r"\s*(?:\{|\[\{|---\s*$|[\w./]{1,99}:(?:\s*$|\s*[+-]?\d))")  # JSON, YAML
-_LABEL = re.compile(r"(Type|Units?|Interp|BlockPath|PortIndex|Name): ?")
+_LABEL = re.compile(r"(?i)(type|units?|interp|blockpath|portindex|name): ?")
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _above(
         ]
         return several[-1] if several else named[0], None
     labels = {line.number: _label(line, separator) for line in named}
-    units = next((line for line in named if labels[line.number].startswith("Unit")), None)
+    units = next((line for line in named if labels[line.number].startswith("unit")), None)
     named = [line for line in named if not labels[line.number]] or named
     if len(named) > 1 and units is None and _is_units(_names(named[-1], separator)):
         units = named.pop()
@@ -157,7 +157,7 @@ def _above(
 def _label(line: _Line, separator: str) -> str:
     """The first of the labels with which all cells below the names begin, as Simulink writes."""
     found = [_LABEL.match(cell) for cell in _names(line, separator) if cell]
-    return found[0][1] if found and found[0] and all(found) else ""
+    return found[0][1].lower() if found and found[0] and all(found) else ""
 
 
 def _repeats(cells: list[str]) -> bool:

@@ -150,6 +150,8 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     if len(quantities) != 1 or len(sides) > 1:
         return None
     quantity, side = quantities[0], next(iter(sides), None)
+    if "u" in words.all and unit and quantity_of(unit) in _INPUTS:  # it may be any input
+        quantity = str(quantity_of(unit))
     if words.needs_unit and unit is None:
         return None
     if quantity == "time":

@@ -208,7 +208,7 @@ def as_utf_8(file: str, raw: bytes) -> bytes:
                 file, "", "the text is damaged UTF-16: save the file as UTF-8"
             ) from None
     check_text(file, raw)
-    text = raw.removeprefix(b"\xef\xbb\xbf")
+    text = raw.replace(b"\xef\xbb\xbf", b"")  # also where two files were joined
     if not text.isascii():
         try:
             text.decode("utf-8")
