@@ -216,13 +216,14 @@ def frequency_response(
     if hertz.ndim != 1 or not (np.isfinite(hertz) & (hertz > 0.0)).all():
         raise SettingError("frequency", "has values that are not above 0: give it in Hz")
     omega = 2.0 * np.pi * hertz
-    band = response_band(joint, omega, level)
+    bands = response_band(joint, omega, level)
     positions = joint.positions(omega)
     input_name, unit = _input(joint, result)
     responses = []
     for row, name in enumerate(joint.shown.outputs):
         values = positions[:, row] * (1j * omega if joint.shown.by_force else 1.0)
         size, angle = np.abs(values), np.angle(values)
+        lower, upper, behind, ahead = bands[:, :, row]
         moves = bool(size.all())
         responses.append(
             Response(
@@ -230,10 +231,10 @@ def frequency_response(
                 input_name,
                 unit,
                 values,
-                size * band.lower[:, row],
-                size * band.upper[:, row] if moves else np.full(len(size), np.inf),
-                angle + band.behind[:, row],
-                angle + band.ahead[:, row],
+                size * lower,
+                size * upper if moves else np.full(len(size), np.inf),
+                angle + behind,
+                angle + ahead,
                 tuple(estimate for estimate in measured if estimate.output == name),
             )
         )

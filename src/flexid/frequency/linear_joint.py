@@ -181,37 +181,29 @@ _ANGLES = 2.0 * np.pi * np.arange(32) / 32  # the largest response is missed by 
 _TURN = 2.0  # rad between neighbours, from which on the response vanishes, or peaks, between them
 
 
-@dataclass(frozen=True, eq=False)
-class Band:
-    """Ends of the interval at each frequency; infinite where the log leaves something free."""
+def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> FloatArray:
+    """Ends of the interval of each position, shape (4, n, n_rows).
 
-    lower: FloatArray  # (n, n_rows): magnitude over its estimate
-    upper: FloatArray  # likewise
-    behind: FloatArray  # (n, n_rows): rad, phase less its estimate
-    ahead: FloatArray  # likewise
-
-
-def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> Band:
-    """Interval of magnitude and phase of each position at each frequency."""
+    Least and largest magnitude over the estimate, least and largest phase in rad less the estimate;
+    infinite where the log leaves something free.
+    """
+    nothing = _of_nothing(len(omega))
     if joint.unknown:
-        ends = (np.tile(part[:, None], joint.rows) for part in _of_nothing(len(omega)))
-        return Band(*ends)
+        return np.stack([nothing] * joint.rows, axis=2)
     response = joint.positions(omega)
     with np.errstate(divide="ignore", invalid="ignore"):  # of what does not move at all
         slopes = joint.logarithmic_slopes(omega)
     bands = [
-        _of_row(joint, omega, response, slopes, row, level)
-        if response[:, row].all()
-        else _of_nothing(len(omega))
+        _of_row(joint, omega, response, slopes, row, level) if response[:, row].all() else nothing
         for row in range(joint.rows)
     ]
-    return Band(*(np.stack(ends, axis=1) for ends in zip(*bands, strict=True)))
+    return np.stack(bands, axis=2)
 
 
-def _of_nothing(count: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _of_nothing(count: int) -> FloatArray:
     """Of a response that is zero: nothing is known of its logarithm."""
     everything = np.full(count, np.inf)
-    return np.zeros(count), everything, -everything, everything
+    return np.array((np.zeros(count), everything, -everything, everything))
 
 
 def _of_row(
@@ -221,11 +213,11 @@ def _of_row(
     slopes: ComplexArray,
     row: int,
     level: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> FloatArray:
     change = slopes[:, row] @ joint.deviations
     if change.shape[1] == 0:  # nothing was estimated
         none = np.zeros(len(omega))
-        return none + 1.0, none + 1.0, none, none
+        return np.array((none + 1.0, none + 1.0, none, none))
     # The first axis lies along the change of the magnitude, which so is met exactly.
     planes = np.linalg.qr(np.stack((change.real, change.imag), axis=2)).Q
     rays = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=1)[:, : planes.shape[2]]
@@ -240,12 +232,9 @@ def _of_row(
     any_phase = (np.abs(turned) > _TURN).any(axis=(1, 2)) | (np.abs(between.sum(axis=1)) > np.pi)
     with np.errstate(divide="ignore"):  # of a joint without damping
         largest = 1.0 / _nearest(1.0 / ratio)
-    return (
-        _nearest(ratio),
-        largest,
-        np.where(any_phase, -np.pi, np.minimum(angles.min(axis=(1, 2)), 0.0)),
-        np.where(any_phase, np.pi, np.maximum(angles.max(axis=(1, 2)), 0.0)),
-    )
+    behind = np.where(any_phase, -np.pi, np.minimum(angles.min(axis=(1, 2)), 0.0))
+    ahead = np.where(any_phase, np.pi, np.maximum(angles.max(axis=(1, 2)), 0.0))
+    return np.array((_nearest(ratio), largest, behind, ahead))
 
 
 def _nearest(points: ComplexArray) -> FloatArray:

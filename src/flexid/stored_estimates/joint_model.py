@@ -54,7 +54,7 @@ class JointModel:
     @cached_property
     def structure(self) -> Structure:
         """Joint, absent terms, timing and fixed coefficients; a `SettingError` if none is made."""
-        values = self._by_coefficient
+        values = self.by_coefficient
         joint = joint_of(self.kind)
         unknown = [name for name in values if name not in joint.units]
         if unknown:
@@ -88,7 +88,7 @@ class JointModel:
     @property
     def values(self) -> FloatArray:
         """Values of the unknowns, shape (k,)."""
-        return np.array([self._by_coefficient[name] for name in self.unknowns.names])
+        return np.array([self.by_coefficient[name] for name in self.unknowns.names])
 
     def motion(
         self, segments: Segments, noise: FloatArray, data: Data, sought: Sequence[str] = ()
@@ -103,7 +103,7 @@ class JointModel:
         return problem.at(point, 1.0 / noise), point
 
     @cached_property
-    def _by_coefficient(self) -> dict[str, float]:
+    def by_coefficient(self) -> dict[str, float]:
         """One value for each coefficient: the mean over the logs where each has its own."""
         found: dict[str, list[float]] = {}
         for name, value in self.coefficients.items():
@@ -111,7 +111,7 @@ class JointModel:
         return {name: float(np.mean(each)) for name, each in found.items()}
 
     def _with_constants(self, joint: Joint) -> Joint:
-        used = joint.shapes & {*self._by_coefficient}
+        used = joint.shapes & {*self.by_coefficient}
         if self.coulomb_velocity is not None:
             if used:
                 raise SettingError(

@@ -15,7 +15,6 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure, data_of
@@ -50,18 +49,6 @@ class EstimateValidation(Validation):
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
-class Tested:
-    """A model of an estimate over logs."""
-
-    model: Kind | Literal["arm"]
-    channels: Channels
-    problem: SegmentedMotion
-    values: FloatArray  # (k,)
-    samples: Sequence[Samples]
-    noise: Mapping[str, float]  # standard deviation in rad of each channel's noise
-
-
 def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> EstimateValidation:
     """Predict logs with an estimate as it is: nothing is fitted but the state at each start.
 
@@ -75,24 +62,27 @@ def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> Estimate
     _check_unit(estimate.name, stored, logs)
     recordings = [stored.choices.amplifier.behind(recording) for recording in recordings]
     data = data_of(model.joint, recordings, [0] * len(recordings))
-    problem, _ = model.motion(divide(data.samples, _SEGMENT), data.noise, data)
-    kind, noise = model.joint.kind, _noise(model.joint, data)
-    tested = Tested(kind, model.joint, problem, model.values, data.samples, noise)
     doubts = (*common_doubts(stored, stored.coefficients, logs), *_doubts(stored))
-    warnings = (*(warning for log in logs for warning in log.warnings), *dropped)
-    return predicted(estimate, tested, logs, (*warnings, *cautions(Rank.MODEL, doubts)))
+    noise, warnings = _noise(model.joint, data), (*dropped, *cautions(Rank.MODEL, doubts))
+    return _predicted(estimate, model.structure, model.by_coefficient, data, noise, logs, warnings)
 
 
-def predicted(
-    estimate: StoredEstimate, tested: Tested, logs: Sequence[Source], warnings: Sequence[str]
+def _predicted(
+    estimate: StoredEstimate,
+    structure: Structure[Any],
+    values: Mapping[str, float],  # of its coefficients
+    data: Data,
+    noise: Mapping[str, float],
+    logs: Sequence[Log] | Sequence[ArmLog],
+    warnings: Sequence[str],
 ) -> EstimateValidation:
     """Predictions of all but the first half second of each recording."""
-    starts = [round(HEAD / samples.sample_time) for samples in tested.samples]
+    problem, point = motion_at(structure, data, divide(data.samples, _SEGMENT), values, None)
+    channels, samples = structure.joint, data.samples
+    starts = [round(HEAD / recording.sample_time) for recording in samples]
     try:
         with np.errstate(all="ignore"):
-            found = validate_with(
-                tested.channels, tested.problem, tested.values, tested.samples, starts
-            )
+            found = validate_with(channels, problem, point.values, samples, starts)
     except np.linalg.LinAlgError:
         raise SettingError(
             estimate.name, "diverges on this log at once: give the estimate of the same drive"
@@ -101,10 +91,10 @@ def predicted(
         found.fit_percent,
         found.runs,
         found.horizons,
-        model=tested.model,
-        residuals=_residuals(found, tested.channels, tested.samples, starts),
-        noise=tested.noise,
-        warnings=ranked(warnings),
+        model=estimate.result.model,
+        residuals=_residuals(found, channels, samples, starts),
+        noise=noise,
+        warnings=ranked([*(w for log in logs for w in log.warnings), *warnings]),
         provenance={
             "flexid_version": flexid.__version__,
             "estimate": {"file": estimate.name, "sha256": estimate.sha256},
@@ -251,18 +241,14 @@ def validate_arm(
                 f"{', '.join(stored.input_units)}: give logs of the same inputs",
             )
     data = arm_data(_long_enough(logs))
-    arm, samples = ElasticArm(planar_arm(stored.arm)), data.samples
+    arm = ElasticArm(planar_arm(stored.arm))
     spread = data.noise.reshape(-1, 2)
-    by_channel = np.column_stack((spread, np.hypot(*spread.T))).ravel().tolist()
+    by_channel = np.column_stack((spread, np.hypot(*spread.T))).ravel()
     delays = {INPUT: stored.input_delay} if stored.input_delay else {}
-    timing = Timing(stored.hold, delays)
-    structure = Structure(arm, frozenset(), timing, stored.fixed)
-    segments, values = divide(samples, _SEGMENT), stored.fit.by_name
-    problem, point = motion_at(structure, data, segments, values, None)
-    noise = dict(zip(arm.channels, by_channel, strict=True))
-    tested = Tested("arm", arm, problem, point.values, samples, noise)
+    structure = Structure(arm, frozenset(), Timing(stored.hold, delays), stored.fixed)
     doubts = cautions(Rank.MODEL, [*common_doubts(stored, stored.parameters, logs)])
-    return predicted(estimate, tested, logs, (*(w for log in logs for w in log.warnings), *doubts))
+    noise = _by_channel(arm, by_channel)
+    return _predicted(estimate, structure, stored.fit.by_name, data, noise, logs, doubts)
 
 
 def _long_enough(logs: Sequence[ArmLog]) -> list[Samples]:
