@@ -1,7 +1,8 @@
 """An identification as tables and sentences, with the evidence that ``--explain`` adds."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import isclose, isfinite, isnan
+from types import MappingProxyType
 from typing import Any
 
 from rich.text import Text
@@ -157,21 +158,21 @@ def _at_most(parameter: ParameterEstimate) -> str:
     return f"{parameter.name} below {largest:.2g} {parameter.unit}"
 
 
-def estimates_table(title: str, estimates: Mapping[str, ValueEstimate]) -> Table:
-    """Values by name, with intervals and verdicts."""
-    columns = (
-        Column("name"),
-        *numbers("value", "95 % interval"),
-        Column("unit"),
-        Column("verdict"),
-    )
-    table = Table(title, columns)
+def estimates_table(
+    title: str,
+    estimates: Mapping[str, ValueEstimate],
+    more: Mapping[Column, Callable[[str], Cell | str]] = MappingProxyType({}),
+) -> Table:
+    """Values by name, with intervals and verdicts; more columns with what they say of a name."""
+    usual = (Column("name"), *numbers("value", "95 % interval"), Column("unit"), Column("verdict"))
+    table = Table(title, (*usual, *more))
     for name, e in estimates.items():
         value, interval = value_cells(e.value, *e.interval)
         if e.interval[0] == e.interval[1]:
             known = e.reason in ("given", "at its bound")
             interval = Cell((e.reason if known else "fixed",))  # why there is none
-        table.add(name, value, interval, e.unit, verdict_cell(e.verdict))
+        others = (cell(name) for cell in more.values())
+        table.add(name, value, interval, e.unit, verdict_cell(e.verdict), *others)
     return table
 
 

@@ -1,7 +1,7 @@
 """What is known of a stream, as tables, JSON, and a view that is renewed."""
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
 from typing import Any
@@ -9,17 +9,14 @@ from typing import Any
 from rich.text import Text
 
 from flexid.models.parameter_kinds import ANGLES, difference
-from flexid.report.identification import negligible
+from flexid.report.identification import estimates_table, negligible
 from flexid.report.page import Presenter
 from flexid.report.terminal import (
     Cell,
     Column,
     Part,
-    Table,
     encodable,
     laid_out,
-    value_cells,
-    verdict_cell,
 )
 from flexid.streaming.health import Health
 from flexid.streaming.session import Session, clock_words
@@ -44,38 +41,7 @@ def parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
         (judgement.health.words, f"bold {COLOURS[judgement.health]}"), f": {judgement.reason}."
     )
     yield Text()
-    reference, gone = session.options.reference, {d.name: d for d in session.departures}
-    columns = [
-        Column("name"),
-        Column("value", right=True),
-        Column("95 % interval", right=True),
-        Column("unit"),
-        Column("verdict"),
-    ]
-    if reference:
-        columns += [Column("estimate", right=True), Column("change", right=True)]
-    if sparks is not None:
-        columns.append(Column("lately", spare=1))
-    table = Table("Physical parameters", columns)
-    for name, found in session.parameters.items():
-        value, interval = value_cells(found.value, *found.interval)
-        cells = [
-            name,
-            value,
-            interval,
-            found.unit,
-            verdict_cell(found.verdict),
-        ]
-        if name in reference:
-            was = reference[name][0]
-            change = _change(name, was, found.value)
-            cells += [f"{was:.5g}", Cell((change,), "red" if name in gone else "")]
-        elif reference:
-            cells += ["", ""]
-        if sparks is not None:
-            cells.append(sparks.line(name, found.value))
-        table.add(*cells)
-    yield table
+    yield estimates_table("Physical parameters", session.parameters, _columns(session, sparks))
     if small := negligible(session.parameters.values()):
         yield Text(f"Negligible even at the ends of the interval: {', '.join(small)}")
     conditions = ", ".join(
@@ -90,6 +56,29 @@ def parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
         yield Text(f"Contradiction: {sentence}.", style="red")
     for change in session.changes[-3:]:
         yield Text(f"Change: {change.sentence}.", style="red")
+
+
+def _columns(
+    session: Session, sparks: "Sparks | None"
+) -> dict[Column, Callable[[str], Cell | str]]:
+    """What is said of each parameter besides: the estimate it is held against, and how it went."""
+    reference, gone = session.options.reference, {d.name for d in session.departures}
+    found = session.parameters
+
+    def change(name: str) -> Cell | str:
+        if name not in reference:
+            return ""
+        shown = _change(name, reference[name][0], found[name].value)
+        return Cell((shown,), "red" if name in gone else "")
+
+    columns: dict[Column, Callable[[str], Cell | str]] = {}
+    if reference:
+        estimate = Column("estimate", right=True)
+        columns[estimate] = lambda name: f"{reference[name][0]:.5g}" if name in reference else ""
+        columns[Column("change", right=True)] = change
+    if sparks is not None:
+        columns[Column("lately", spare=1)] = lambda name: sparks.line(name, found[name].value)
+    return columns
 
 
 def _change(name: str, was: float, now: float) -> str:
