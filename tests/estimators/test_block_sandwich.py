@@ -6,7 +6,6 @@ from noisy_joint import VALUES, joint_samples
 from scipy.stats import t
 
 from flexid.estimators.block_sandwich import block_influences, block_lengths
-from flexid.estimators.cluster_covariance import Clusters, cluster_influences
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 
@@ -83,21 +82,3 @@ def test_blocks_cover_the_recordings(lengths, rate, count):
     blocks = block_lengths(lengths, [1e-3] * len(lengths), rate, 3)
     assert len(blocks) == count
     assert {*np.cumsum(lengths).tolist()} <= {*np.cumsum(blocks).tolist()}
-
-
-def test_all_blocks_at_once_are_the_clusters_one_by_one():
-    """Assert that blocks without unknowns of their own get what the general formula gives."""
-    generator = np.random.default_rng(4)
-    regressors, residuals = (
-        generator.standard_normal((30, 3, 8)),
-        generator.standard_normal((30, 8)),
-    )
-    normal = regressors @ regressors.transpose(0, 2, 1)
-    scores = np.einsum("bki,bi->bk", regressors, residuals)
-    inverse = np.linalg.inv(normal.sum(axis=0))
-    together = block_influences(
-        np.concatenate([*regressors], axis=1), residuals.ravel(), inverse, [8] * 30
-    )
-    clusters = Clusters(normal, scores, np.arange(30), inverse)
-    for found, expected in zip(together, cluster_influences(clusters), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-14)

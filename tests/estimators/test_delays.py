@@ -49,7 +49,7 @@ def fit(samples: Samples, timing: Timing, start: Sequence[float] = ()) -> Predic
     point = Point(values, first_states(problem.segments))
     problem = problem.at(point, np.full(2, 1.0 / NOISE))
     found = approach(problem, point, 1e-3)
-    return described(problem, found, found.iterations, 1.0)
+    return described(problem, found)
 
 
 def assert_within(found: PredictionErrorFit, expected: Sequence[float]) -> None:

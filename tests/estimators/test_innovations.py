@@ -255,7 +255,7 @@ def fitted(seed: int, *, known: bool) -> Innovations:
 
 def held(found: Innovations) -> np.ndarray:
     """Whether each 95 % interval holds the truth."""
-    fit = described(found.problem, found.minimum, 0, 60.0)
+    fit = described(found.problem, found.minimum)
     quantile = t.ppf(0.975, np.array(fit.degrees_of_freedom))
     return np.abs(fit.values - VALUES) <= quantile * fit.standard_deviations
 
@@ -266,7 +266,7 @@ def test_sizes_and_coefficients_are_recovered():
     assert np.abs(np.log(found.sizes.disturbances / DISTURBANCES)).max() < np.log(1.5)
     assert np.abs(np.log(found.sizes.sensors / NOISE)).max() < np.log(1.5)
     assert held(found).all()
-    fit = described(found.problem, found.minimum, 0, 60.0)
+    fit = described(found.problem, found.minimum)
     assert np.all(fit.standard_deviations[[0, 1, 3]] < 0.05 * VALUES[[0, 1, 3]])
 
 

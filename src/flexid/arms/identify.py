@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import flexid
+from flexid.analysis.excitation import excitation_of_gram
 from flexid.arms.disturbed import fit_disturbed
 from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import (
@@ -23,7 +24,7 @@ from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, joint_of_name
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED
+from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
 from flexid.identification.full_model.model import Structure
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.identification.judgement.estimates import judged_value, verdict
@@ -147,7 +148,9 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
         hold=structure.timing.hold if found.shares is None else "zero",
         input_delay=fitted.delays[INPUT],
         segment_duration=fitted.problem.segments.mean_duration,
-        condition_number=_condition(fitted),
+        condition_number=excitation_of_gram(
+            "arm", fitted.names, fitted.information
+        ).condition_number,
         warnings=ranked(
             (*log.warnings, *(doubt for _, doubt in doubts), *_warnings(parameters, found, excess))
         ),
@@ -210,17 +213,9 @@ def _doubts(
         shares = found.shares or {}
         left = max(shares.get(f"{side}_{joint}", 0.0) for side in ("link", "motor"))
         if not predicted >= PREDICTED and left > UNEXPLAINED:
-            doubts.append(
-                (
-                    {f"{name}_{joint}" for name in _OF_A_SPRING},
-                    Caution(
-                        f"more moves joint {joint} than the model has: over a period of the "
-                        f"resonance, its spring predicts {max(predicted, 0.0):.0f} % of the "
-                        f"deflection; look for other axes, loads and backlash",
-                        Rank.MODEL,
-                    ),
-                )
-            )
+            share = f"{max(predicted, 0.0):.0f} %"
+            weak = weak_spring(f"joint {joint}", "a period", share)
+            doubts.append(({f"{name}_{joint}" for name in _OF_A_SPRING}, weak))
     for joint in {*map(joint_of_name, parameters)}:
         names = (f"{name}_{joint}" for name in _POSITIVE)
         negative = [name for name in names if parameters[name].value <= 0.0]
@@ -289,16 +284,6 @@ def _shares(found: _Found, log: ArmLog) -> dict[str, float]:
     largest = np.maximum((sizes * own).max(axis=1), np.finfo(float).tiny)
     shares = (sizes / largest[:, None]).max(axis=0)
     return dict(zip(balance.coefficients, shares.tolist(), strict=True))
-
-
-def _condition(fitted: FittedArm) -> float:
-    """Condition number of the information, each parameter scaled to a unit diagonal."""
-    information = fitted.information
-    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
-    if not (scale > 0.0).all():
-        return np.inf
-    values = np.linalg.eigvalsh(information / np.outer(scale, scale))
-    return float(values[-1] / values[0]) if values[0] > 0.0 else np.inf
 
 
 def _warnings(

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.cluster_covariance import covariance_root, unbiased, unbiasing
+from flexid.estimators.cluster_covariance import Clusters, cluster_influences
 from flexid.estimators.normal_equations import scaled_inverse
-from flexid.symmetric import eigen
 
 BLOCK_DURATION = 1.0
 """Length of a block in s, if the record has room for `WANTED_BLOCKS` of them."""
@@ -63,7 +62,7 @@ def block_influences(
     inverse: FloatArray,  # (k, k)
     blocks: Sequence[int],
 ) -> tuple[FloatArray, FloatArray]:
-    """As `influences_of`, of the data; zero where no coefficient is sought."""
+    """How far each block's residuals move the coefficients, and degrees of freedom of each."""
     edges = np.concatenate(([0], np.cumsum(blocks, dtype=np.int64)))
     parts = [slice(first, stop) for first, stop in pairwise(edges)]
     k, count = len(inverse), len(parts)
@@ -71,32 +70,7 @@ def block_influences(
         return np.zeros((k, count)), np.zeros(k)
     normal = np.array([regressor[:, part] @ regressor[:, part].T for part in parts])
     scores = np.array([regressor[:, part] @ residual[part] for part in parts])
-    return influences_of(normal, scores, inverse)
-
-
-def influences_of(
-    normal: FloatArray,  # (n_blocks, k, k)
-    scores: FloatArray,  # (n_blocks, k)
-    inverse: FloatArray,  # (k, k)
-) -> tuple[FloatArray, FloatArray]:
-    """How far each block's scores move the coefficients of least squares, shape (k, n_blocks).
-
-    With L the influences of all coefficients, those of other rows over the same blocks among them,
-    L Lᵀ is their covariance. Second are the degrees of freedom of each variance, 0 where the blocks
-    show nothing. As `cluster_influences` for blocks without unknowns of their own, all at once.
-    """
-    half = covariance_root(inverse)[0]
-    leverages, directions = eigen(half.T @ normal @ half)
-    moved = half @ directions
-    adjusted = (moved * unbiasing(leverages)[:, None, :]) @ moved.transpose(0, 2, 1)
-    influences = np.einsum("bci,bi->cb", adjusted, scores)
-    rows = adjusted @ normal  # how white noise enters each coefficient's influence
-    own = np.einsum("bci,bci->bc", rows, adjusted)
-    common = np.einsum("bci,ij,bcj->bc", rows, inverse, rows, optimize=True)
-    shown = np.sum(own - common, axis=0)
-    squares, across = np.sum(own**2, axis=0), np.sum(own * common, axis=0)
-    gram = np.einsum("bci,bcj->cij", rows, rows, optimize=True)
-    return unbiased(influences, inverse, shown, squares, across, gram)
+    return cluster_influences(Clusters(normal, scores, np.arange(count), inverse))
 
 
 def covariance_of(influences: FloatArray, unknown: NDArray[np.bool_]) -> FloatArray:
@@ -151,7 +125,8 @@ class Blocks:
             total = normal.sum(axis=0)
             inverse, free = scaled_inverse(total, np.sqrt(np.diag(total)))
             try:
-                influences[part], degrees = influences_of(normal, scores, inverse)
+                clusters = Clusters(normal, scores, np.arange(count), inverse)
+                influences[part], degrees = cluster_influences(clusters)
             except np.linalg.LinAlgError:  # of numbers that no drive has
                 continue
             freedom[part] = np.where(free, 0.0, degrees * self.fading)

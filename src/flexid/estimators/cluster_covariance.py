@@ -125,7 +125,7 @@ def covariance_root(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     return vectors * root * scale[..., :, None], vectors / root / scale[..., :, None]
 
 
-def unbiasing(leverages: FloatArray) -> FloatArray:
+def _unbiasing(leverages: FloatArray) -> FloatArray:
     """Factor by which a fit has shrunk residuals along directions of these leverages, undone."""
     left = 1.0 - leverages
     return np.where(left > _WHOLE, 1.0 / np.sqrt(np.maximum(left, _WHOLE)), 0.0)
@@ -145,7 +145,7 @@ def _adjusted(
     half, other, turned = half[:, None], other[:, None], half.transpose(0, 2, 1)[:, None]
     leverages, directions = eigen(turned @ normal @ half)
     back = directions.transpose(0, 1, 3, 2) @ turned
-    correction = other @ (directions * unbiasing(leverages)[:, :, None, :]) @ back
+    correction = other @ (directions * _unbiasing(leverages)[:, :, None, :]) @ back
     return (inverse @ across)[:, None] @ correction
 
 

@@ -97,13 +97,7 @@ def predicting(
     sizes: Sizes,
     corrected: NDArray[np.int64],  # (n_segments,)
 ) -> SegmentedMotion:
-    """The motion that an observer follows for so many samples of each segment, and then predicts.
-
-    Raises
-    ------
-    ConvergenceError
-        If it diverges.
-    """
+    """The motion that an observer follows for some samples of each segment, and then predicts."""
     observed = _Observing.of(problem, point, directions).with_sizes(sizes).motion
     if observed is None or observed.observer is None:
         raise ConvergenceError("prediction error", "the disturbed motion diverges")

@@ -13,6 +13,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.block_sandwich import covariance_of
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import cluster_influences
 from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights, refinement
@@ -43,17 +44,10 @@ class PredictionErrorFit:
     # residuals too. Infinite variance marks what the data leave free, or what one block decides
     covariance: FloatArray
     degrees_of_freedom: tuple[float, ...]  # of each variance, for Student's t; 0 for none
-    undetermined: tuple[str, ...]  # coefficients that the data leave free
     # (k, k): what residuals of the size `noise` say, the initial states unknown
     information: FloatArray
     noise: FloatArray  # (n_outputs,): standard deviation of the residuals
-    initial_states: FloatArray  # (n_segments, n_states): fitted, at the start of every segment
-    start_times: FloatArray  # (n_segments,): when the segments start, in s
     residuals: FloatArray  # (n_samples, n_outputs): measured less fitted, all segments in turn
-    iterations: int  # steps taken
-    last_step: float  # length of the step that was not taken any more, in standard deviations
-    segment_duration: float  # wanted length of a segment in s
-    hold: Hold  # of the inputs
 
     @property
     def standard_deviations(self) -> FloatArray:
@@ -108,9 +102,9 @@ def prediction_error(
     segments = divide(recordings, segment_duration, use_velocities)
     check = _least_squares(recordings, unknowns, hold) if isinstance(start, Mapping) else start
     problem = segmented_motion(system, segments, Timing(hold), unknowns)
-    problem, found, iterations = _best_fit(problem, _start_values(unknowns, start))
+    problem, found = _best_fit(problem, _start_values(unknowns, start))
     if isinstance(start, Mapping):
-        rival_problem, rival, _ = _best_fit(problem, _start_values(unknowns, check))
+        rival_problem, rival = _best_fit(problem, _start_values(unknowns, check))
         if _misfit(problem, found) > _misfit(rival_problem, rival) + _WORSE:
             raise ConvergenceError(
                 "prediction error",
@@ -118,41 +112,26 @@ def prediction_error(
                 "lead to: start from a least-squares fit",
             )
     _compare(unknowns, found.point.values, check)
-    return described(problem, found, iterations, float(segment_duration))
+    return described(problem, found)
 
 
-def described(
-    problem: SegmentedMotion,
-    found: Minimum,
-    iterations: int,
-    segment_duration: float,  # in s
-) -> PredictionErrorFit:
+def described(problem: SegmentedMotion, found: Minimum) -> PredictionErrorFit:
     """What a minimum says about what was sought."""
-    reduced, segments, residuals = found.reduced, problem.segments, found.equations.residuals
+    reduced = found.reduced
     influences, freedom = cluster_influences(problem.clusters(found.equations, reduced))
     unknown = reduced.free | (freedom == 0.0)
-    states = found.point.initial_states
     return PredictionErrorFit(
-        names=problem.names,
-        values=found.point.values,
-        covariance=_infinite(influences @ influences.T, unknown),
-        degrees_of_freedom=tuple(np.where(unknown, 0.0, freedom).tolist()),
-        undetermined=tuple(
-            name for name, free in zip(problem.names, reduced.free, strict=True) if free
-        ),
-        information=reduced.information,
-        noise=found.noise(problem),
-        initial_states=states,
-        start_times=segments.start_times,
-        residuals=residuals[segments.within],
-        iterations=iterations,
-        last_step=found.last_step,
-        segment_duration=segment_duration,
-        hold=problem.timing.hold,
+        problem.names,
+        found.point.values,
+        covariance_of(influences, unknown),
+        tuple(np.where(unknown, 0.0, freedom).tolist()),
+        reduced.information,
+        found.noise(problem),
+        found.equations.residuals[problem.segments.within],
     )
 
 
-def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMotion, Minimum, int]:
+def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMotion, Minimum]:
     """Fit twice: with the noise guessed from the signals, then with that of the residuals."""
     outputs = problem.segments.outputs
     guess = np.array([position_noise(column) for column in outputs.T])
@@ -161,13 +140,11 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     coarse = approach(problem, point, _COARSE)
     problem = problem.at(coarse.point, output_weights(coarse.noise(problem), outputs))
     found = minimise(problem, coarse.point, _FINE)
-    iterations = coarse.iterations + found.iterations
     finer = refinement(problem, found)
     if finer > 1:
         problem = problem.at(found.point, problem.weights, finer)
         found = minimise(problem, found.point, _FINE)
-        iterations += found.iterations
-    return problem, found, iterations
+    return problem, found
 
 
 def _start_values(unknowns: Unknowns, start: Mapping[str, float] | LeastSquaresFit) -> FloatArray:
@@ -209,14 +186,6 @@ def _misfit(problem: SegmentedMotion, found: Minimum) -> float:
     return -2.0 * float(
         np.sum(np.log(output_weights(found.noise(problem), problem.segments.outputs)))
     )
-
-
-def _infinite(covariance: FloatArray, free: np.ndarray) -> FloatArray:
-    """Covariance with infinite variance for free coefficients."""
-    covariance = covariance.copy()
-    covariance[free, :] = covariance[:, free] = 0.0
-    covariance[free, free] = np.inf
-    return covariance
 
 
 def _compare(unknowns: Unknowns, values: FloatArray, check: LeastSquaresFit) -> None:

@@ -210,13 +210,17 @@ def _judged(
     if not doubted:
         return found
     what = "joint" if doubted == SPRINGS else balance_of(min(doubted))
-    doubt = Caution(
-        f"more moves this {what} than the model has: over {period:.2g} s, a period of the "
-        f"resonance, its spring predicts {share} of the deflection; look for other axes, loads and "
-        f"backlash{_whole_drive(job)}",
+    doubt = weak_spring(f"this {what}", f"{period:.2g} s, a period", share, _whole_drive(job))
+    return replace(found, doubts=(doubt,), doubted=frozenset(doubted))
+
+
+def weak_spring(what: str, period: str, share: str, otherwise: str = "") -> Caution:
+    """That a spring predicts too little of the deflection to be one."""
+    return Caution(
+        f"more moves {what} than the model has: over {period} of the resonance, its spring "
+        f"predicts {share} of the deflection; look for other axes, loads and backlash{otherwise}",
         Rank.MODEL,
     )
-    return replace(found, doubts=(doubt,), doubted=frozenset(doubted))
 
 
 def _over_a_period(fitted: Fitted, whole: Data, recordings: SplitRecordings) -> tuple[float, float]:

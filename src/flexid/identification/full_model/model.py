@@ -226,7 +226,7 @@ class Fitted(Generic[M]):
     @cached_property
     def fit(self) -> PredictionErrorFit:
         """The estimate with its covariances."""
-        return described(self.problem, self.minimum, self.minimum.iterations, self.duration)
+        return described(self.problem, self.minimum)
 
     @cached_property
     def unit_deviations(self) -> FloatArray:
