@@ -170,7 +170,7 @@ class SegmentedMotion:
         none = dict.fromkeys((INPUT, *self._channels.output_delays), 0.0)
         return {**none, **self.timing.delays, **dict(found)}
 
-    @property
+    @cached_property
     def _observer(self) -> Observer:
         """The observer; without one, gains of no columns, and the sensors' noise as it is."""
         if self.observer is not None:
@@ -233,6 +233,7 @@ class SegmentedMotion:
         jacobians[:, places] = found.reshape(len(states), -1, n)
         return jacobians
 
+    @cached_property
     def _wanted(self) -> NDArray[np.int64]:
         """Places of the coefficients that some segment's motion is differentiated by."""
         recordings = np.unique(self.segments.recordings).tolist()
@@ -264,7 +265,7 @@ class SegmentedMotion:
     def equations(self, point: Point, by: By = "everything") -> Equations:
         """Run the model from a point and put up the normal equations."""
         segments, kernel = self.segments, self._kernel
-        wanted = self._wanted()
+        wanted = self._wanted
         coefficients = self._coefficients(point.values)
         delays = self.delays(point.values)
         channels = self._channels

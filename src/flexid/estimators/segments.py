@@ -67,7 +67,7 @@ class Segments:
             recordings=np.repeat(self.recordings, 2),
         )
 
-    @property
+    @cached_property
     def firsts(self) -> NDArray[np.int64]:
         """First segment of each recording, shape (n_recordings,)."""
         return np.flatnonzero(np.diff(self.recordings, prepend=-1))

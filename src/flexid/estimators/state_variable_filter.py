@@ -8,7 +8,6 @@ pole z; both sides are projected on what these cannot explain, and p follows by 
 
 from collections.abc import Iterable, Iterator, Sequence
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,14 +170,14 @@ class _SampledModel:
         self.factors = np.empty((self._functions.N_SIGNALS, len(system.rows)))
         self._functions.velocity_factors(self._constants, self.factors)
 
-    def parts(self, start: int, stop: int, lag: int = 0) -> list[FloatArray]:
+    def parts(self, start: int, stop: int, lag: int = 0) -> FloatArray:
         """Signals without terms linear in velocities, with the inputs of so many samples before."""
-        found: list[Any] = [0.0] * self._functions.N_SIGNALS
+        found = np.empty((self._functions.N_SIGNALS, stop - start))
         states = self.states[:, start:stop]
         inputs = self._inputs[:, start - lag : stop - lag]
         with np.errstate(all="ignore"):  # a term that is off may be of no number
             self._functions.sampled_parts(states, inputs, self._constants, found)
-        return [np.broadcast_to(part, stop - start) for part in found]
+        return found
 
     def second_integrals(
         self, start: int, stop: int, zero_order: bool, wanted: Iterable[int]
@@ -193,7 +192,7 @@ class _SampledModel:
         positions = self.states[::2, start : stop + 2]
         slopes = 0.5 * self._rate * (positions[:, 2:] - positions[:, :-2])
         after = self.parts(start, stop + 2)
-        until = [part[1:] for part in after]
+        until = after[:, 1:]
         if zero_order:
             until = self.parts(start + 1, stop + 2, lag=1)
         for place in wanted:

@@ -266,7 +266,12 @@ def template(name: str) -> str:
 
 def cache_directory() -> Path:
     """Directory of the kernels: ``$FLEXID_CACHE_DIR``, the user's cache, or a temporary one."""
-    return _writable(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_dir("flexid"))
+    return _writable(os.environ.get(CACHE_VARIABLE) or _of_the_user())
+
+
+@cache
+def _of_the_user() -> str:
+    return platformdirs.user_cache_dir("flexid")
 
 
 @cache
