@@ -189,8 +189,12 @@ REFUSED = {
     "YAML": ("time: 0.0\nposition:\n- 0.1\n- 0.2\n", "line 1: a name stands before each value"),
     "names within rows": ("t:0.0 q:0.1\nt:0.1 q:0.2\n", "line 1: a name stands before each value"),
     "a range as a unit": (
-        headed(HEADER.replace("motor_torque", "motor_torque [10 V]")),
-        "the unit .10 V. is not known: write .*, or the unit and a scale in a column map",
+        headed(HEADER.replace("motor_torque", "motor_torque [3.3 V]")),
+        "the unit .3.3 V. is not known: write .*, or the unit and a scale in a column map",
+    ),
+    "a row for each channel": (
+        "time,signal,value\n" + "".join(f"{t},motor_pos,1\n{t},link_pos,1\n" for t in range(9)),
+        "found 'time', 'signal', 'value': 'signal' says what each row holds: export a row for each",
     ),
     "lists in cells": (
         "time,link_position,motor_position\n" + "".join(f'{t},"[0.1, {t}]",0\n' for t in range(9)),

@@ -35,6 +35,7 @@ _LINK = "link_position (or deflection)"
 _INPUT = "motor_torque (or motor_current, or motor_voltage)"
 _OPTIONAL = (_LINK, _INPUT)
 _NANOSECONDS = re.compile(r"(.{0,200})(?:nano|n)(secs?|seconds)$")
+_MOST_CHANNELS = 64  # rows in which each channel of a log comes once, where a row holds one
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
 
 
@@ -359,6 +360,9 @@ def _require(table: Table, plan: _Plan) -> None:
         remedy = f"rename the columns or say in {what} which is which"
         if missing == ["time"]:
             remedy += "; for rows without a time, write sample_time = 0.001 for 1 ms there"
+        of_rows = _names_of_rows(table)
+        if of_rows:
+            remedy = f"{of_rows!r} says what each row holds: export a row for each sample instead"
         raise RecordingError(
             table.file, table.header, f"there is no {labels}; found {table.listing}: {remedy}"
         )
@@ -367,6 +371,17 @@ def _require(table: Table, plan: _Plan) -> None:
         f"identify the compliance, log it or name its column in {what}; found "
         f"{table.listing}"
     )
+
+
+def _names_of_rows(table: Table) -> str:
+    """A column whose cells are names of channels; empty if there is none."""
+    import polars as pl
+
+    for column in table.frame.head(_MOST_CHANNELS):
+        cells = column.unique().drop_nulls().to_list() if column.dtype == pl.String else []
+        if sum(named_channel(cell) is not None for cell in cells) > 1:
+            return column.name
+    return ""
 
 
 def _wanted(table: Table, plan: _Plan) -> set[str]:

@@ -91,8 +91,8 @@ _MEASURED = {
 _SHARES = {"%", "‰", "percent", "permille", "pct", "promille"}
 _RATED = re.compile(r"\s*[%‰]|.*\b(rated|nominal|nenn\w*)\b", re.IGNORECASE)
 _GRAD = {"grad", "gon"}
-# 0.01 deg, 1e-3 rad; 10 V may be a range
-_MULTIPLE = re.compile(r"(\d{0,9}\.\d{1,9}(?:[eE]-?\d)?|\d[eE]-\d) ?([^\W\d].*)")
+# 0.01 deg, 1e-3 rad; what is larger than one may be a range, as 3.3 V
+_MULTIPLE = re.compile(r"(0?\.\d{1,9}|\d[eE]-\d) ?([^\W\d].*)")
 DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
 
 

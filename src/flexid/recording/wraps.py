@@ -22,13 +22,7 @@ _FEW_VALUES = 20  # a position of so few counts does not jump, it steps
 
 
 def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Channel, str]:
-    """A position without jumps by a turn, and a warning, empty where there was none.
-
-    Raises
-    ------
-    RecordingError
-        If it jumps, but not clearly by whole turns.
-    """
+    """A position without jumps by a turn, and a warning; raise where it jumps by anything else."""
     values, steps, clock = channel.values, np.diff(channel.values), np.diff(time)
     turn = TURN / abs(channel.origin.gear_ratio) if channel.origin.gear_ratio else 0.0
     if np.abs(steps).max() <= 0.5 * (turn or TURN):
