@@ -62,8 +62,8 @@ READ: dict[str, str | bytes] = {
     "a stamp in two columns": with_stamps(),
     "labels below the names": headed(f"{HEADER}\n{LABELS}", DEGREES),
     "names of one program": headed(
-        "t [s],GVL.fLinkPos [°],GVL.fMotorPos [°],GVL.fMotorTorque [Nm]"
-    ).replace("[°]", "[rad]"),
+        "t [s],GVL.fLinkPos [°],GVL.fMotorPos [°],GVL.fMotorTorque [Nm]", DEGREES
+    ),
     "topics of states": headed("__time,/link/joint_states/pos,/motor/joint_states/pos,/js/effort"),
     "a comment of units": headed(f"# units: s, deg, deg, Nm\n{HEADER}", DEGREES),
     "a control input": headed("t,q_l,q_m,u_Nm"),

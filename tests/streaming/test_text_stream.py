@@ -127,7 +127,7 @@ def test_a_clock_goes_on_apart():
 
 def test_a_stamp_is_no_number():
     """Assert that a stream with too many stamps where numbers should be is refused as a log is."""
-    bad = ["10:00:00.5"] * 80 + ["N/A"] * 30
+    bad = ["10:00:00.5"] * 80 + ["fault"] * 30
     rows = [row[: row.rindex(",") + 1] + cell for row, cell in zip(ROWS, bad, strict=False)]
     with pytest.raises(RecordingError, match=r"line 92, column 'motor_position .*10:00:00.5"):
         samples_of("\n".join([HEADER, *ROWS[:90], *rows, ""]))

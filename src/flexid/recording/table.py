@@ -31,7 +31,7 @@ _GROUPED = (  # 1'234.5, 1 234,5, 1,234.5, 1.234,5
 _DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[-:./]\d\d?[-:./]\d\d|\d+:\d\d"
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
-_HOLE = r"(?i)^\s*(?:[+-]?nan(?:\(ind\))?|n/?a|#n/?a|null|none|-+)?\s*$"
+HOLE = r"(?i)^\s*(?:[+-]?nan(?:\(ind\))?|n/?a|#n/?a|null|none|-+)?\s*$"
 _FORMS = {  # of cells that may be mended for the whole column
     r"[\[{]": "is a list: write a column for each of its values",
     r"[+-]?0x[\da-fA-F]+$": "is hexadecimal: write decimal numbers",
@@ -172,7 +172,7 @@ class Table:
         column = self.frame[name]
         if column.dtype.is_numeric():
             return (column.is_null() | column.cast(pl.Float64).is_nan().fill_null(False)).to_numpy()
-        return column.fill_null("").str.contains(_HOLE).to_numpy()
+        return column.fill_null("").str.contains(HOLE).to_numpy()
 
     @cached_property
     def has_decimal_commas(self) -> bool:

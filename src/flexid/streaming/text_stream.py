@@ -27,7 +27,7 @@ from flexid.recording.layout import (
     without_twins,
 )
 from flexid.recording.sampling import GAP, check_typical
-from flexid.recording.table import Table, decimal_mark, first_mark, is_number
+from flexid.recording.table import HOLE, Table, decimal_mark, first_mark, is_number
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
 
@@ -45,7 +45,6 @@ HEAD_LINES = 200  # lines at the beginning from which layout and sample time are
 LINES_FOR_LAYOUT = 8  # lines from which the layout alone is taken, where the sample time is known
 FEWEST_LINES = 4  # the fewest of them: a header and three samples, where the stream has ended
 _COMMENTS = tuple(mark.encode() for mark in COMMENTS)
-_EMPTY = r"(?i)^\s*([+-]*nan)?\s*$"
 
 
 class _Rows:
@@ -121,7 +120,7 @@ class _Rows:
         fitting = np.ones(table.frame.height, dtype=np.bool_)
         for name, recipe in self.recipes.items():
             cells = [table.frame[header] for header in recipe.weights]
-            empty = [cell.str.contains(_EMPTY).fill_null(False).to_numpy() for cell in cells]
+            empty = [cell.str.contains(HOLE).fill_null(False).to_numpy() for cell in cells]
             fitting &= ~np.isnan(channels[name].values) | np.any(empty, axis=0)
         return bool(2 * np.count_nonzero(fitting) >= len(fitting))
 
