@@ -19,7 +19,7 @@ def fitted(names, information, values, robust=1.0) -> Any:
         information=np.asarray(information, dtype=np.float64),
         values=np.asarray(values, dtype=np.float64),
         unit_deviations=unit,
-        fit=SimpleNamespace(standard_deviations=robust * unit),
+        fit=SimpleNamespace(deviations=robust * unit),
         minimum=SimpleNamespace(
             reduced=SimpleNamespace(values_step=np.zeros(len(names))),
         ),

@@ -1,7 +1,6 @@
 """Estimates: parts of them, and what widens them."""
 
 import numpy as np
-import pytest
 
 from flexid.identification.vocabulary.estimate import Estimate
 
@@ -35,14 +34,6 @@ def test_scaling_keeps_correlations():
     assert found.deviations.tolist() == [4.0, 9.0, np.inf]
     assert found.covariance[0, 1] == 6.0
     assert found.covariance[2, :2].tolist() == [0.0, 0.0]
-
-
-def test_estimate_of_a_fit_is_the_fit():
-    """Assert that an estimator's result is taken as it is."""
-    found = Estimate.of(ESTIMATE)
-    assert found.names == ESTIMATE.names
-    assert found.values == pytest.approx(ESTIMATE.values)
-    assert np.array_equal(found.covariance, COVARIANCE)
 
 
 def test_values_by_name():

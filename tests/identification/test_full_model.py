@@ -85,7 +85,7 @@ def test_delays_and_coefficients_are_found_together(late):
     assert last.names == (*COEFFICIENTS, INPUT, LINK)
     assert last.values == pytest.approx(truth, rel=1e-3)
     quantile = t.ppf(0.9995, np.array(last.fit.degrees_of_freedom))
-    deviations = np.maximum(last.fit.standard_deviations, last.unit_deviations)
+    deviations = np.maximum(last.fit.deviations, last.unit_deviations)
     assert np.all(np.abs(last.values - truth) < quantile * deviations)
     assert last.excess == pytest.approx(1.0, abs=0.1)
     assert last.delays == pytest.approx({INPUT: 1.3e-3, LINK: 0.7e-3, "motor_delay": 0.0}, rel=1e-3)

@@ -1,12 +1,11 @@
 """Intervals of coefficients, and by the delta method of physical parameters."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from scipy.stats import t
 
 from flexid.errors import SettingError
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.identification.vocabulary.intervals import (
     Propagated,
@@ -21,14 +20,14 @@ NAMES = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
 VALUES = np.array([5.0, 100.0, 1000 / 3, 1 / 3, 10 / 3])
 
 
-@dataclass(frozen=True)
-class Fit:
+def made(
+    values: np.ndarray,
+    covariance: np.ndarray,
+    names: tuple[str, ...] = NAMES,
+    degrees_of_freedom: tuple[float, ...] = (np.inf,) * 5,
+) -> Estimate:
     """A fit of which only the result is known."""
-
-    values: np.ndarray
-    covariance: np.ndarray
-    names: tuple[str, ...] = NAMES
-    degrees_of_freedom: tuple[float, ...] = (np.inf,) * 5
+    return Estimate(names, values, covariance, degrees_of_freedom)
 
 
 def parameter(name: str) -> PhysicalParameter:
@@ -36,7 +35,7 @@ def parameter(name: str) -> PhysicalParameter:
     return next(p for p in physical_parameters(NAMES, input_is_torque=True) if p.name == name)
 
 
-def of(name: str, fit: Fit) -> Propagated:
+def of(name: str, fit: Estimate) -> Propagated:
     """Propagate a fit, the truth standing for what was given."""
     values = dict(zip(NAMES, VALUES.tolist(), strict=True))
     return propagated(
@@ -73,7 +72,7 @@ def test_delta_method_of_a_ratio():
     """Assert that the stiffness' relative variance is that of the difference of logarithms."""
     covariance = np.diag((0.01 * VALUES) ** 2)
     covariance[2, 4] = covariance[4, 2] = 0.5 * 1e-4 * VALUES[2] * VALUES[4]
-    found = of("joint_stiffness", Fit(VALUES, covariance))
+    found = of("joint_stiffness", made(VALUES, covariance))
     assert found.value == pytest.approx(100.0)
     assert found.std == pytest.approx(100.0 * np.sqrt(1e-4 + 1e-4 - 2 * 0.5e-4))
     assert not found.logarithmic
@@ -81,7 +80,7 @@ def test_delta_method_of_a_ratio():
 
 def test_fewest_degrees_of_freedom_count():
     """Assert that of the coefficients involved the one with the fewest decides."""
-    fit = Fit(VALUES, np.diag((0.01 * VALUES) ** 2), degrees_of_freedom=(2.0, 9.0, 8.0, 2.0, 7.0))
+    fit = made(VALUES, np.diag((0.01 * VALUES) ** 2), degrees_of_freedom=(2.0, 9.0, 8.0, 2.0, 7.0))
     assert of("joint_stiffness", fit).degrees_of_freedom == 7.0
 
 
@@ -89,14 +88,14 @@ def test_free_coefficients_leave_the_parameter_open():
     """Assert that an infinite variance is not hidden by its neighbours."""
     covariance = np.diag((0.01 * VALUES) ** 2)
     covariance[4, 4] = np.inf
-    found = of("motor_inertia", Fit(VALUES, covariance))
+    found = of("motor_inertia", made(VALUES, covariance))
     assert found.std == np.inf
     assert found.interval == (0.0, np.inf)
 
 
 def test_what_was_given_has_no_width():
     """Assert that a motor inertia that the user gave is repeated without an interval."""
-    fit = Fit(VALUES[:4], np.eye(4), NAMES[:4], (5.0,) * 4)
+    fit = made(VALUES[:4], np.eye(4), NAMES[:4], (5.0,) * 4)
     assert of("motor_inertia", fit).interval == (0.3, 0.3)
 
 
@@ -115,13 +114,13 @@ def test_what_was_given_has_no_width():
 def test_logarithm_where_division_prevails(name, fitted, expected):
     """Assert that positive coefficients of negative degree in all get it, and no others."""
     k = len(fitted)
-    fit = Fit(VALUES[:k], np.diag((0.1 * VALUES[:k]) ** 2), fitted, (20.0,) * k)
+    fit = made(VALUES[:k], np.diag((0.1 * VALUES[:k]) ** 2), fitted, (20.0,) * k)
     assert of(name, fit).logarithmic is expected
 
 
 def test_interval_on_the_logarithm():
     """Assert that it is the value times and over one factor, and so above zero at any width."""
-    fit = Fit(VALUES, np.diag((0.8 * VALUES) ** 2))
+    fit = made(VALUES, np.diag((0.8 * VALUES) ** 2))
     low, high = of("motor_inertia", fit).interval
     assert low * high == pytest.approx(0.3**2)
     assert np.log(high / 0.3) == pytest.approx(1.959964 * 0.8, rel=1e-6)
@@ -136,12 +135,12 @@ def test_coverage_of_poorly_determined_inertias(name, deviation):
     The standard error of a share of 1500 draws is 0.6 %.
     """
     covariance = deviation**2 * np.outer(VALUES, VALUES) * (0.9 + 0.1 * np.eye(5))
-    truth = of(name, Fit(VALUES, covariance)).value
+    truth = of(name, made(VALUES, covariance)).value
     draws = np.random.default_rng(3).multivariate_normal(VALUES, covariance, 1500)
     draws = draws[(draws > 0.0).all(axis=1)]
     held = np.zeros(2)
     for draw in draws:
-        found = of(name, Fit(draw, covariance))
+        found = of(name, made(draw, covariance))
         plain = interval(found.value, found.std, np.inf)
         held += [low <= truth <= high for low, high in (found.interval, plain)]
     logarithmic, symmetrical = held / len(draws)

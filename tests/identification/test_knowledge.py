@@ -38,7 +38,7 @@ def test_inertia_twice_the_truth_is_told(log):
     assert "it says 0.3 ±" in sentence
     inertia = float(sentence.partition("±")[2].partition(" by")[0].split(";")[0])
     fit = fit_to(PAPER, log, COEFFICIENTS, 1.0)[0].fit
-    gain = fit.standard_deviations[fit.names.index("beta1")]
+    gain = fit.deviations[fit.names.index("beta1")]
     assert inertia / 0.3 == pytest.approx(gain / (10 / 3), rel=0.3)
 
 

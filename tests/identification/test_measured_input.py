@@ -60,7 +60,7 @@ def test_no_interval_is_narrower():
     """Assert that an interval is as wide as the noise of the input makes it, blocks or not."""
     found = fitted(1)
     none = ModelError(0.0, 0.0, 0.0)
-    least = 10.0 * found.fit.standard_deviations
+    least = 10.0 * found.fit.deviations
     deviations = widened(found, none, least).deviations
     assert deviations == pytest.approx(least)
     assert (widened(found, none).deviations < deviations).all()

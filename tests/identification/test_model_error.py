@@ -55,7 +55,7 @@ def test_right_model_is_not_widened(seed):
     found, error = fitted(seed)
     assert error.share == 0.0
     unit = found.unit_deviations
-    alone = found.fit.standard_deviations / unit
+    alone = found.fit.deviations / unit
     drawn = widened(found, error).deviations / unit
     assert drawn == pytest.approx(1.0, rel=0.2)
     assert np.ptp(drawn) < 0.7 * np.ptp(alone)
@@ -65,7 +65,7 @@ def test_what_is_more_than_noise_keeps_the_spread_of_its_blocks():
     """Assert that nothing is drawn towards white noise where residuals are larger than noise."""
     found, _ = fitted(1)
     deviations = widened(found, ModelError(0.1, 3.0, 0.0)).deviations
-    least = np.maximum(found.fit.standard_deviations, found.unit_deviations)
+    least = np.maximum(found.fit.deviations, found.unit_deviations)
     assert deviations == pytest.approx(least, rel=1e-9)
 
 
@@ -91,7 +91,7 @@ def test_what_no_term_describes_widens(more: dict[str, float], missed: float, se
     """
     found, error = fitted(seed, **more)
     assert error.share > 0.5
-    assert misses(found, Estimate.of(found.fit)).max() > missed
+    assert misses(found, found.fit).max() > missed
     assert misses(found, widened(found, error)).max() < 1.0
 
 
@@ -109,7 +109,7 @@ def test_noise_of_the_torque_is_no_model_error(size):
     """Assert that a torque with white noise makes residuals large without widening anything."""
     found, error = fitted(1, held=True, torque_noise=size)
     assert found.excess > 100.0
-    assert misses(found, Estimate.of(found.fit)).max() < 1.5
+    assert misses(found, found.fit).max() < 1.5
     assert error.share == 0.0
 
 
@@ -357,7 +357,7 @@ def test_a_negative_friction_that_cannot_be_left_out_may_be_none(driving, monkey
 def with_value(found: Fitted, name: str, deviations: float) -> Fitted:
     """A fit with a value so many standard deviations from zero."""
     place = found.names.index(name)
-    deviation = max(found.fit.standard_deviations[place], found.unit_deviations[place])
+    deviation = max(found.fit.deviations[place], found.unit_deviations[place])
     values = found.values.copy()
     values[place] = deviations * deviation
     minimum = replace(found.minimum, point=replace(found.minimum.point, values=values))

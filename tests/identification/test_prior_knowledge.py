@@ -1,26 +1,15 @@
 """What is known beforehand joined to a fit, against closed forms and by coverage."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from scipy.stats import t
 
 from flexid.errors import SettingError
 from flexid.identification.preparation.prior_knowledge import Known, informed
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.physical import physical_parameters
 
 PARAMETERS = physical_parameters(["alpha1", "beta1"], input_is_torque=True)
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A fit of which only the result is known."""
-
-    names: tuple[str, ...]
-    values: np.ndarray
-    covariance: np.ndarray
-    degrees_of_freedom: tuple[float, ...]
 
 
 def line(seed: int = 0, n: int = 40) -> tuple[np.ndarray, np.ndarray]:
@@ -31,18 +20,18 @@ def line(seed: int = 0, n: int = 40) -> tuple[np.ndarray, np.ndarray]:
     return regressors, regressors @ [2.0, -1.0] + noise
 
 
-def least_squares(regressors: np.ndarray, measured: np.ndarray) -> Fit:
-    """Fit a line with its covariance for unit variance."""
+def least_squares(regressors: np.ndarray, measured: np.ndarray) -> Estimate:
+    """Estimate a line with its covariance for unit variance."""
     covariance = np.linalg.inv(regressors.T @ regressors)
-    return Fit(("a", "b"), covariance @ regressors.T @ measured, covariance, (np.inf,) * 2)
+    return Estimate(("a", "b"), covariance @ regressors.T @ measured, covariance, (np.inf,) * 2)
 
 
-def drive(deviation: float = 0.05) -> Fit:
+def drive(deviation: float = 0.05) -> Estimate:
     """alpha1 and beta1, equally uncertain and correlated."""
     values = np.array([1000 / 3, 10 / 3])
     correlation = np.array([[1.0, 0.8], [0.8, 1.0]])
     covariance = deviation**2 * np.outer(values, values) * correlation
-    return Fit(("alpha1", "beta1"), values, covariance, (12.0, 12.0))
+    return Estimate(("alpha1", "beta1"), values, covariance, (12.0, 12.0))
 
 
 def test_linear_case_is_one_more_measurement():
@@ -103,7 +92,7 @@ def test_three_deviations_contradict(apart, said):
 
     With 0.3 known and 0.4 from the log these are 0.5.
     """
-    fit = Fit(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
+    fit = Estimate(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
     _, contradicted = informed(fit, [Known("a", 2.0 + 0.5 * apart, 0.3)])
     assert bool(contradicted) == said
     assert all("a is known as" in sentence for sentence in contradicted.values())
@@ -111,7 +100,7 @@ def test_three_deviations_contradict(apart, said):
 
 def test_limit_of_contradiction_is_given():
     """Assert that a greater limit is kept to."""
-    fit = Fit(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
+    fit = Estimate(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
     assert informed(fit, [Known("a", 4.0, 0.3)], contradiction=3.9)[1]
     assert not informed(fit, [Known("a", 4.0, 0.3)], contradiction=4.1)[1]
 
@@ -129,7 +118,7 @@ def test_contradiction_spans_both():
 
     Joined, 2 ± 0.4 from the log and 7 ± 0.3 known give 5.2 ± 0.24; that is 3.2 from the log.
     """
-    fit = Fit(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
+    fit = Estimate(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
     found, contradicted = informed(fit, [Known("a", 7.0, 0.3)])
     assert contradicted
     assert found.values == pytest.approx([5.2])
@@ -141,7 +130,7 @@ def test_what_is_unknown_or_free_is_refused():
     fit = drive()
     with pytest.raises(SettingError, match="unknown here"):
         informed(fit, [Known("inertia", 0.3, 0.01)], PARAMETERS)
-    free = Fit(fit.names, fit.values, np.diag([1.0, np.inf]), (12.0, 0.0))
+    free = Estimate(fit.names, fit.values, np.diag([1.0, np.inf]), (12.0, 0.0))
     with pytest.raises(SettingError, match="give 'beta1' itself without an uncertainty"):
         informed(free, [Known("motor_inertia", 0.3, 0.01)], PARAMETERS)
     with pytest.raises(SettingError, match="give it without an uncertainty"):
@@ -150,7 +139,7 @@ def test_what_is_unknown_or_free_is_refused():
 
 def test_contradiction_with_a_sharp_log_spans_both():
     """Assert that two deviations reach what is known also where the log alone decides."""
-    fit = Fit(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))
+    fit = Estimate(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))
     found, contradicted = informed(fit, [Known("a", 7.0, 1.0)])
     assert contradicted
     assert found.values[0] + 2.0 * found.deviations[0] >= 7.0
@@ -165,7 +154,7 @@ def test_an_uncertainty_that_is_none(std):
 
 def test_free_neighbours_stay_free():
     """Assert that knowledge of one coefficient does not determine another that is free."""
-    fit = Fit(("a", "b"), np.array([1.0, 2.0]), np.diag([0.1, np.inf]), (9.0, 0.0))
+    fit = Estimate(("a", "b"), np.array([1.0, 2.0]), np.diag([0.1, np.inf]), (9.0, 0.0))
     found, _ = informed(fit, [Known("a", 1.1, 0.1)])
     assert np.isinf(found.covariance[1, 1])
     assert found.degrees_of_freedom[1] == 0.0
@@ -185,7 +174,7 @@ def test_coverage_with_an_estimated_covariance(std):
         truth = np.array([0.5, 3.0 + std * generator.standard_normal()])
         values = truth + root @ generator.standard_normal(2)
         samples = root @ generator.standard_normal((2, freedom))
-        fit = Fit(("a", "b"), values, samples @ samples.T / freedom, (float(freedom),) * 2)
+        fit = Estimate(("a", "b"), values, samples @ samples.T / freedom, (float(freedom),) * 2)
         found, _ = informed(fit, [Known("b", 3.0, std)])
         width = t.ppf(0.975, found.degrees_of_freedom) * np.sqrt(np.diag(found.covariance))
         held_count += np.abs(found.values - truth) <= width

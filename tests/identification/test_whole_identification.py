@@ -88,7 +88,7 @@ def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFi
     delay = result.choices.alignment.link_delay
     assert delay.status == "none"
     place = fits.full.names.index("link_delay")
-    bare = interval(0.0, fits.full.fit.standard_deviations[place], 20.0)
+    bare = interval(0.0, fits.full.fit.deviations[place], 20.0)
     assert delay.interval[1] - delay.interval[0] > 1.5 * (bare[1] - bare[0])
 
 

@@ -1,10 +1,9 @@
 """Joint confidence regions, by coverage and by what their chart shows."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.report.chart import Line, Points
 from flexid.report.identification_charts import (
     confidence_region,
@@ -15,23 +14,23 @@ from flexid.report.identification_charts import (
 UNITS = {"a": "1/s^2", "b": "1/s", "c": "rad/s^2"}
 
 
-@dataclass(frozen=True)
-class Fit:
+def made(
+    values: np.ndarray,
+    covariance: np.ndarray,
+    names: tuple[str, ...] = ("a", "b", "c"),
+    degrees_of_freedom: tuple[float, ...] = (9.0, 12.0, 20.0),
+) -> Estimate:
     """A fit of which only the result is known."""
-
-    values: np.ndarray
-    covariance: np.ndarray
-    names: tuple[str, ...] = ("a", "b", "c")
-    degrees_of_freedom: tuple[float, ...] = (9.0, 12.0, 20.0)
+    return Estimate(names, values, covariance, degrees_of_freedom)
 
 
-def fit(correlation: float = 0.9) -> Fit:
+def fit(correlation: float = 0.9) -> Estimate:
     """Three coefficients of which the first two correlate."""
     deviations = np.array([0.1, 2.0, 30.0])
     correlations = np.eye(3)
     correlations[0, 1] = correlations[1, 0] = correlation
     correlations[1, 2] = correlations[2, 1] = -0.3
-    return Fit(np.array([1.0, -5.0, 100.0]), correlations * np.outer(deviations, deviations))
+    return made(np.array([1.0, -5.0, 100.0]), correlations * np.outer(deviations, deviations))
 
 
 def test_the_region_holds_the_truth_in_95_percent():
@@ -45,7 +44,7 @@ def test_the_region_holds_the_truth_in_95_percent():
     for _ in range(4000):
         values = root @ generator.standard_normal(2)
         samples = root @ generator.standard_normal((2, 9))
-        drawn = Fit(values, samples @ samples.T / 9.0, ("a", "b"), (9.0, 9.0))
+        drawn = made(values, samples @ samples.T / 9.0, ("a", "b"), (9.0, 9.0))
         region = confidence_region(drawn, ("a", "b"))
         assert region is not None
         # The truth is zero: inside if the boundary winds about it.

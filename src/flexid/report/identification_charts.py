@@ -16,7 +16,7 @@ from flexid.arrays import FloatArray
 from flexid.frequency.frequency_response import frequency_response
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.result.identification import Identification
-from flexid.identification.vocabulary.estimate import Estimate, Fit
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate, slopes_of
 from flexid.identification.vocabulary.intervals import CONFIDENCE, interval
 from flexid.models.parameter_kinds import PhysicalParameter
@@ -50,7 +50,9 @@ class Region:
     level: float  # the nominal confidence
 
 
-def confidence_region(fit: Fit, pair: tuple[str, str], level: float = CONFIDENCE) -> Region | None:
+def confidence_region(
+    fit: Estimate, pair: tuple[str, str], level: float = CONFIDENCE
+) -> Region | None:
     """Joint region of two coefficients, (p - p̂)ᵀ C⁻¹ (p - p̂) = 2 F(2, ν).
 
     F is Fisher's quantile, which takes the place of χ² for a covariance that is itself estimated;
@@ -77,7 +79,7 @@ def confidence_region(fit: Fit, pair: tuple[str, str], level: float = CONFIDENCE
     return Region(centre, boundary, (first, second), correlation, level)
 
 
-def most_correlated(fit: Fit, among: Sequence[str]) -> tuple[str, str] | None:
+def most_correlated(fit: Estimate, among: Sequence[str]) -> tuple[str, str] | None:
     """The two of some coefficients whose estimates correlate most; None if there are not two."""
     names = [name for name in fit.names if name in among]
     places = [fit.names.index(name) for name in names]
@@ -124,7 +126,7 @@ def regions_chart(result: Identification, level: float = CONFIDENCE) -> Chart | 
 
 def confidence_regions_chart(
     label: str,
-    fit: Fit,
+    fit: Estimate,
     pairs: Sequence[tuple[str, str]],
     units: Mapping[str, str],
     level: float = CONFIDENCE,

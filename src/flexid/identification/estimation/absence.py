@@ -48,7 +48,7 @@ def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float
 
 def _deviation(full: Fitted, place: int, variance: float) -> float:
     """Standard deviation of a value beside the reported model, residuals' correlation counted."""
-    robust = float(full.fit.standard_deviations[place])
+    robust = float(full.fit.deviations[place])
     factor = robust / float(full.unit_deviations[place]) if full.unit_deviations[place] else 1.0
     return max(factor if np.isfinite(factor) else 1.0, 1.0) * float(np.sqrt(variance))
 

@@ -131,7 +131,7 @@ def follower(found: Disturbed, data: Data) -> Follower:
 def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimate:
     """The estimate with the spread between bands and halves in its covariance."""
     fitted = found.fitted
-    estimate = Estimate.of(fitted.fit)
+    estimate = fitted.fit
     with np.errstate(invalid="ignore", divide="ignore"):
         short = fitted.unit_deviations / estimate.deviations
     estimate = estimate.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))

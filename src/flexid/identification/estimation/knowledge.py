@@ -39,7 +39,7 @@ def contradictions(
         found = fit_by_length(free, data, starts(free, data, divisions[0])[0], divisions)[-1]
     except ConvergenceError:
         return ()
-    deviations = found.fit.standard_deviations
+    deviations = found.fit.deviations
     sentences = []
     for known in wanted:
         if known.name not in found.names:

@@ -70,11 +70,10 @@ def widened(
     Where friction makes the bottom rough and the steps end without arriving, the one that was not
     taken any more is added; along open directions there is none.
     """
-    fit, reduced = fitted.fit, fitted.minimum.reduced
-    estimate = Estimate.of(fit)
+    estimate, reduced = fitted.fit, fitted.minimum.reduced
     if error.excess == 0.0:
-        freedom = np.array(fit.degrees_of_freedom)
-        spread, freedom = shrunken(fit.covariance, reduced.inverse, freedom)
+        freedom = np.array(estimate.degrees_of_freedom)
+        spread, freedom = shrunken(estimate.covariance, reduced.inverse, freedom)
         estimate = replace(estimate, covariance=spread, degrees_of_freedom=tuple(freedom.tolist()))
     else:
         least = np.maximum(least, fitted.unit_deviations)
@@ -109,7 +108,7 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
 
 def driving_frictions(fitted: Fitted, thresholds: Thresholds) -> frozenset[str]:
     """Frictions that came out farther below zero than noise explains."""
-    deviations = np.maximum(fitted.fit.standard_deviations, fitted.unit_deviations)
+    deviations = np.maximum(fitted.fit.deviations, fitted.unit_deviations)
     below = fitted.values < -thresholds.friction_sign * deviations
     return DISSIPATIVE & {name for name, low in zip(fitted.names, below, strict=True) if low}
 

@@ -281,7 +281,7 @@ def _misfits(found: Sequence[Fitted]) -> FloatArray:
             continue
         place = fitted.names.index(INPUT)
         white = float(fitted.unit_deviations[place]) * np.sqrt(max(1.0, fitted.excess))
-        deviation = max(white, float(fitted.fit.standard_deviations[place]))
+        deviation = max(white, float(fitted.fit.deviations[place]))
         if np.isfinite(deviation) and deviation > 0.0:
             room = 2.0 * fitted.data.margin / (np.sqrt(2.0 * np.pi) * deviation)
             away = (fitted.delays[INPUT] / deviation) ** 2
@@ -303,7 +303,7 @@ def _correlated(fitted: Fitted) -> float:
     if INPUT not in fitted.names:
         return 1.0
     place = fitted.names.index(INPUT)
-    ratio = float(fitted.fit.standard_deviations[place] / fitted.unit_deviations[place])
+    ratio = float(fitted.fit.deviations[place] / fitted.unit_deviations[place])
     return ratio**2 if np.isfinite(ratio) else 1.0
 
 

@@ -15,12 +15,13 @@ from typing_extensions import TypeVar
 from flexid.estimators.bounded import Bounds
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.gauss_newton import FLAT, Minimum
-from flexid.estimators.prediction_error import PredictionErrorFit, described
+from flexid.estimators.prediction_error import described
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.preparation.joint import Joint
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.recording.recording import Recording
 from flexid.recording.slow_motion import scales_apart
 from flexid.recording.velocities import position_noise
@@ -224,9 +225,10 @@ class Fitted(Generic[M]):
         return self.unexplained * max(1.0, duration / self.duration)
 
     @cached_property
-    def fit(self) -> PredictionErrorFit:
-        """The estimate with its covariances."""
-        return described(self.problem, self.minimum)
+    def fit(self) -> Estimate:
+        """The estimate with its covariance."""
+        found = described(self.problem, self.minimum)
+        return Estimate(found.names, found.values, found.covariance, found.degrees_of_freedom)
 
     @cached_property
     def unit_deviations(self) -> FloatArray:

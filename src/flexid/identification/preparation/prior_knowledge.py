@@ -21,7 +21,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError, did_you_mean
-from flexid.identification.vocabulary.estimate import Estimate, Fit
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.parameter_kinds import PhysicalParameter, Product
@@ -54,7 +54,7 @@ class Known:
 
 
 def informed(
-    fit: Fit,
+    fit: Estimate,
     known: Sequence[Known],
     parameters: Sequence[PhysicalParameter] = (),
     given: Mapping[str, float] | None = None,
@@ -97,7 +97,9 @@ def informed(
     return estimate, contradicted
 
 
-def _parameter(name: str, fit: Fit, parameters: Sequence[PhysicalParameter]) -> PhysicalParameter:
+def _parameter(
+    name: str, fit: Estimate, parameters: Sequence[PhysicalParameter]
+) -> PhysicalParameter:
     """What a name stands for; refused if the log leaves free what it depends on."""
     known = {p.name: p for p in parameters} | {c: Product(c, "", {c: 1}) for c in fit.names}
     if name not in known:

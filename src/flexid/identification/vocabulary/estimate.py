@@ -2,35 +2,10 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from flexid.arrays import FloatArray
-
-
-class Fit(Protocol):
-    """What an estimator returns, as far as an estimate is concerned."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """What was sought, k of them."""
-        ...
-
-    @property
-    def values(self) -> FloatArray:
-        """Values, shape (k,)."""
-        ...
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance, shape (k, k); infinite variance where the data leave free."""
-        ...
-
-    @property
-    def degrees_of_freedom(self) -> tuple[float, ...]:
-        """Of each variance."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,16 +17,6 @@ class Estimate:
     # (k, k): of all that is doubted; infinite variance where the data leave a value free
     covariance: FloatArray
     degrees_of_freedom: tuple[float, ...]  # of each variance, for Student's t
-
-    @classmethod
-    def of(cls, fit: Fit) -> "Estimate":
-        """What an estimator found."""
-        return cls(
-            fit.names,
-            np.asarray(fit.values),
-            np.asarray(fit.covariance),
-            tuple(fit.degrees_of_freedom),
-        )
 
     @property
     def deviations(self) -> FloatArray:

@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.identification.vocabulary.estimate import Fit
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.parameter_kinds import PhysicalParameter
 
 Interval = tuple[float, float]
@@ -82,7 +82,9 @@ def logarithmic_interval(
     return value / factor, value * factor
 
 
-def propagated(parameter: PhysicalParameter, values: Mapping[str, float], fit: Fit) -> Propagated:
+def propagated(
+    parameter: PhysicalParameter, values: Mapping[str, float], fit: Estimate
+) -> Propagated:
     """Physical parameter with the interval that the coefficients' covariance gives it."""
     value = parameter.value(values)
     names = tuple(name for name in fit.names if name in parameter.coefficients)
