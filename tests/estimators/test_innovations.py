@@ -25,7 +25,13 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.innovations import Innovations, _bounds, _Observing, fit_innovations
 from flexid.estimators.prediction_error import described
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Observer, Point, SegmentedMotion, segmented_motion
+from flexid.estimators.segmented_motion import (
+    RESTING,
+    Observer,
+    Point,
+    SegmentedMotion,
+    segmented_motion,
+)
 from flexid.estimators.segments import divide
 from flexid.estimators.spectra import cost_by_spectra
 from flexid.estimators.steady_gains import Sizes, steady_covariance, steady_gains, transition_of
@@ -138,13 +144,24 @@ def slope(problem: SegmentedMotion, at: np.ndarray, place: int, deviation: float
     return (cost(size) - cost(-size)) / (4.0 * size)
 
 
+def resting(samples: Samples) -> np.ndarray:
+    """Directions of which the motor's are unknown for a while, twice."""
+    found = still(samples)
+    found[200:260, 1] = found[400:401, 1] = RESTING
+    return found
+
+
+@pytest.mark.parametrize("directions", [still, resting])
 @pytest.mark.parametrize("delays", [(), ("input_delay", "link_delay")], ids=["timely", "late"])
-def test_derivatives_are_those_of_differences(delays):
+def test_derivatives_are_those_of_differences(delays, directions):
     """Assert that the right-hand side is minus half the slope of the cost, the gains held.
 
     A late position corrects what comes after it, so that all innovations depend on a delay.
     """
-    problem = observed(disturbed_samples(4))
+    samples = disturbed_samples(4)
+    problem = observed(samples)
+    assert problem.observer is not None
+    problem = replace(problem, observer=replace(problem.observer, directions=directions(samples)))
     timing = Timing("linear" if delays else "zero", sought=delays)
     problem = replace(problem, timing=timing)
     at = np.append(VALUES, np.full(len(delays), 3e-3))
@@ -155,6 +172,26 @@ def test_derivatives_are_those_of_differences(delays):
         # Differences are good to 1e-5 of a deviation; one is what a deviation changes.
         apart = gradient[place] + slope(problem, at, place, 1.0 / size)
         assert abs(apart) < 1e-3 * size, place
+
+
+def test_a_row_that_rests_teaches_nothing_and_follows_its_sensor():
+    """Assert that the motor's torque is of no account while it rests, and the link goes on."""
+    samples = disturbed_samples(4)
+    problem = observed(samples)
+    assert problem.observer is not None
+    problem = replace(problem, observer=replace(problem.observer, directions=resting(samples)))
+    segments = problem.segments
+    pushed = segments.inputs.copy()
+    pushed[200:260] += 100.0
+    other = replace(problem, segments=replace(segments, inputs=pushed))
+    found, same = (each.equations(AT_REST, "nothing").residuals for each in (problem, other))
+    np.testing.assert_allclose(found, same, rtol=0.0, atol=1e-5 * NOISE.min())
+    assert not found[201:261, 1].any()
+    assert found[200, 1] != 0.0 != found[261, 1]
+    # The link is foreseen from the motor's measured motion, as well as where nothing rests.
+    free = observed(samples).equations(AT_REST, "nothing").residuals
+    assert found[201:261, 0].std() < 1.1 * free[:, 0].std()
+    assert problem.degrees_of_freedom == observed(samples).degrees_of_freedom - 61
 
 
 def test_normal_matrix_is_that_of_differences_of_innovations():

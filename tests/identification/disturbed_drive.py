@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit
 
 from flexid.identification.full_model.model import Data, data_of
 from flexid.identification.preparation.joint import flexible
@@ -91,6 +92,53 @@ def drive(
         x = x + _STEP / 6.0 * (a + 2.0 * b + 2.0 * c + d)
     positions = states[:, [2, 2]] if rigid else states[:, [0, 2]]
     return _STEP * np.arange(n), positions, inputs[::2]
+
+
+STICTION = 6.0  # rad/s², of the motor at rest
+COULOMB = 4.0  # the same, far beyond `_FADES`
+_FADES = 0.15  # rad/s, by which the friction of rest has faded
+
+
+@njit
+def _moved(goal: np.ndarray, per_step: int, out: np.ndarray, inputs: np.ndarray) -> None:
+    """Euler's steps of a drive that a controller moves to a goal, friction holding it at rest."""
+    theta2, alpha1, alpha2, beta1 = 150.0, 250.0, 1.5, 4.0
+    link, link_speed, motor, speed = 0.0, 0.0, 0.0, 0.0
+    h = _STEP / per_step
+    for k in range(len(goal)):
+        out[k, 0], out[k, 1] = link, motor
+        inputs[k] = 40.0 * (goal[k] - motor) - 4.0 * speed
+        for _ in range(per_step):
+            twist = link - motor
+            pull = alpha1 * twist - alpha2 * speed + beta1 * inputs[k]
+            friction = COULOMB + (STICTION - COULOMB) * np.exp(-((speed / _FADES) ** 2))
+            if speed == 0.0 and abs(pull) <= friction:
+                change = 0.0
+            else:
+                way = np.sign(speed) if speed != 0.0 else np.sign(pull)
+                change = h * (pull - friction * way)
+                if speed * (speed + change) < 0.0:
+                    change = -speed  # it stops, and may start again
+            speed += change
+            link_speed += h * (-theta2 * twist)
+            motor += h * speed
+            link += h * link_speed
+
+
+def stopping(seed: int, duration: float = 24.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `drive`, of one with dry friction that is moved from stop to stop."""
+    rng = np.random.default_rng(seed)
+    n = round(duration / _STEP)
+    goals = np.repeat(rng.uniform(-1.5, 1.5, 40), round(1.2 / _STEP))[:n]
+    keep = np.exp(-_STEP / 0.08)
+    goal = np.empty(n)
+    last = 0.0
+    for k in range(n):  # a goal that the motor follows in a fraction of a second
+        last = keep * last + (1.0 - keep) * goals[k]
+        goal[k] = last
+    positions, inputs = np.empty((n, 2)), np.empty(n)
+    _moved(goal, 100, positions, inputs)
+    return _STEP * np.arange(n), positions, inputs
 
 
 def recording(

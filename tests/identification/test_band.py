@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import fftconvolve, firwin, savgol_filter
 
 from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import RESTING
 from flexid.identification.estimation.band import (
     _EDGE,
     _REACH,
@@ -176,6 +177,30 @@ def test_noise_about_rest_has_no_direction():
     assert found.std() < 0.6
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_a_row_rests_where_it_is_slow(noise):
+    """Assert that a row rests in a stop and where it turns, and nowhere else."""
+    rate, factor = 1000.0, 10
+    speed = 1.0 * np.cos(2.0 * np.arange(6284) / rate)
+    stop = 785  # where it turns
+    speed = np.concatenate((speed[:stop], np.zeros(800), speed[stop:]))
+    position = np.cumsum(speed) / rate
+    position += noise * np.random.default_rng(3).standard_normal(len(position))
+    found = directions(log_of(position, rate).samples, factor)[:, 0] == RESTING
+    usual = np.sqrt(np.mean(speed**2))
+    slow, fast = (np.abs(speed[::factor]) < share * usual for share in (0.07, 0.13))
+    within = np.convolve(slow, np.ones(3), "same") > 2.5  # the whole interval, and those around
+    assert within.sum() > 80
+    assert found[within].all()
+    assert not found[np.convolve(~fast, np.ones(3), "same") > 2.5].any()
+
+
+def test_noise_that_hides_rest_leaves_a_direction():
+    """Assert that a row that is never known to be slow rests nowhere."""
+    position = sine(2.0, 1000.0) + 3e-3 * np.random.default_rng(3).standard_normal(20_000)
+    assert not (directions(log_of(position, 1000.0).samples, 10) == RESTING).any()
+
+
 def test_directions_of_a_sine_are_means_over_intervals():
     """Assert that each interval has the mean sign of the velocity that it sees."""
     rate, factor, frequency = 1000.0, 10, 2.0
@@ -183,6 +208,7 @@ def test_directions_of_a_sine_are_means_over_intervals():
     fine = np.sign(np.cos(frequency * np.arange(20000) / rate))
     expected = fine.reshape(-1, factor).mean(axis=1)
     found = directions(data.samples, factor)[:, 0]
+    found = np.where(found == RESTING, expected, found)
     turned = np.convolve(np.abs(expected) < 1.0, np.ones(41), "same") > 0.0
     turned[1:] |= np.convolve(np.diff(expected) != 0.0, np.ones(41), "same") > 0.0
     clear = ~turned

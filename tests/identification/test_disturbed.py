@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from disturbed_drive import TRUTH, data, drive, recording
+from disturbed_drive import TRUTH, data, drive, recording, stopping
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import Timing
@@ -51,6 +51,27 @@ def test_a_pushed_link_leaves_the_core_known(name):
     half = half_widths(estimate)[name]
     assert abs(estimate.by_name[name] - TRUTH[name]) <= half
     assert half < 0.1 * TRUTH[name]
+
+
+@cache
+def stopped() -> tuple[Disturbed, Estimate]:
+    """A drive with a friction of another law, that moves from stop to stop."""
+    log = data(recording(*stopping(1)))
+    on = {c for term in ("motor_viscous", "motor_coulomb") for c in JOINT.terms[term]}
+    structure = Structure(JOINT, frozenset(JOINT.optional - on), Timing("zero"))
+    found = fit_disturbed(structure, log, (), ("zero",), THRESHOLDS)
+    return found, disturbed_estimate(found, log, "N m")
+
+
+@pytest.mark.parametrize("name", CORE)
+def test_a_drive_that_stops_leaves_the_core_known(name):
+    """Assert the same where friction holds the motor for a good part of the log."""
+    found, estimate = stopped()
+    assert found.fitted.problem.observer is not None
+    assert 0.1 < found.fitted.problem.observer.resting[:, 1].mean() < 0.8
+    half = half_widths(estimate)[name]
+    assert abs(estimate.by_name[name] - TRUTH[name]) <= half
+    assert half < 0.15 * TRUTH[name]
 
 
 def test_the_push_is_found_in_its_row():

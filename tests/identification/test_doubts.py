@@ -1,5 +1,6 @@
 """What a rig may do unseen, and by how much it may move each value."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -19,6 +20,7 @@ from flexid.identification.estimation.doubts import (
     gauge_scale,
     lag,
     looks_like_a_term,
+    play,
     scales_apart,
 )
 
@@ -82,6 +84,23 @@ def test_a_lag_passes_less_than_a_delay():
     apart = deviation(lag, "beta1", doubted()) / VALUES["beta1"]
     assert lost < 1.96 * apart * 1.2 < 1.3 * lost
     assert deviation(lag, "alpha1", doubted()) == 0.0
+
+
+def test_an_input_that_was_low_passed_acts_early():
+    """Assert that a lead is doubted as a lag is, and that no coil makes one."""
+    early = doubted("V")
+    early.fitted.by_name[INPUT] = -DELAY
+    assert deviation(lag, "beta1", early) == deviation(lag, "beta1", doubted("V")) > 0.0
+    assert not np.any(coil_lag(early))
+
+
+def test_play_in_place_of_a_hardening_spring_makes_it_stiffer():
+    """Assert that both springs are doubted together, up to all of what play makes of them."""
+    directions = play(replace(doubted(), by_play=0.3))
+    share = directions[:, 0] / np.array([*VALUES.values(), DELAY])
+    assert np.sqrt(3.0) * share[1:3] == pytest.approx(0.3)
+    assert not share[[0, 3, 4, 5]].any()
+    assert not np.any(play(doubted()))
 
 
 @pytest.mark.parametrize("of", [coil_lag, dead_zone])

@@ -14,6 +14,7 @@ from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fitting import fit_to, in_own_steps
 from flexid.identification.full_model.model import Fitted, Structure, data_of
+from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.settings import Settings
@@ -53,6 +54,24 @@ def test_a_gap_is_found_as_wide_as_it_is(true_gap):
     assert width_of(found.structure) == pytest.approx(half_gap(found), rel=0.01)
     assert found.excess < 1.02
     assert first.excess > 1.05
+
+
+@pytest.mark.parametrize(("play", "cubic"), [(2e-2, 0.0), (0.0, 2e4)])
+def test_play_and_hardening_are_distinguished(play: float, cubic: float):
+    """Assert that a gap is seen to be none of a curve, with the stiffness it hides, and a curve."""
+    recording = with_velocities(made(1, 10.0, half_gap=play, cubic_stiffness=cubic))
+    joint = flexible()
+    data = data_of(joint, [recording], (0,))
+    joint = joint.scaled(data.samples)
+    on = {c for term in (*PAPER_TERMS, "cubic_stiffness") for c in joint.terms[term]}
+    structure = Structure(joint, frozenset(joint.optional - on), Timing("cubic"))
+    share = gap.stiffer_with_play(structure, data)
+    if not play:
+        assert share == 0.0
+        return
+    hard, _ = least_squares_start(structure, data, gap.RATES[0])
+    assert hard["theta2"] < 0.95 * COEFFICIENTS["theta2"]
+    assert (1.0 + share) * hard["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=0.02)
 
 
 def test_what_has_no_gap_stays():

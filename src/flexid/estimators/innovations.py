@@ -21,7 +21,7 @@ from scipy.linalg import LinAlgError
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import Minimum, minimise
-from flexid.estimators.segmented_motion import Observer, Point, SegmentedMotion
+from flexid.estimators.segmented_motion import RESTING, Observer, Point, SegmentedMotion
 from flexid.estimators.spectra import cost_by_spectra
 from flexid.estimators.steady_gains import Sizes, steady_gains, transition_of
 
@@ -165,13 +165,20 @@ class _Observing:
                 np.unique(segments.recordings).tolist(), segments.by_recording(), strict=True
             )
         ]
-        return cls(problem, point, directions, transitions)
+        # A row without friction moves freely, however slowly.
+        freely = (directions == RESTING) & ~problem.dry_rows(point)
+        return cls(problem, point, np.where(freely, 0.0, directions), transitions)
 
     def with_sizes(self, sizes: Sizes) -> _Observed:
         """The motion with the observer for some sizes."""
         segments = self.problem.segments
         place = np.unique(segments.recordings, return_inverse=True)[1]
-        counts = np.bincount(place, segments.lengths)
+        rests = self.directions == RESTING
+        moving = [
+            1.0 - rests[part].mean(axis=0)[segments.measured // 2] if len(rests) else 1.0
+            for part, _ in segments.by_recording()
+        ]
+        counts = np.bincount(place, segments.lengths).tolist()
         steps = segments.sample_times[segments.firsts]
         try:
             made = [
@@ -180,7 +187,10 @@ class _Observing:
             ]
         except (LinAlgError, ValueError):
             return _Observed(_WORST, None, segments.outputs, 0.0)
-        entropy = sum(float(count) * own[4] for count, own in zip(counts, made, strict=True))
+        entropy = sum(
+            float(np.sum(count * share * own[4]))
+            for count, share, own in zip(counts, moving, made, strict=True)
+        )
         gain, disturbed, decay, whitening = (
             np.array([own[i] for own in made])[place] for i in range(4)
         )

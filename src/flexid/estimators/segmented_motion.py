@@ -34,6 +34,7 @@ _SEEN_SAMPLES = (
 _HARDLY = 100.0  # times that, up to which a velocity is hardly seen
 _FORGOTTEN = 1e-6  # the same where an observer corrects it from the first sample on
 _NOT_SOUGHT = -1
+RESTING = 2.0  # in place of a direction
 
 By = Literal["everything", "states", "nothing"]
 """What a motion is differentiated by: all that is sought, initial states alone, or nothing."""
@@ -49,13 +50,19 @@ class Observer:
     # (n_segments, n_rows): share of a disturbance that one sampling interval leaves
     decay: FloatArray
     # (n_samples, n_rows): mean direction, from -1 to 1, of each row's motion over the interval from
-    # each sample on: the direction of its friction. With no samples, friction is set-valued
+    # each sample on: the direction of its friction; `RESTING` where that may be any, so that the
+    # row follows its sensor. With no samples, friction is set-valued
     directions: FloatArray
     # (n_segments, n_outputs, n_outputs): lower triangle that makes the innovations white and of
     # unit size
     whitening: FloatArray
     # (n_segments,): how many samples of a segment correct the motion; then the model runs alone
     corrected: NDArray[np.int64]
+
+    @property
+    def resting(self) -> NDArray[np.bool_]:
+        """Where each row rests over the interval from each sample on, shape (n_samples, n_rows)."""
+        return self.directions == RESTING
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +135,8 @@ class SegmentedMotion:
         """Measured numbers less unknowns, at least 1."""
         sought = len(self.segments) * self._kernel.N_STATES + len(self.names)
         measured = int(self.segments.lengths.sum()) * len(self.segments.measured)
+        if self.observer is not None:
+            measured -= int(self.observer.resting[:, self.segments.measured // 2].sum())
         return max(1, measured - sought)
 
     def at(self, point: Point, weights: FloatArray, refinement: int = 1) -> "SegmentedMotion":
@@ -240,6 +249,10 @@ class SegmentedMotion:
         # A tie makes a coefficient matter that is not sought itself: the pattern of derivatives.
         slopes = [self.unknowns.depends(recording) for recording in recordings]
         return np.flatnonzero(np.any(slopes, axis=(0, 2)))
+
+    def dry_rows(self, point: Point) -> NDArray[np.bool_]:
+        """Rows with dry friction, or with one that is sought, shape (n_rows,)."""
+        return self._dry(self._coefficients(point.values), self._wanted)
 
     def _dry(self, coefficients: FloatArray, wanted: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Rows with dry friction, or with one that is sought."""

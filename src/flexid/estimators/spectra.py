@@ -64,7 +64,7 @@ def cost_by_spectra(
             inverse = np.eye(len(sees)) - _response(own.places, moved - gain @ sees, gain, sees)
             white = whitening @ inverse
             squares = np.sum((white @ own.outputs) * white.conj())
-            total += own.count * entropy + float(squares.real)
+            total += own.count * float(entropy.sum()) + float(squares.real)
         return total
 
     return cost
@@ -87,7 +87,7 @@ def _bands(signals: FloatArray) -> tuple[NDArray[np.complex128], NDArray[np.comp
 
 def _predictor(
     observed: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Transition F and gain F K with the decay of disturbances, the whitening, and log det S."""
     gain, disturbed, decay, whitening, entropy = steady_gains(
         observed, transition, sample_time, sizes

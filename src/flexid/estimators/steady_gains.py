@@ -46,8 +46,10 @@ def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
 
 def steady_gains(
     problem: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Kalman's gains of states and disturbances, the decay, the whitening, and log det S.
+
+    The last is in parts, one for each output, shape (n_outputs,).
 
     A disturbance is constant over an interval, which it enters with what the one before left of it
     and what the sample at its start has taught: d <- decay d + G e.
@@ -66,7 +68,7 @@ def steady_gains(
     gain = np.asarray(np.linalg.solve(covariance, sees @ predicted).T, dtype=np.float64)
     triangle = np.linalg.cholesky(covariance)
     whitening = np.asarray(np.tril(np.linalg.inv(triangle)), dtype=np.float64)
-    entropy = 2.0 * float(np.log(np.diag(triangle)).sum())
+    entropy = 2.0 * np.log(np.diag(triangle))
     return gain[:n], gain[n:], decay, whitening, entropy
 
 

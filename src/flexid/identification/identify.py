@@ -67,6 +67,11 @@ from flexid.recording.recording import Log
 from flexid.recording.slow_motion import late_input
 from flexid.recording.velocities import with_velocities
 
+_ENDLESS = (
+    "the steps of the fit do not end, so that nothing is known of it: identify a part of the log, "
+    "or fewer terms with `--terms`"
+)
+
 
 def identify(
     logs: Sequence[Log],
@@ -136,7 +141,7 @@ def identify(
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
                 *amplifier_warnings(amplifier),
                 *deflection_warnings(turned_round=turned),
-                *sign_warnings(numbers.coefficients, fits.driving),
+                *sign_warnings(_undoubted(numbers.coefficients, found), fits.driving),
                 *model_warnings(
                     fits.error, job.joint.kind, numbers.widest, found.disturbances, thresholds
                 ),
@@ -196,8 +201,9 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Threshol
     if not reported.problem.observer:
         constants = sought_constants(joined.estimate, reported)
         parameters |= constant_estimates(constants, thresholds)
-    if contradicted:  # nothing that rests on it is known
-        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
+    against = contradicted[0] if contradicted else "" if reported.converged else _ENDLESS
+    if against:  # nothing that rests on it is known
+        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": against}
         coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
         parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
     return _Numbers(
@@ -230,6 +236,14 @@ def _doubted(numbers: _Numbers, found: Answer) -> _Numbers:
         for each in (numbers.coefficients, numbers.parameters)
     )
     return numbers._replace(coefficients=coefficients, parameters=parameters)
+
+
+def _undoubted(
+    coefficients: Mapping[str, CoefficientEstimate], found: Answer
+) -> dict[str, CoefficientEstimate]:
+    """Coefficients whose signs mean something: those that no doubt holds for unknown."""
+    doubted = found.doubted if found.doubts else frozenset()
+    return {name: each for name, each in coefficients.items() if name not in doubted}
 
 
 def _compliance(

@@ -8,7 +8,7 @@ log itself by least squares; both are compared by their likelihood for all posit
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -113,11 +113,12 @@ def counted_anew(time: FloatArray, positions: list[FloatArray]) -> FloatArray | 
 
 def _evenly(time: FloatArray, number: FloatArray) -> FloatArray:
     """The line in the number of a sample from which its time is off by least, at most."""
-    from scipy.optimize import minimize_scalar  # slow to import, and few clocks are coarse
-
     step = (time[-1] - time[0]) / number[-1]
     nearby = step * (1.0 + np.array([-2.0, 2.0]) / number[-1])  # times are off by a step at most
-    found = minimize_scalar(
+    # Slow to import, and few clocks are coarse.
+    from scipy.optimize import minimize_scalar
+
+    found: Any = minimize_scalar(
         lambda each: np.ptp(time - each * number), bounds=nearby, options={"xatol": 1e-9 * step}
     )
     off = time - found.x * number

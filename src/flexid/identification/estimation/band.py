@@ -10,10 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import erf
 
 from flexid.arrays import FloatArray
 from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import RESTING
 from flexid.identification.full_model.model import Data
 from flexid.recording.velocities import position_noise
 
@@ -22,7 +24,10 @@ PER_PERIOD = 16.0
 
 _EDGE = 0.8  # of the new Nyquist frequency, where the low-pass begins
 _REACH = 10  # new samples that the low-pass reaches to either side
-_WINDOW = 0.03  # s over which a direction of motion is measured
+_WINDOW = 2  # thinned samples over which a velocity is measured: an eighth of a period
+_LONGEST_WINDOW = 0.03  # s
+_SLOW = 0.1  # of a row's usual speed, up to which its friction is not that of a direction
+_BY_NOISE = 2.0  # standard deviations of a velocity
 _POWER = 0.99  # share of a rigid joint's acceleration that lies in its band
 _RIGID_PER_PERIOD = 8.0  # samples per period of the fastest of that
 SPRING_SHARE = 0.25  # of the resonance, that is the least rate of a disturbance
@@ -101,36 +106,57 @@ def thinned_samples(samples: Samples, factor: int, *, held: bool) -> Samples:
     )
 
 
-def directions(recordings: Sequence[Samples], factor: int) -> FloatArray:
+def directions(
+    recordings: Sequence[Samples], factor: int, in_band: int | None = None
+) -> FloatArray:
     """Mean direction of each row's motion over the interval from each thinned sample on.
 
     The direction of a velocity that is only just measured is its expectation: the difference of
-    the probabilities that it is positive and negative.
+    the probabilities that it is positive and negative. It is measured over an eighth of a period
+    in the band of a fit (`in_band`, the factor where it is another): longer, a reversal would blur.
 
-    Returns shape (n_samples, n_rows): From -1 to 1, of all recordings together.
+    Returns shape (n_samples, n_rows): From -1 to 1, of all recordings together; `RESTING` where a
+    row is slow over the whole interval.
     """
     parts = []
     for samples in recordings:
-        columns = [_direction(column, samples.sample_time) for column in samples.positions.T]
-        each = np.column_stack(columns)
+        window = round(min(_LONGEST_WINDOW / samples.sample_time, _WINDOW * (in_band or factor)))
+        moved = [_velocity(column, samples.sample_time, window) for column in samples.positions.T]
+        each = np.column_stack([_direction(*velocity) for velocity in moved])
+        slow = np.column_stack([_is_slow(*velocity) for velocity in moved])
         smooth = _convolved(each, factor) if factor > 1 else each
         total = np.cumsum(0.5 * (smooth[1:] + smooth[:-1]), axis=0)
         total = np.vstack((np.zeros((1, each.shape[1])), total))[::factor]
         means = np.diff(total, axis=0) / factor
         missing = len(each[::factor]) - len(means)
-        parts.append(np.vstack((means, np.repeat(smooth[-1:], missing, axis=0))))
+        means = np.vstack((means, np.repeat(smooth[-1:], missing, axis=0)))
+        firsts = np.arange(len(means)) * factor
+        fast = np.vstack((np.zeros((1, each.shape[1])), np.cumsum(~slow, axis=0)))
+        rests = fast[np.minimum(firsts + factor + 1, len(each))] == fast[firsts]
+        parts.append(np.where(rests, RESTING, means))
     return np.ascontiguousarray(np.concatenate(parts))
 
 
-def _direction(position: FloatArray, sample_time: float) -> FloatArray:
-    """Expected sign of the velocity at each sample, shape (n,)."""
-    window = max(5, round(_WINDOW / sample_time) | 1)
-    window = min(window, (len(position) - 1) | 1)
+def _velocity(position: FloatArray, sample_time: float, window: int) -> tuple[FloatArray, float]:
+    """Velocity at each sample, shape (n,), and its standard deviation by the position's noise."""
+    window = min(max(5, window | 1), (len(position) - 1) | 1)
     rate = _slope(position, window // 2) / sample_time
     # Of a straight line through the window, for white noise of the position.
-    deviation = position_noise(position) / sample_time * np.sqrt(12.0 / window**3)
-    least = np.finfo(float).tiny
-    return erf(rate / np.sqrt(2.0) / max(deviation, least))
+    return rate, position_noise(position) / sample_time * np.sqrt(12.0 / window**3)
+
+
+def _direction(rate: FloatArray, deviation: float) -> FloatArray:
+    """Expected sign of a velocity."""
+    return erf(rate / np.sqrt(2.0) / max(deviation, np.finfo(float).tiny))
+
+
+def _is_slow(rate: FloatArray, deviation: float) -> NDArray[np.bool_]:
+    """Where a friction may be anything: about rest a row sticks or creeps, and friction rises.
+
+    Nowhere, if noise hides that it is slow.
+    """
+    slow = _SLOW * np.sqrt(np.mean(rate**2))
+    return (np.abs(rate) <= slow) & (_BY_NOISE * deviation <= slow)
 
 
 def _slope(values: FloatArray, half: int) -> FloatArray:

@@ -42,6 +42,7 @@ from flexid.identification.full_model.fitting import lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
+from flexid.identification.structure.gap import HARDENING, stiffer_with_play
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
@@ -122,7 +123,7 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
 
 def follower(found: Disturbed, data: Data) -> Follower:
     """Predictions of a log, as it was recorded, from where the observer of a fit has got to."""
-    directed = directions(data.samples, 1)
+    directed = directions(data.samples, 1, found.factor)
     sizes = replace(found.sizes, sensors=found.sizes.sensors * np.sqrt(found.factor))
 
     return observer_following(directed, sizes)
@@ -141,6 +142,7 @@ def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimat
         dict(found.shares),
         input_unit,
         _by_gauge(found, data),
+        _by_play(fitted, data),
     )
     own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
     apart = [between_bands(own, [*_in_other_bands(found, data)])]
@@ -162,6 +164,13 @@ def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
     return (
         np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
     )
+
+
+def _by_play(fitted: Fitted, data: Data) -> float:
+    """Share by which its spring is stiffer if what was taken for a hardening one has play."""
+    if HARDENING.isdisjoint(fitted.names):
+        return 0.0
+    return stiffer_with_play(fitted.structure, data)
 
 
 def _rescaled(data: Data, scale: float) -> Data:
@@ -198,9 +207,12 @@ def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
 
 
 def _again(found: Disturbed, data: Data, factor: int) -> Repeat | None:
-    fitted = found.fitted
+    fitted, sizes = found.fitted, found.sizes
+    if factor != found.factor:  # in a wider band sensors have more noise, and gains lead astray
+        noise = _sensor_noise(thinned(data, factor, held=fitted.structure.timing.hold == "zero"))
+        sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
     try:
-        other = _fit(fitted.structure, data, factor, fitted.by_name, found.sizes).fitted
+        other = _fit(fitted.structure, data, factor, fitted.by_name, sizes).fitted
     except ConvergenceError:
         return None
     # A channel that is moved out of the log leaves nothing to compare.

@@ -52,13 +52,17 @@ class Doubted:
     input_unit: str
     # (k,): by how much the values change where the deflection's sensor shows 1 % more, if any
     by_gauge: FloatArray | None
+    by_play: float = 0.0  # share by which the spring is stiffer if it has play in place of curving
 
     @property
     def longest_lag(self) -> float:
-        """Time constant in s of a lag in place of the input's whole delay."""
+        """Time constant in s of a lag in place of the input's whole delay, before it or after.
+
+        An input that acts before it was logged was low-passed on its way into the log.
+        """
         timing = self.fitted.structure.timing
         delay = self.fitted.by_name.get(INPUT, timing.delays.get(INPUT, 0.0))
-        return float(np.clip(delay, 0.0, _LAG))
+        return float(np.clip(delay, -_LAG, _LAG))
 
     def diagonal(self, of: Callable[[str, float], float]) -> FloatArray:
         """Directions of errors that are independent, from name and value of each."""
@@ -133,7 +137,8 @@ def coil_lag(doubted: Doubted) -> FloatArray:
     if doubted.input_unit != "V":
         return np.zeros((len(doubted.fitted.names), 0))
     # Anything between none and all of the delay: a uniform distribution about half of it.
-    return doubted.common(abs(viscous) * doubted.longest_lag / np.sqrt(3.0), "motor")
+    coil = max(doubted.longest_lag, 0.0)
+    return doubted.common(abs(viscous) * coil / np.sqrt(3.0), "motor")
 
 
 def lag(doubted: Doubted) -> FloatArray:
@@ -151,6 +156,14 @@ def dead_zone(doubted: Doubted) -> FloatArray:
     """An amplifier passes less of a small voltage than of a large one."""
     gain = _DEAD_ZONE * (doubted.input_unit == "V")
     return doubted.diagonal(lambda name, value: gain * value * (name == "beta1"))
+
+
+def play(doubted: Doubted) -> FloatArray:
+    """A spring with play looks like one that hardens, and softer than it is."""
+    # Anything between none and all of it: a uniform distribution.
+    share = doubted.by_play / np.sqrt(3.0)
+    springs = np.array([name in _SPRINGS for name in doubted.fitted.names])
+    return share * np.where(springs, doubted.fitted.values, 0.0)[:, None]
 
 
 def looks_like_a_term(doubted: Doubted) -> FloatArray:
@@ -180,6 +193,7 @@ DOUBTS: tuple[Doubt, ...] = (
     coil_lag,
     lag,
     dead_zone,
+    play,
     looks_like_a_term,
 )
 """Of a fit with disturbances."""

@@ -39,6 +39,10 @@ _GAPS = (("alpha_backlash", "alpha1"), ("theta_backlash", "theta2"))  # and the 
 PLAY = frozenset(play for play, _ in _GAPS)
 """Coefficients of play."""
 
+HARDENING = frozenset({"alpha_cubic", "theta_cubic"})
+"""Coefficients of a spring that hardens, for which play may pass."""
+
+_LIKELIER = 0.9  # of what hardening leaves of a row, that play leaves at most to be likelier
 _MOST_FITS = 8
 _SETTLED = 0.1  # standard deviations of the gap, by which its width may differ
 _STEEPEST = 0.9  # change of the gap with the width, beyond which it settles nowhere
@@ -215,6 +219,30 @@ def fit_with_play(
     found = [last, *longer_fits(last, by_length.divisions)]
     divisions = [s for s in by_length.divisions if len(s) <= len(last.problem.segments)]
     return with_best_hold(found, divisions, by_length.holds, by_length.free_length, thresholds)
+
+
+def stiffer_with_play(structure: Structure, data: Data) -> float:
+    """By what share a spring that hardens is stiffer if it is one with play; 0 if it is none.
+
+    Least squares of the link's row tells them apart, whatever moves the motor.
+    """
+    straight = structure.without(HARDENING)
+    wide = replace(straight, absent=straight.absent - (PLAY & structure.joint.shapes))
+    found, least = 0.0, _LIKELIER
+    for rate in RATES:
+        _, start, fit = _settled(wide, data, rate)
+        if _gap_of(start) <= 0.0:
+            continue
+        hard, other = least_squares_start(structure, data, rate)
+        left, its = (_of_link(each) for each in (fit, other))
+        if left < least * its and hard["theta2"] > 0.0:
+            found, least = abs(start["theta2"] / hard["theta2"] - 1.0), left / its
+    return found
+
+
+def _of_link(fit: LeastSquaresFit) -> float:
+    """What least squares leaves of the link's row."""
+    return next(row.residual_sum for row in fit.rows if row.name == "link")
 
 
 def _starts(

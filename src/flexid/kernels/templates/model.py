@@ -3,7 +3,8 @@
 That kernel is the same for all models. It calls the functions of a model by their addresses, all
 with the same arguments: two arrays, numbers, and two places in the array `work`.
 
-Row `row` sticks while its mode is 0: it then does not move, nor do its derivatives.
+Row `row` sticks while its mode is 0: its velocity, that of rest, then does not change, nor do its
+derivatives.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -88,7 +89,6 @@ def rates_at(x, place, work, rate):
     for row in range(N_ROWS):
         rate[2 * row + 1] += work[DISTURBANCE + row]
         if work[DRY_ROWS + row] != 0.0 and modes[row] == 0.0:
-            rate[2 * row] = 0.0
             rate[2 * row + 1] = 0.0
 
 

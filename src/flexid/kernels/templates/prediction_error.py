@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     )
 
 
+AT_MOST = 1.5  # of a direction, which the low-pass may bring beyond 1; more says that a row rests
+
+
 @uncounted
 def model_of(a):
     """A model from the numbers that its kernel gives."""
@@ -168,6 +171,45 @@ def set_modes(dry, directed, trace, h, model, work, columns):
 
 
 @uncounted
+def set_directions(directions, model, work):
+    """Modes over an interval, as an observer knows them; a row that rests follows its sensor."""
+    for row in range(model.n_rows):
+        rests = directions[row] > AT_MOST
+        work[model.dry + row] = 1.0 if rests else 0.0
+        work[model.modes + row] = 0.0 if rests else directions[row]
+
+
+@uncounted
+def omit_resting(errors, rows, measured, model, work):
+    """Nothing is learnt from the position of a row that rests: its friction may be any."""
+    for a in range(measured.shape[0]):
+        if work[model.dry + measured[a] // 2] != 0.0:
+            errors[a] = 0.0
+            clear(0, rows.shape[1], rows[a])
+
+
+@uncounted
+def put_residuals(errors, residuals):
+    """Keep a sample's residuals."""
+    for a in range(errors.shape[0]):
+        residuals[a] = errors[a]
+
+
+@uncounted
+def follow_sensors(outputs, measured, k, last, h, model, work):
+    """Let a row that rests be where it was measured, at the velocity that was measured."""
+    before, after = k - 1, min(k + 1, last)
+    for a in range(measured.shape[0]):
+        state = measured[a]
+        if work[model.dry + state // 2] != 0.0:
+            work[model.x + state] = outputs[k, a]
+            work[model.x + state + 1] = (outputs[after, a] - outputs[before, a]) / (
+                (after - before) * h
+            )
+            clear(model.z + state * model.width, 2 * model.width, work)
+
+
+@uncounted
 def fill_rows(rows, measured, model, work, columns):
     """What each output is by the model, and its derivatives."""
     for a in range(measured.shape[0]):
@@ -212,8 +254,8 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
               which rows can stick; and the observer: for each segment the gains of the states and
               of the disturbances, one column for each output, or none, and what an interval leaves
               of a disturbance; the direction of each row's friction over the interval from
-              each sample on, or none where it follows from the motion; and after how many samples
-              of a segment the model runs alone
+              each sample on, or more than `AT_MOST` of a row that rests, or none where it follows
+              from the motion; and after how many samples of a segment the model runs alone
     trace     of each row the standard deviation of its position's noise; 0 if it is not measured
     columns   which columns of derivatives are in use, for what; see the template ``model``
     results   filled, all zero before: lower halves of normal equations, shape (n_blocks, n, n),
@@ -251,7 +293,7 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                     directed = not alone  # a literal would be compiled for itself
                     set_modes(dry, directed, trace, h, model, work, columns)
                 if directed:
-                    put(directions[k - 1], model.modes, work)
+                    set_directions(directions[k - 1], model, work)
                 cross_interval(h, substeps, model, work, columns)
             set_drive(drives[k], model, work)
             fill_rows(rows, measured, model, work, columns)
@@ -264,7 +306,9 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                 if not abs(errors[a]) < BOUND:
                     costs[s] = np.inf
                     return
-                residuals[k, a] = errors[a]
+            if directed and k > first:
+                omit_resting(errors, rows, measured, model, work)
+            put_residuals(errors, residuals[k])
             b = first_blocks[s] + (k - first) * blocks // lengths[s]
             costs[s] += add_residuals(errors, rows, whitening[s], mixed, normal[b], gradient[b])
             if observed:
@@ -272,3 +316,6 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                     clear(0, count, errors)
                 gains = gain[s], disturbance_gain[s], decay[s]
                 correct(errors, rows, gains, model, work, columns)
+                if directed and k > first:
+                    last = first + lengths[s] - 1
+                    follow_sensors(outputs, measured, k, last, h, model, work)
