@@ -70,6 +70,16 @@ def test_nothing_is_found_where_nothing_is_lost(noise: float):
         assert not lost_samples(list(other), time).any()
 
 
+@pytest.mark.parametrize(("shift", "found"), [(1, False), (8, True)])
+def test_what_happens_only_where_a_motion_turns_is_no_loss(shift: int, found: bool):
+    """Assert that samples are not put back where friction bends a motion, and are elsewhere."""
+    positions = motion(1e-5)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(motion(0.0)[1]))))
+    kept, _ = without(positions, turns[2:-2] + shift)
+    lost = lost_samples(kept, clock(len(kept[0])))
+    assert np.count_nonzero(lost) == found * len(turns[2:-2])
+
+
 def test_repeated_samples_are_no_lost_ones():
     """Assert that a log whose samples are repeated as often as lost is left alone."""
     positions, _ = without(motion(1e-5), np.arange(100, 2900, 140))

@@ -25,6 +25,7 @@ _AROUND = 4  # steps on either side
 _MOST_LOST = 3  # samples in one place; a longer gap is a gap
 _CLEAR = 10.0  # of the logarithm of the likelihoods' ratio: a chance of 1 in 20 000
 _LEAST_SHARE = 4.0  # times as many places as there are where a step seems to be one too many
+_LEAST_SPEED = 0.3  # of the usual one, where samples are lost: they are lost at any speed
 _LEAST_EXPLAINED = 0.75  # of the places, where samples were lost and nothing else happened
 _LEFT_OVER = 0.05  # of an error's square that a loss leaves at most, beyond what is by chance
 _BY_CHANCE = 10.0  # square of an error over its variance
@@ -63,8 +64,17 @@ def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.in
         if _windows_without(lost) < _FEWEST_WINDOWS * len(positions):
             return none
     explained = lost * _explained(seen, lost)
+    if not _is_anywhere(seen, explained > 0):
+        return none
     enough = np.count_nonzero(explained) >= _LEAST_EXPLAINED * np.count_nonzero(lost)
     return explained if enough else none
+
+
+def _is_anywhere(positions: FloatArray, places: NDArray[np.bool_]) -> bool:
+    """Whether some places are spread over the motion: friction bends it where it turns round."""
+    speeds = np.abs(np.diff(positions, axis=0))
+    speeds = np.mean(speeds / (speeds.mean(axis=0) + np.finfo(float).tiny), axis=1)
+    return not places.any() or bool(np.median(speeds[places]) > _LEAST_SPEED)
 
 
 def _windows_without(lost: NDArray[np.int64]) -> int:
