@@ -177,3 +177,10 @@ def test_where_nothing_leads_anywhere(by_length):
     """Assert that no start and no smaller model is an error."""
     with pytest.raises(ConvergenceError):
         by_length({}, None)
+
+
+def test_two_that_end_alike_before_the_shortest_segments_end_the_search(by_length):
+    """Assert that smaller models are tried then, and not the other starts."""
+    found, tried = by_length({("a", 1): [], ("b", 1): [], ("e", 0): [1.0] * 3}, [9.0])
+    assert found == [9.0]
+    assert tried == [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1)]

@@ -3,7 +3,7 @@
 One start over one length of segments is no good on some logs: after a jolt, on a drive that swings
 several times in the shortest segments, or that hardly moves, the steps end in another minimum or
 nowhere. Another start, or segments of a quarter of the length, then lead where all lead that do not
-fail. So they are tried until one explains the log, or two end alike.
+fail. So they are tried until one explains the log, or two end alike, be it before they get there.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -84,15 +84,20 @@ def _tries(
             finer = [shortest.halved(), *finer]
     begins = [[], finer] if finer else [[]]
     first, others = ways[:_FIRST_STARTS], ways[_FIRST_STARTS:]
+    stuck: list[Fitted] = []  # of what leads not even there
     for before, way in (*product(begins, first), *product(begins, others)):
         lengths_fitted = [*before, *divisions]
         try:
             found = fit_by_length(structure, data, way, lengths_fitted, iterations=FIRST_ITERATIONS)
         except ConvergenceError:
             continue
-        found = found[len(before) :]
-        if found and found[-1].has_partners:
-            yield found
+        reached = found[len(before) :]
+        if reached and reached[-1].has_partners:
+            yield reached
+        elif stuck and len(found) == len(stuck) and _alike(found, stuck):
+            return
+        elif not reached:
+            stuck = found
 
 
 def _alike(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:
