@@ -154,6 +154,7 @@ class _Observing:
     point: Point
     directions: FloatArray  # (n_samples, n_rows)
     transitions: list[FloatArray]  # of each recording
+    counts: list[FloatArray]  # the same: how many residuals of each output tell anything
 
     @classmethod
     def of(cls, problem: SegmentedMotion, point: Point, directions: FloatArray) -> "_Observing":
@@ -167,18 +168,21 @@ class _Observing:
         ]
         # A row without friction moves freely, however slowly.
         freely = (directions == RESTING) & ~problem.dry_rows(point)
-        return cls(problem, point, np.where(freely, 0.0, directions), transitions)
+        directions = np.where(freely, 0.0, directions)
+        moves = (directions != RESTING)[:, segments.measured // 2]
+        place = np.unique(segments.recordings, return_inverse=True)[1]
+        counts = [
+            count * moves[part].mean(axis=0) if len(moves) else np.full(moves.shape[1], count)
+            for count, (part, _) in zip(
+                np.bincount(place, segments.lengths), segments.by_recording(), strict=True
+            )
+        ]
+        return cls(problem, point, directions, transitions, counts)
 
     def with_sizes(self, sizes: Sizes) -> _Observed:
         """The motion with the observer for some sizes."""
         segments = self.problem.segments
         place = np.unique(segments.recordings, return_inverse=True)[1]
-        rests = self.directions == RESTING
-        moving = [
-            1.0 - rests[part].mean(axis=0)[segments.measured // 2] if len(rests) else 1.0
-            for part, _ in segments.by_recording()
-        ]
-        counts = np.bincount(place, segments.lengths).tolist()
         steps = segments.sample_times[segments.firsts]
         try:
             made = [
@@ -187,10 +191,7 @@ class _Observing:
             ]
         except (LinAlgError, ValueError):
             return _Observed(_WORST, None, segments.outputs, 0.0)
-        entropy = sum(
-            float(np.sum(count * share * own[4]))
-            for count, share, own in zip(counts, moving, made, strict=True)
-        )
+        entropy = sum(float(count @ own[4]) for count, own in zip(self.counts, made, strict=True))
         gain, disturbed, decay, whitening = (
             np.array([own[i] for own in made])[place] for i in range(4)
         )

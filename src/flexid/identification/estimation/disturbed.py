@@ -207,12 +207,16 @@ def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
 
 
 def _again(found: Disturbed, data: Data, factor: int) -> Repeat | None:
-    fitted, sizes = found.fitted, found.sizes
-    if factor != found.factor:  # in a wider band sensors have more noise, and gains lead astray
-        noise = _sensor_noise(thinned(data, factor, held=fitted.structure.timing.hold == "zero"))
-        sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
+    fitted = found.fitted
     try:
-        other = _fit(fitted.structure, data, factor, fitted.by_name, sizes).fitted
+        other = _fit(
+            fitted.structure,
+            data,
+            factor,
+            fitted.by_name,
+            found.sizes,
+            of_band=factor == found.factor,
+        ).fitted
     except ConvergenceError:
         return None
     # A channel that is moved out of the log leaves nothing to compare.
@@ -228,16 +232,21 @@ def _fit(
     factor: int,
     start: Mapping[str, float],
     sizes: Sizes | None = None,
+    *,
+    of_band: bool = True,
 ) -> FitInBand:
-    """A structure fitted to a log in its band, within bounds."""
+    """A structure fitted to a log in its band, within bounds; from sizes of that band, or not."""
     own = thinned(data, factor, held=structure.timing.hold == "zero")
+    noise = _sensor_noise(own)
+    if sizes is not None and not of_band:  # with gains for less noise the steps lead astray
+        sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
     timing = structure.timing if factor == 1 else replace(structure.timing, hold="cubic")
     in_band = InBand(
         replace(structure, timing=timing),
         own,
         directions(data.samples, factor),
         slowest_disturbance(own, rigid=structure.joint.kind == "rigid"),
-        _sensor_noise(own),
+        noise,
         own.duration,
     )
     last: list[FitInBand] = []

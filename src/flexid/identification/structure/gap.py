@@ -229,11 +229,7 @@ def stiffer_with_play(structure: Structure, data: Data) -> float:
     straight = structure.without(HARDENING)
     wide = replace(straight, absent=straight.absent - (PLAY & structure.joint.shapes))
     found, least = 0.0, _LIKELIER
-    for rate in RATES:
-        _, start, fit = _settled(wide, data, rate)
-        if _gap_of(start) <= 0.0:
-            continue
-        hard, other = least_squares_start(structure, data, rate)
+    for (_, start, fit), (hard, other) in _by_rate(wide, structure, data):
         left, its = (_of_link(each) for each in (fit, other))
         if left < least * its and hard["theta2"] > 0.0:
             found, least = abs(start["theta2"] / hard["theta2"] - 1.0), left / its
@@ -249,13 +245,23 @@ def _starts(
     structure: Structure, without: Structure, data: Data
 ) -> Iterator[tuple[Structure, dict[str, float]]]:
     """Structures with play as wide as least squares finds it, and where they begin."""
-    for rate in RATES:
-        own, start, fit = _settled(structure, data, rate)
-        if _gap_of(start) <= 0.0:
-            continue
-        rows = zip(fit.rows, least_squares_start(without, data, rate)[1].rows, strict=True)
+    for (own, start, fit), (_, other) in _by_rate(structure, without, data):
+        rows = zip(fit.rows, other.rows, strict=True)
         if any(row.residual_sum < _PROMISED * bare.residual_sum for row, bare in rows):
             yield own, start
+
+
+_Played = tuple[Structure, dict[str, float], LeastSquaresFit]
+
+
+def _by_rate(
+    structure: Structure, without: Structure, data: Data
+) -> Iterator[tuple[_Played, tuple[dict[str, float], LeastSquaresFit]]]:
+    """Least squares with play, by every filter with which it finds some, and of a rival."""
+    for rate in RATES:
+        played = _settled(structure, data, rate)
+        if _gap_of(played[1]) > 0.0:
+            yield played, least_squares_start(without, data, rate)
 
 
 def _settled(

@@ -144,7 +144,7 @@ def set_drive(drive, model, work):
 
 @uncounted
 def put(values, place, work):
-    """Copy numbers into `work`."""
+    """Copy numbers into `work`, or another array."""
     for i in range(values.shape[0]):
         work[place + i] = values[i]
 
@@ -186,13 +186,6 @@ def omit_resting(errors, rows, measured, model, work):
         if work[model.dry + measured[a] // 2] != 0.0:
             errors[a] = 0.0
             clear(0, rows.shape[1], rows[a])
-
-
-@uncounted
-def put_residuals(errors, residuals):
-    """Keep a sample's residuals."""
-    for a in range(errors.shape[0]):
-        residuals[a] = errors[a]
 
 
 @uncounted
@@ -308,7 +301,7 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                     return
             if directed and k > first:
                 omit_resting(errors, rows, measured, model, work)
-            put_residuals(errors, residuals[k])
+            put(errors, 0, residuals[k])
             b = first_blocks[s] + (k - first) * blocks // lengths[s]
             costs[s] += add_residuals(errors, rows, whitening[s], mixed, normal[b], gradient[b])
             if observed:
