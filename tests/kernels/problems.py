@@ -5,7 +5,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.kernels.store import load_kernel
+from flexid.kernels.store import load_kernel, template
 
 HEAD = """
 from math import cos, exp, sin, sqrt
@@ -123,7 +123,8 @@ def integrator(problem: tuple[str, str], size: int, method: str = "rodas5p") -> 
     if method == "dopri5":
         source += LANES
         templates.insert(1, "lanes")
-    return load_kernel("test_problem", [source], lambda: source, templates)
+    text = "\n\n".join((source, *map(template, templates)))
+    return load_kernel("test_problem", [text], lambda: text)
 
 
 def integrate(

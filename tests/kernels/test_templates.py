@@ -28,7 +28,7 @@ from flexid.estimators.recursive_least_squares import (
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import MOTION, By, Point, segmented_motion
+from flexid.estimators.segmented_motion import By, Point, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.kernels import store
 from flexid.kernels.store import load_kernel
@@ -127,7 +127,8 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
     ),
     "segments": (
         equations,
-        {"bound", "compiled", "dry_motion", "prediction_error"} | {*MOTION},
+        {"bound", "compiled", "dry_motion", "prediction_error"}
+        | {"sin_cos", "runge_kutta", "arrays", "model"},
     ),
     "observer": (
         lambda: estimate(parametric_observer(JOINT, {"link": 1.0, "motor": 1.0}, H)),
@@ -215,7 +216,7 @@ def test_uncompiled_is_compiled(case: str, monkeypatch: pytest.MonkeyPatch) -> N
     ) -> SimpleNamespace:
         kernel = load_kernel(task, declarations, build, templates)
         if kernel.__name__ not in loaded:
-            seen.update(templates)
+            seen.update(store.with_needed(templates))
             plain = uncompiled(kernel, models, monkeypatch)
             both = SimpleNamespace(**vars(kernel))
             for name, value in vars(kernel).items():

@@ -108,5 +108,5 @@ def _kernel(system: ParametricSystem) -> ModuleType:
 
         return sampled_observer_functions(system, "Parametric observer, sampled")
 
-    templates = ["sin_cos", "status", "parametric_observer"]
+    templates = ["sin_cos", "parametric_observer"]
     return load_kernel("parametric_observer", [system.digest], build, templates)

@@ -223,8 +223,7 @@ def recursive_least_squares(
 
 def _kernel() -> ModuleType:
     """The compiled law, which is the same for all models."""
-    templates = "compiled", "arrays", "status", "block_scores", "least_squares_rows"
-    return load_kernel("least_squares", (), None, (*templates, "least_squares"))
+    return load_kernel("least_squares", (), None, ["least_squares"])
 
 
 def _compiled_signals(system: ParametricSystem) -> ModuleType:

@@ -447,7 +447,7 @@ def segmented_motion(
     return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
 
 
-MOTION = ("sin_cos", "runge_kutta", "arrays", "model")
+MOTION = ("sin_cos", "model")
 """Templates by which the kernel of the segments moves a model."""
 
 
@@ -464,5 +464,4 @@ def motion_kernel(system: ParametricSystem) -> ModuleType:
 
 def segments_kernel() -> ModuleType:
     """The compiled equations of segments, which are the same for all models."""
-    templates = ("compiled", "bound", "dry_motion", "prediction_error")
-    return load_kernel("segments", (), None, templates)
+    return load_kernel("segments", (), None, ["prediction_error"])

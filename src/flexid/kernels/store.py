@@ -15,6 +15,7 @@ import hashlib
 import importlib.util
 import logging
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -58,8 +59,9 @@ def load_kernel(
     """Import a kernel with compiled functions, building its source first if it is not on disk yet.
 
     The declarations are digests of what it is generated from. Symbolic algebra costs nothing in
-    later processes: `build` is called only when its text is missing. The templates follow that, in
-    order. Any number of processes may load and compile the same kernel at once.
+    later processes: `build` is called only when its text is missing. The templates follow that in
+    order, each after those that it imports. Any number of processes may load and compile the same
+    kernel at once.
     """
     directory = cache_directory()
     asked = (str(directory), _generator_digest(), task, *declarations, "", *templates)
@@ -85,7 +87,7 @@ def _load(
             text = _provided(directory / "derived" / derived, build)
         except OSError:  # a full disk
             text = build()
-    source = "\n\n".join((text or "", *(template(name) for name in templates)))
+    source = "\n\n".join((text or "", *map(template, with_needed(templates))))
     name = f"flexid_{task}_{_digest(source)}"
     if name in sys.modules:
         return sys.modules[name]
@@ -262,6 +264,17 @@ def _announce() -> None:
 def template(name: str) -> str:
     """Source text of a template: code that calls generated functions by name."""
     return resources.files("flexid.kernels.templates").joinpath(f"{name}.py").read_text("utf-8")
+
+
+_NEEDED = re.compile(r"^    from flexid\.kernels\.templates\.(?!generated)(\w+) import", re.M)
+
+
+def with_needed(templates: Sequence[str]) -> tuple[str, ...]:
+    """Templates in order, each once and after those that it imports for a checker of types."""
+    found: dict[str, None] = {}
+    for name in templates:
+        found |= dict.fromkeys((*with_needed(_NEEDED.findall(template(name))), name))
+    return tuple(found)
 
 
 def cache_directory() -> Path:

@@ -187,7 +187,7 @@ def check_saturation(file: str, name: str, channel: Channel) -> tuple[str, ...]:
 def _has_limit(values: FloatArray) -> bool:
     from flexid.kernels.store import load_kernel  # few channels rest at an end
 
-    return load_kernel("limits", (), None, ("compiled", "limits")).has_limit(values)
+    return load_kernel("limits", (), None, ["limits"]).has_limit(values)
 
 
 def check_two_encoders(file: str, link: Channel, motor: Channel) -> tuple[str, ...]:

@@ -57,7 +57,7 @@ def without_wraps(time: FloatArray, readings: FloatArray, turn: float) -> tuple[
     """
     from flexid.kernels.store import load_kernel  # few logs wrap
 
-    kernel = load_kernel("encoder_turns", (), None, ("compiled", "encoder_turns"))
+    kernel = load_kernel("encoder_turns", (), None, ["encoder_turns"])
     gear, positions = kernel.first_gear(), np.empty(len(readings))
     sample_time = float(np.median(np.diff(time)))
     kernel.unwrapped_log(time, readings, turn, sample_time, gear, positions)

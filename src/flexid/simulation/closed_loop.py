@@ -125,8 +125,7 @@ def loop_kernel(
         loop = compose_loop(declaration)
         return stiff_loop_source(loop) if stiff else lane_loop_source(loop, lanes)
 
-    integrator = ["rodas5p"] if stiff else ["sin_cos", "lanes", "lane_measures", "dopri5"]
-    templates = ["run_status", "loop_measures", "loop_outputs", *integrator]
+    templates = ["rodas5p"] if stiff else ["sin_cos", "dopri5"]
     decisive = [*declaration.digests, "" if stiff else f"{lanes} lanes"]
     return load_kernel("closed_loop", decisive, build, templates)
 

@@ -91,8 +91,7 @@ def _run(
     c = np.array(list(system.constants.values()), dtype=float)
     substeps = runge_kutta_substeps(system, x, first_input, p, c, sample_time)
     states = np.empty((len(inputs), len(x)))
-    templates = ("compiled", "bound", "runge_kutta", "free_run")
-    run = load_kernel("free_run", (), None, templates).free_run
+    run = load_kernel("free_run", (), None, ["free_run"]).free_run
     address = _compiled_rates(system).right_hand_side.address
     return states, run(address, x, inputs, loop, p, c, sample_time, held, substeps, states)
 

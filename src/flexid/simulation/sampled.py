@@ -137,12 +137,7 @@ def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
 
         return sampled_loop_source(declaration)
 
-    return load_kernel(
-        "sampled_loop",
-        declaration.digests,
-        build,
-        ["sin_cos", "bound", "run_status", "loop_measures", "sampled_loop"],
-    )
+    return load_kernel("sampled_loop", declaration.digests, build, ["sin_cos", "sampled_loop"])
 
 
 def _observer_settings(loop: ClosedLoop, sample_time: float) -> FloatArray:

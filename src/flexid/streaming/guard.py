@@ -149,5 +149,4 @@ class Guard:
 
 def _kernel() -> ModuleType:
     """The compiled guard, which is the same for all streams."""
-    templates = ("compiled", "arrays", "encoder_turns", "limits", "stream_guard")
-    return load_kernel("stream_guard", (), None, templates)
+    return load_kernel("stream_guard", (), None, ["stream_guard"])

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.compiled import rounded
+    from flexid.kernels.templates.compiled import *
 
 
 @rounded

@@ -13,49 +13,12 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import (
-        LANES,
-        N_OBSERVED,
-        N_PARAMETERS,
-        SIZE,
-        lane_rates,
-        lane_rates_and_outputs,
-    )
-    from flexid.kernels.templates.lane_measures import lane_measures
-    from flexid.kernels.templates.lanes import (
-        ACCEPTED_STEPS,
-        BEFORE,
-        EARLIER,
-        END,
-        ERROR,
-        GOES_ON,
-        GROWTH,
-        NEXT_OBSERVED,
-        OBSERVED,
-        PARAMETERS,
-        RATES,
-        REJECTED,
-        REJECTED_STEPS,
-        RUN,
-        SLOTS,
-        STAGE,
-        STAGE_TIME,
-        STATE,
-        STATUS,
-        STEP,
-        TIME,
-        TOTALS,
-        at,
-    )
-    from flexid.kernels.templates.loop_measures import N_MEASURES
-    from flexid.kernels.templates.loop_outputs import observe
-    from flexid.kernels.templates.run_status import (
-        DIVERGED,
-        FINISHED,
-        NOT_FINITE,
-        STEP_TOO_SMALL,
-        TOO_MANY_STEPS,
-    )
+    from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.lane_measures import *
+    from flexid.kernels.templates.lanes import *
+    from flexid.kernels.templates.loop_measures import *
+    from flexid.kernels.templates.loop_outputs import *
+    from flexid.kernels.templates.run_status import *
 
 
 RUNS_AT_ONCE = 8 * LANES  # so that few lanes stand idle while the last ones end

@@ -16,7 +16,7 @@ from collections import namedtuple
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.compiled import call, uncounted
+    from flexid.kernels.templates.compiled import *
 
 MOST_EVENTS = 12  # changes of mode within one sampling interval; then it runs on as it is
 MOST_TRIALS = 8  # of the secant that locates a change

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.compiled import equations, rounded
+    from flexid.kernels.templates.compiled import *
 
 TURN = 2.0 * np.pi
 NEAR = 3.5  # sample times from one reading to the next within which a jump is a wrap: two are lost

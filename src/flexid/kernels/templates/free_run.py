@@ -10,9 +10,9 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.bound import BOUND
-    from flexid.kernels.templates.compiled import call, equations, inlined
-    from flexid.kernels.templates.runge_kutta import runge_kutta
+    from flexid.kernels.templates.bound import *
+    from flexid.kernels.templates.compiled import *
+    from flexid.kernels.templates.runge_kutta import *
 
 # The address of the model, the input at the start of an interval and its change over it,
 # coefficients, constants, and room for the input within.

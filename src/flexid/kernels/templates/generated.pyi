@@ -66,6 +66,10 @@ def vary(
     _free: _Array,
 ) -> None: ...
 
+# Of the template that follows `runge_kutta`.
+rates_at: Callable[[_Array, float, Any, _Array], None]
+recall: Callable[[_Array, _Array, Any], None]
+
 # Of a closed loop.
 def outputs(_t: float, _z: _Array, _p: _Array, _y: _Array) -> None: ...
 def rates(_t: float, _z: _Array, _p: _Array, _dz: _Array) -> None: ...

@@ -8,19 +8,9 @@ from typing import TYPE_CHECKING
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import LANES, N_COEFFICIENTS, N_INPUTS
-    from flexid.kernels.templates.lanes import (
-        BEFORE,
-        ERROR,
-        OBSERVED,
-        PARAMETERS,
-        STEP,
-        TIME,
-        TOTALS,
-        WEIGHT,
-        at,
-    )
-    from flexid.kernels.templates.loop_measures import GRAM, PEAKS, SETTLED, UNSETTLED
+    from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.lanes import *
+    from flexid.kernels.templates.loop_measures import *
 
 
 OBSERVED_ERRORS = OBSERVED + N_INPUTS

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import LANES, N_OBSERVED, N_PARAMETERS, SIZE
-    from flexid.kernels.templates.loop_measures import N_MEASURES
+    from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.loop_measures import *
 
 
 TIME = 0  # of the state

@@ -8,22 +8,11 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.arrays import part
-    from flexid.kernels.templates.block_scores import store_block
-    from flexid.kernels.templates.compiled import allocating, equations, rounded
-    from flexid.kernels.templates.least_squares_rows import (
-        FEWEST,
-        FORGETTING,
-        LEAST_EXPLAINED,
-        LEAST_INFORMATION,
-        LONGEST_BLOCK,
-        MEMORY,
-        N_PAST,
-        Sizes,
-        next_row,
-        past,
-    )
-    from flexid.kernels.templates.status import REJECTED, STARTING, USED, is_finite
+    from flexid.kernels.templates.arrays import *
+    from flexid.kernels.templates.block_scores import *
+    from flexid.kernels.templates.compiled import *
+    from flexid.kernels.templates.least_squares_rows import *
+    from flexid.kernels.templates.status import *
 
 
 N_SIZES = len(Sizes._fields)

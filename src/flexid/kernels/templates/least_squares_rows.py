@@ -10,8 +10,8 @@ from collections import namedtuple
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.arrays import part
-    from flexid.kernels.templates.compiled import call, rounded
+    from flexid.kernels.templates.arrays import *
+    from flexid.kernels.templates.compiled import *
 
 # Places in the settings: of the law, then of the rows. Half a window is the samples on either side
 # that a velocity estimate looks at: 0 where none is needed. After them come the model's constants,

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.compiled import equations, rounded
+    from flexid.kernels.templates.compiled import *
 
 # Of a signal at its upper end: extreme, samples there, occasions, samples in a row; the level next
 # to it.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import N_COEFFICIENTS, N_INPUTS, ROW_STARTS
+    from flexid.kernels.templates.generated import *
 
 
 SETTLED = 0.05  # share of a coefficient within which its estimate counts as settled

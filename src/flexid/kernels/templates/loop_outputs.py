@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import N_COEFFICIENTS, N_INPUTS, N_STATES, outputs
-    from flexid.kernels.templates.loop_measures import N_MEASURES, add_measures
+    from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.loop_measures import *
 
 
 N_OUTPUTS = N_STATES + N_INPUTS + 3 * N_COEFFICIENTS + 1

@@ -13,26 +13,9 @@ import numpy as np
 from numba import cfunc, types
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.arrays import part
-    from flexid.kernels.templates.generated import (
-        N_COEFFICIENTS,
-        N_CONSTANTS,
-        N_CORNERS,
-        N_INPUTS,
-        N_MEMORIES,
-        N_ROWS,
-        N_STATES,
-        WIDTH,
-        corners,
-        inlined,
-        memory_slopes,
-        remember,
-        slopes,
-        state_rates,
-        uncounted,
-        vary,
-    )
-    from flexid.kernels.templates.runge_kutta import node, runge_kutta
+    from flexid.kernels.templates.arrays import *
+    from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.runge_kutta import *
 
 N_EQUATIONS = N_ROWS + N_MEMORIES
 

@@ -6,18 +6,8 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import (
-        N_COEFFICIENTS,
-        N_ROWS,
-        SAMPLE_SIZE,
-        STATE_SIZE,
-        advance,
-        as_sample,
-        as_settings,
-        as_state,
-        inner,
-    )
-    from flexid.kernels.templates.status import REJECTED, STARTING, is_finite
+    from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.status import *
 
 
 NO_INNOVATION = (np.nan,) * N_ROWS

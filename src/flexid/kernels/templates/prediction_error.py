@@ -6,20 +6,9 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.bound import BOUND
-    from flexid.kernels.templates.compiled import call, equations, uncounted
-    from flexid.kernels.templates.dry_motion import (
-        ARE_DRY,
-        AT,
-        IN_USE,
-        LINEARISE,
-        RATES,
-        Model,
-        clear,
-        cross_interval,
-        first_modes,
-        start_derivatives,
-    )
+    from flexid.kernels.templates.bound import *
+    from flexid.kernels.templates.compiled import *
+    from flexid.kernels.templates.dry_motion import *
 
 
 AT_MOST = 1.5  # of a direction, which the low-pass may bring beyond 1; more says that a row rests

@@ -11,15 +11,9 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import SIZE, rates, rates_and_jacobian
-    from flexid.kernels.templates.loop_outputs import observe
-    from flexid.kernels.templates.run_status import (
-        DIVERGED,
-        FINISHED,
-        NOT_FINITE,
-        STEP_TOO_SMALL,
-        TOO_MANY_STEPS,
-    )
+    from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.loop_outputs import *
+    from flexid.kernels.templates.run_status import *
 
 
 RUNS_AT_ONCE = 1  # they share nothing

@@ -6,27 +6,10 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.bound import BOUND
-    from flexid.kernels.templates.generated import (
-        N_COEFFICIENTS,
-        N_INPUTS,
-        N_ROWS,
-        N_STATES,
-        STATE_SIZE,
-        TRACKED,
-        advance,
-        as_parameters,
-        as_settings,
-        as_state,
-        as_states,
-        control,
-        plant_step,
-        regressors,
-        saturate,
-        sense,
-    )
-    from flexid.kernels.templates.loop_measures import add_measures
-    from flexid.kernels.templates.run_status import DIVERGED, FINISHED, NOT_FINITE
+    from flexid.kernels.templates.bound import *
+    from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.loop_measures import *
+    from flexid.kernels.templates.run_status import *
 
 
 # What a record holds: states, inputs, estimates, their errors, the tracking error and what was

@@ -12,20 +12,10 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.arrays import part
-    from flexid.kernels.templates.compiled import equations, rounded
-    from flexid.kernels.templates.encoder_turns import (
-        N_GEAR,
-        PERIOD,
-        PERSISTENT,
-        TURN,
-        UNCLEAR,
-        WRAPPED,
-        behind_gear,
-        first_gear,
-        whole_turns,
-    )
-    from flexid.kernels.templates.limits import BESIDE, LEVEL, N_END, at_limit
+    from flexid.kernels.templates.arrays import *
+    from flexid.kernels.templates.compiled import *
+    from flexid.kernels.templates.encoder_turns import *
+    from flexid.kernels.templates.limits import *
 
 
 # What became of a sample.
