@@ -11,7 +11,7 @@ from scipy.integrate import quad, solve_ivp
 from systems import ALL, HARDENING, NO_CLOSED_FORM
 
 from flexid.derivation.observer import derive_observer
-from flexid.derivation.printing_python import python_observer
+from flexid.derivation.printing_code import python_observer
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import symbolic_system
 from flexid.models.parametric_system import ParametricSystem, Row

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexid.arrays import FloatArray
-from flexid.models.expression import fold
+from flexid.models.expression import FUNCTIONS, OPERATIONS, Algebra, fold
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.run import Run
 
@@ -74,7 +74,11 @@ def regressors_along(
     values: dict[str, ArrayLike] = dict(zip(system.states, states.T, strict=True))
     values |= zip(system.inputs, np.asarray(inputs, dtype=float).T, strict=True)
     values |= {**system.constants, "pi": np.pi}
-    algebra = _Arrays(values)
+    algebra = Algebra(
+        lambda text: np.asarray(float(text)),
+        lambda name: np.asarray(values[name], dtype=float),
+        _OF_ARRAYS,
+    )
     return {
         row.name: np.stack(
             [
@@ -87,40 +91,4 @@ def regressors_along(
     }
 
 
-_UFUNCS = {
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "tanh": np.tanh,
-    "exp": np.exp,
-    "sqrt": np.sqrt,
-    "sign": np.sign,
-    "abs": np.abs,
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
-    "**": np.power,
-}
-
-
-class _Arrays:
-    """The algebra in which names are arrays."""
-
-    def __init__(self, values: dict[str, ArrayLike]) -> None:
-        self._values = values
-
-    def number(self, text: str) -> FloatArray:
-        return np.asarray(float(text))
-
-    def name(self, name: str) -> FloatArray:
-        return np.asarray(self._values[name], dtype=float)
-
-    def operate(self, operator: str, left: FloatArray, right: FloatArray) -> FloatArray:
-        return _UFUNCS[operator](left, right)
-
-    def negate(self, operand: FloatArray) -> FloatArray:
-        return -operand
-
-    def call(self, function: str, argument: FloatArray) -> FloatArray:
-        return _UFUNCS[function](argument)
+_OF_ARRAYS = OPERATIONS | {"**": np.power} | {name: getattr(np, name) for name in FUNCTIONS}

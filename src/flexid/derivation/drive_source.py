@@ -12,7 +12,7 @@ from typing import cast
 
 import sympy as sp
 
-from flexid.derivation.printing_c import RESERVED
+from flexid.derivation.printing_code import RESERVED
 from flexid.derivation.regressor_classes import RegressorParts, split_regressor
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system

@@ -3,7 +3,7 @@
 from flexid.control.controller import REFERENCE_NAMES, Controller
 from flexid.derivation.observer import derive_observer
 from flexid.derivation.printing import argument_groups
-from flexid.derivation.printing_python import python_observer
+from flexid.derivation.printing_code import python_observer
 from flexid.derivation.source import IMPORTS, print_scalar
 from flexid.derivation.symbolic import to_sympy
 from flexid.errors import ModelError

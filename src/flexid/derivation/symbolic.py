@@ -7,19 +7,8 @@ from typing import cast
 import sympy as sp
 
 from flexid.errors import ExpressionError
-from flexid.models.expression import fold
+from flexid.models.expression import OPERATIONS, Algebra, fold
 from flexid.models.parametric_system import ParametricSystem
-
-_FUNCTIONS = {
-    "sin": sp.sin,
-    "cos": sp.cos,
-    "tan": sp.tan,
-    "tanh": sp.tanh,
-    "exp": sp.exp,
-    "sqrt": sp.sqrt,
-    "sign": sp.sign,
-    "abs": sp.Abs,
-}
 
 
 def symbol(name: str) -> sp.Symbol:
@@ -27,40 +16,24 @@ def symbol(name: str) -> sp.Symbol:
     return sp.Symbol(name, real=True)
 
 
+_SYMPY = Algebra[sp.Expr](
+    sp.Rational,  # exact, so that terms that should cancel do
+    lambda name: sp.pi if name == "pi" else symbol(name),
+    OPERATIONS
+    | {name: getattr(sp, name) for name in ("sin", "cos", "tan", "tanh", "exp", "sqrt", "sign")}
+    | {"abs": sp.Abs},
+)
+
+
 def to_sympy(expression: str, names: Collection[str], place: str = "expression") -> sp.Expr:
     """Read a text expression into SymPy without evaluating any text; place is for messages."""
-    folded = fold(expression, names, _SymPyAlgebra(), place)
+    folded = fold(expression, names, _SYMPY, place)
     roots = folded.atoms(sp.Pow)
     if folded.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I) or any(r.is_real is False for r in roots):
         raise ExpressionError(
             expression, "has no finite real value: correct the division, root or power", place
         )
     return folded
-
-
-class _SymPyAlgebra:
-    def number(self, text: str) -> sp.Expr:
-        return sp.Rational(text)  # exact, so that terms that should cancel do
-
-    def name(self, name: str) -> sp.Expr:
-        return sp.pi if name == "pi" else symbol(name)
-
-    def operate(self, operator: str, left: sp.Expr, right: sp.Expr) -> sp.Expr:
-        if operator == "+":
-            return left + right
-        if operator == "-":
-            return left - right
-        if operator == "*":
-            return left * right
-        if operator == "/":
-            return left / right
-        return left**right
-
-    def negate(self, operand: sp.Expr) -> sp.Expr:
-        return -operand
-
-    def call(self, function: str, argument: sp.Expr) -> sp.Expr:
-        return _FUNCTIONS[function](argument)
 
 
 @dataclass(frozen=True)

@@ -75,9 +75,8 @@ def derive(
         If an option does not suit the model.
     """
     from flexid.derivation.observer import derive_observer
-    from flexid.derivation.printing_c import c_observer
+    from flexid.derivation.printing_code import c_observer, python_observer
     from flexid.derivation.printing_latex import latex_observer
-    from flexid.derivation.printing_python import python_observer
 
     printers = {"latex": latex_observer, "python": python_observer, "c": c_observer}
     if to not in printers:

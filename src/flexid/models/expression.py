@@ -10,8 +10,9 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from flexid.errors import ExpressionError
 
@@ -29,28 +30,13 @@ _MAX_POWER_LEVELS = 2  # 9e300 to the 12th to the 12th has 43 000 digits; enough
 T = TypeVar("T")
 
 
-class Algebra(Protocol[T]):
+@dataclass(frozen=True)
+class Algebra(Generic[T]):
     """What the parts of an expression mean."""
 
-    def number(self, text: str) -> T:
-        """Meaning of a number, given as decimal text."""
-        ...
-
-    def name(self, name: str) -> T:
-        """Meaning of a declared name or of the constant ``pi``."""
-        ...
-
-    def operate(self, operator: str, left: T, right: T) -> T:
-        """Meaning of ``+ - * / **`` between two operands."""
-        ...
-
-    def negate(self, operand: T) -> T:
-        """Meaning of the unary minus."""
-        ...
-
-    def call(self, function: str, argument: T) -> T:
-        """Meaning of one of `FUNCTIONS`."""
-        ...
+    number: Callable[[str], T]  # of a number, given as decimal text
+    name: Callable[[str], T]  # of a declared name or of the constant ``pi``
+    operations: Mapping[str, Callable[..., T]]  # of those in `OPERATIONS`, and of `FUNCTIONS`
 
 
 _OPERATORS: dict[type[ast.operator], str] = {
@@ -60,6 +46,16 @@ _OPERATORS: dict[type[ast.operator], str] = {
     ast.Div: "/",
     ast.Pow: "**",
 }
+
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": operator.pow,
+    "negate": operator.neg,
+}
+"""What operators mean to most algebras, by their sign; and ``negate``, the unary minus."""
 
 
 def fold(expression: str, names: Collection[str], algebra: Algebra[T], place: str) -> T:
@@ -82,13 +78,14 @@ def _parsed(expression: str) -> ast.Expression:
 
 def check_expression(expression: str, names: Collection[str], place: str) -> None:
     """Raise `ExpressionError` unless the expression stays within the whitelist and the names."""
-    fold(expression, names, _Nothing(), place)
+    fold(expression, names, _NOTHING, place)
 
 
 def evaluate(expression: str, values: Mapping[str, float], place: str) -> float:
     """Value of an expression."""
+    numbers = Algebra(float, {"pi": math.pi, **values}.__getitem__, _OF_NUMBERS)
     try:
-        value = fold(expression, values, _Numbers(values), place)
+        value = fold(expression, values, numbers, place)
     except (ArithmeticError, ValueError):
         value = math.nan
     if not math.isfinite(value):
@@ -106,6 +103,9 @@ class _Folder:
         self._algebra = algebra
         self._place = place
 
+    def _operate(self, name: str, *operands: Any):
+        return self._algebra.operations[name](*operands)
+
     def refuse(self, reason: str) -> ExpressionError:
         return ExpressionError(self._expression, reason, self._place)
 
@@ -120,7 +120,7 @@ class _Folder:
             return self.binary(node, depth)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
             operand = self.visit(node.operand, depth + 1)
-            return operand if isinstance(node.op, ast.UAdd) else self._algebra.negate(operand)
+            return operand if isinstance(node.op, ast.UAdd) else self._operate("negate", operand)
         if isinstance(node, ast.Call):
             return self.call(node, depth)
         raise self.refuse(
@@ -156,7 +156,7 @@ class _Folder:
                 self.check_exponent(part.right)
                 if _power_levels(part) > _MAX_POWER_LEVELS:
                     raise self.refuse(f"has powers of powers over {_MAX_POWER_LEVELS} levels deep")
-            value = self._algebra.operate(sign, value, self.visit(part.right, depth + 1))
+            value = self._operate(sign, value, self.visit(part.right, depth + 1))
         return value
 
     def check_exponent(self, node: ast.expr) -> None:
@@ -183,58 +183,21 @@ class _Folder:
             )
         if len(node.args) != 1 or node.keywords:
             raise self.refuse(f"{function} takes one argument")
-        return self._algebra.call(function, self.visit(node.args[0], depth + 1))
+        return self._operate(function, self.visit(node.args[0], depth + 1))
 
 
-class _Numbers:
-    """The algebra of values."""
-
-    def __init__(self, values: Mapping[str, float]) -> None:
-        self._values = {"pi": math.pi, **values}
-
-    def number(self, text: str) -> float:
-        return float(text)
-
-    def name(self, name: str) -> float:
-        return self._values[name]
-
-    def operate(self, operator: str, left: float, right: float) -> float:
-        return _OPERATIONS[operator](left, right)
-
-    def negate(self, operand: float) -> float:
-        return -operand
-
-    def call(self, function: str, argument: float) -> float:
-        return _VALUES[function](argument)
-
-
-_OPERATIONS: dict[str, Callable[[float, float], float]] = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": operator.truediv,
-    "**": math.pow,
-}
-
-_VALUES: dict[str, Callable[[float], float]] = {
+_OF_NUMBERS: dict[str, Callable[..., Any]] = {
+    **OPERATIONS,
+    "**": math.pow,  # which has no complex values
     **{name: getattr(math, name) for name in ("sin", "cos", "tan", "tanh", "exp", "sqrt")},
     "sign": lambda x: math.copysign(1.0, x) if x else 0.0,
     "abs": abs,
 }
 
-
-class _Nothing:
-    """The algebra of the mere check: every part means nothing."""
-
-    def number(self, text: str) -> None: ...
-
-    def name(self, name: str) -> None: ...
-
-    def operate(self, operator: str, left: None, right: None) -> None: ...
-
-    def negate(self, operand: None) -> None: ...
-
-    def call(self, function: str, argument: None) -> None: ...
+_NOTHING = Algebra[None](
+    lambda _: None, lambda _: None, dict.fromkeys(_OF_NUMBERS, lambda *_: None)
+)
+"""The algebra of the mere check: every part means nothing."""
 
 
 def _power_levels(node: ast.AST) -> int:
