@@ -5,15 +5,23 @@ link hangs under gravity at a lever that, with its mass, gives the identified to
 inertia is its hinge's armature. What MuJoCo has no word for is left out, and named.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import inf, isclose, isfinite, sqrt
+from collections.abc import Mapping
+from math import atan2, cos, hypot, inf, isclose, isfinite, sin, sqrt
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 from flexid.errors import SettingError
 from flexid.estimators.channel_timing import INPUT as INPUT_DELAY
-from flexid.exports.mjcf_elements import Side, Spring, scene
+from flexid.exports.mjcf_scene import (
+    Body,
+    Joint,
+    Scene,
+    Shape,
+    Side,
+    Spring,
+    rotor,
+    scene,
+    timestep,
+)
 from flexid.exports.request import ExportRequest
 from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.models.flexible_joint import (
@@ -25,27 +33,20 @@ from flexid.stored_estimates.joint_model import JointModel
 
 TORQUE = "N m"
 
-_STEP = 1e-3  # s, the longest
-_STEPS_PER_RADIAN = 40.0  # of the resonance; Runge-Kutta's phase error is then below 1e-8
-# The engine does not look for the instant at which dry friction changes: it is up to a step late.
-_DRY_STEP = 1.25e-4  # s, the longest
-_DRY_STEPS_PER_RADIAN = 200.0
+_GRAVITY = 9.81  # m/s^2; only its product with mass and lever acts
+_LONGEST_LEVER = 1.0  # m
 _SAME = 1e-6  # relative difference of a spring's two sides that is rounding
+
+_HEADING = (
+    "A joint that flexid identified. SI units; angles at the link's side of the gear.",
+    "Of mass, lever and gravity only the product acts on the link.",
+)
 
 _UNUSUAL = {"theta1": "theta_sine", "gamma1": "gamma_sine", "alpha2": "alpha_viscous"}
 """Coefficients of `Side` that do not say by their name what they multiply."""
 
 _PLACES = {*Side._fields, *Spring._fields, "backlash"}
 _REPRESENTED = {"beta1", "theta2", "alpha1", "hysteresis_grip"}
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A joint as a MuJoCo scene."""
-
-    xml: str  # MJCF
-    # a sentence for each thing that moves otherwise than the identified joint
-    notes: tuple[str, ...]
 
 
 def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
@@ -96,19 +97,40 @@ def mjcf_scene(joint: JointModel, input_unit: str = TORQUE) -> Scene:
     dry = any(side is not None and side.coulomb > 0.0 for side in (link, motor))
     dry |= spring is not None and spring.hysteresis > 0.0
     fastest = sqrt(abs(values.get("theta2", 0.0) + values.get("alpha1", 0.0)))
-    root = scene(
-        link,
-        motor,
-        spring,
-        gain=values["beta1"] * motor.inertia,
-        delay=max(joint.delays.get(INPUT_DELAY, 0.0), 0.0),
+    bodies = [_pendulum("motor", motor)]
+    if link is not None:
+        seen = Shape("cylinder", (0.0, 0.05, 0.0, 0.0, 0.1, 0.0), 0.05)
+        bodies = [_pendulum("link", link), rotor("motor", motor, shape=seen)]
+    gain, link_offset = values["beta1"] * motor.inertia, 0.0 if link is None else link.offset
+    return scene(
+        "rigid joint" if link is None else "flexible joint",
+        _HEADING,
+        notes,
+        bodies,
+        [Joint("", spring, gain, motor.offset, link_offset)],
+        gravity=(0.0, 0.0, -_GRAVITY),
+        axis="0 1 0",
+        delay=joint.delays.get(INPUT_DELAY, 0.0),
         step=timestep(fastest, dry=dry),
     )
-    lines = (
-        "A joint that flexid identified. SI units; angles at the link's side of the gear.",
-        "Of mass, lever and gravity only the product acts on the link.",
+
+
+def _pendulum(name: str, side: Side) -> Body:
+    """A body that hangs from its hinge, if gravity acts on it."""
+    torque, down = hypot(side.sine, side.cosine), -atan2(side.cosine, side.sine)
+    lever = min(_GRAVITY * side.inertia / (2.0 * torque), _LONGEST_LEVER) if torque else 0.0
+    # Half of the inertia, or less, is the mass on its lever; the rest is about its own centre.
+    mass = torque / (_GRAVITY * lever) if torque else side.inertia
+    along, across = sin(down), -cos(down)
+    return Body(
+        name,
+        side,
+        mass,
+        side.inertia - mass * lever**2,
+        lever * along,
+        lever * across,
+        shape=Shape("capsule", (0.0, 0.0, 0.0, 0.3 * along, 0.0, 0.3 * across), 0.02),
     )
-    return finished(root, lines, notes)
 
 
 def _scaled(unit: str) -> str:
@@ -219,21 +241,3 @@ def _left_out(values: Mapping[str, float]) -> list[str]:
             lost = [c for c in lost if c not in own]
     notes += [f"{c} is left out: MuJoCo has nothing like it" for c in lost]
     return notes
-
-
-def timestep(fastest: float, *, dry: bool) -> float:
-    """Step in s for a resonance in rad/s: a millisecond, halved until it is short enough."""
-    most, steps = (_DRY_STEP, _DRY_STEPS_PER_RADIAN) if dry else (_STEP, _STEPS_PER_RADIAN)
-    step = _STEP
-    while step > most or step * fastest * steps > 1.0:
-        step /= 2.0
-    return step
-
-
-def finished(root: ET.Element, heading: Sequence[str], notes: Sequence[str]) -> Scene:
-    """A scene with a comment at its head."""
-    lines = (*heading, *(f"Note: {note}." for note in notes))
-    comment = "\n    ".join(("", *(line.replace("--", "- -") for line in lines))) + "\n  "
-    root.insert(0, ET.Comment(comment))
-    ET.indent(root)
-    return Scene(ET.tostring(root, encoding="unicode") + "\n", tuple(notes))

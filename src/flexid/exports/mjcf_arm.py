@@ -9,23 +9,21 @@ armature B, it has the coupling A and the motor's inertia A + B.
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
-from xml.etree import ElementTree as ET
 
 from flexid.arms.disturbed import resonances
 from flexid.arms.result import ArmIdentification
 from flexid.errors import SettingError
-from flexid.exports.mjcf import TORQUE, Scene, finished, timestep
-from flexid.exports.mjcf_elements import (
+from flexid.exports.mjcf import TORQUE
+from flexid.exports.mjcf_scene import (
     NOTHING,
+    Body,
+    Joint,
+    Scene,
     Side,
     Spring,
-    add_actuators,
-    add_sensors,
-    add_spring,
-    empty_scene,
-    hinge_attributes,
-    text,
+    rotor,
+    scene,
+    timestep,
 )
 from flexid.models.planar_arm import PlanarArm, planar_arm
 
@@ -35,15 +33,6 @@ _HEADING = (
     "An arm that flexid identified. SI units; angles at the link's side of the gear.",
     "A log shows base parameters alone: other masses with the same ones move alike.",
 )
-
-
-class Body(NamedTuple):
-    """A link's own mass, the place of its centre, and the inertia about that."""
-
-    mass: float
-    along: float
-    across: float
-    inertia: float
 
 
 def write_arm(result: ArmIdentification, directory: Path) -> tuple[str, ...]:
@@ -76,36 +65,52 @@ def arm_scene(result: ArmIdentification) -> Scene:
         )
     joints = range(1, arm.joints + 1)
     rotors = {joint: _rotor(values, joint, notes) for joint in joints}
-    bodies = link_bodies(arm, values, rotors)
     motors = {joint: _side(values, "motor", joint, notes) for joint in joints}
-    links = {joint: _side(values, "link", joint, notes) for joint in joints}
-    dry = any(side.coulomb > 0.0 for side in (*motors.values(), *links.values()))
-    step = timestep(float(resonances(planar_arm(arm), values).max()), dry=dry)
-    along, across = arm.gravity
-    root, world = empty_scene(f"planar arm of {arm.joints}", (along, 0.0, across), step)
-    before, reach = world, 0.0
-    tendons, actuators, sensors = (ET.Element(e) for e in ("tendon", "actuator", "sensor"))
+    sides = {joint: _side(values, "link", joint, notes) for joint in joints}
+    springs = {joint: _spring(values, joint, notes) for joint in joints}
+    links = _links(arm, values, rotors, sides)
+    dry = any(side.coulomb > 0.0 for side in (*motors.values(), *sides.values()))
+    world: list[Body] = []
+    before = world
     for joint in joints:
-        number = f"_{joint}"
-        home, place = (before, reach) if rotors[joint] else (world, 0.0)
-        _add_rotor(home, place, joint, motors[joint], rotors[joint], step)
-        before = _add_link(before, reach, joint, links[joint], bodies[joint - 1], step)
-        reach = arm.lengths[joint - 1]
-        add_spring(tendons, _spring(values, joint, notes), step, number)
-        gain, delay = values[f"torque_constant_{joint}"], max(result.input_delay, 0.0)
-        add_actuators(actuators, None, motors[joint], gain, delay, step, number)
-        add_sensors(sensors, ("link", "motor"), number)
-    root.extend((tendons, actuators, sensors))
-    return finished(root, _HEADING, notes)
+        turning, reach = rotors[joint], links[joint - 1].reach
+        home, place = (before, reach) if turning else (world, 0.0)
+        own = max(turning, NOTHING * motors[joint].inertia)
+        home.append(rotor(f"motor_{joint}", motors[joint], own, reach=place))
+        before.append(links[joint - 1])
+        before = links[joint - 1].carried
+    along, across = arm.gravity
+    return scene(
+        f"planar arm of {arm.joints}",
+        _HEADING,
+        notes,
+        world,
+        [
+            Joint(
+                f"_{joint}",
+                springs[joint],
+                values[f"torque_constant_{joint}"],
+                motors[joint].offset,
+            )
+            for joint in joints
+        ],
+        gravity=(along, 0.0, across),
+        axis=_AXIS,
+        delay=result.input_delay,
+        step=timestep(float(resonances(planar_arm(arm), values).max()), dry=dry),
+    )
 
 
-def link_bodies(
-    arm: PlanarArm, values: Mapping[str, float], rotors: Mapping[int, float]
+def _links(
+    arm: PlanarArm,
+    values: Mapping[str, float],
+    rotors: Mapping[int, float],
+    sides: Mapping[int, Side],
 ) -> list[Body]:
     """Bodies of the links that have the base parameters, beside rotors that they carry."""
     found: list[Body] = []
     for slack in _SLACKS:
-        found = _bodies(arm, values, rotors, slack)
+        found = _bodies(arm, values, rotors, sides, slack)
         if len(found) == arm.joints:
             return found
     joint = arm.joints - len(found)
@@ -117,7 +122,11 @@ def link_bodies(
 
 
 def _bodies(
-    arm: PlanarArm, values: Mapping[str, float], rotors: Mapping[int, float], slack: float
+    arm: PlanarArm,
+    values: Mapping[str, float],
+    rotors: Mapping[int, float],
+    sides: Mapping[int, Side],
+    slack: float,
 ) -> list[Body]:
     """Bodies from the last link on; up to the first that would have no inertia."""
     found: list[Body] = []
@@ -132,7 +141,17 @@ def _bodies(
             return found
         square = along**2 + across**2
         mass = slack * square / inertia if square else inertia
-        found.append(Body(mass, along / mass, across / mass, inertia - square / mass))
+        found.append(
+            Body(
+                f"link_{joint}",
+                sides[joint],
+                mass,
+                inertia - square / mass,
+                along / mass,
+                across / mass,
+                reach=arm.lengths[joint - 2] if joint > 1 else 0.0,
+            )
+        )
         beyond += mass
     return found[::-1]
 
@@ -180,30 +199,4 @@ def _spring(values: Mapping[str, float], joint: int, notes: list[str]) -> Spring
     if damping < 0.0:
         notes.append(f"joint_damping_{joint} is negative, which no tendon has: it is left out")
     rest = values[f"joint_offset_{joint}"] / stiffness
-    return Spring(stiffness, 0.0, 0.0, max(damping, 0.0), 0.0, 0.0, rest)
-
-
-def _add_link(
-    before: ET.Element, reach: float, joint: int, side: Side, link: Body, step: float
-) -> ET.Element:
-    """A link at the end of the one before it."""
-    name = f"link_{joint}"
-    body = ET.SubElement(before, "body", name=name, pos=text(reach, 0.0, 0.0))
-    ET.SubElement(body, "joint", hinge_attributes(side, step, _AXIS), name=name)
-    centre = text(link.along, 0.0, link.across)
-    inertias = text(link.inertia, link.inertia, link.inertia)
-    ET.SubElement(body, "inertial", pos=centre, mass=text(link.mass), diaginertia=inertias)
-    return body
-
-
-def _add_rotor(
-    home: ET.Element, reach: float, joint: int, side: Side, turning: float, step: float
-) -> None:
-    """A motor, in the world or on the link before it."""
-    name = f"motor_{joint}"
-    body = ET.SubElement(home, "body", name=name, pos=text(reach, 0.0, 0.0))
-    own = max(turning, NOTHING * side.inertia)
-    attributes = hinge_attributes(side, step, _AXIS)
-    ET.SubElement(body, "joint", attributes, name=name, armature=text(side.inertia - own))
-    little = text(NOTHING * side.inertia)
-    ET.SubElement(body, "inertial", pos="0 0 0", mass=little, diaginertia=text(own, own, own))
+    return Spring(stiffness, damping=max(damping, 0.0), rest=rest)
