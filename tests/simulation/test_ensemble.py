@@ -1,5 +1,6 @@
 """Ensembles against single runs, and their measures against finely sampled ones."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import fields, replace
 
@@ -16,6 +17,7 @@ from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import (
     STATUS,
     Ensemble,
+    share_out,
     simulate_ensemble,
     simulate_sampled_ensemble,
 )
@@ -252,3 +254,25 @@ def test_settings_that_mean_nothing(call: Callable[[], object], setting: str) ->
     with pytest.raises(SettingError) as caught:
         call()
     assert caught.value.setting == setting
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_what_a_job_raises_ends_all(workers: int) -> None:
+    """Assert that jobs are done once each, and that an error comes out before the end."""
+    done: list[int] = []
+    share_out(30, workers, done.append)
+    assert sorted(done) == list(range(30))
+    done.clear()
+    failed = threading.Event()
+
+    def job(place: int) -> None:
+        if place == 3:
+            failed.set()
+            raise ArithmeticError
+        if place > 3:
+            failed.wait(30.0)
+        done.append(place)
+
+    with pytest.raises(ArithmeticError):
+        share_out(10_000, workers, job)
+    assert len(done) < 9_999

@@ -218,15 +218,10 @@ def _results(runs: Sequence[Experiment], ensemble: Ensemble, keep: Sequence[str]
     truth = np.abs([run.loop.true_coefficients for run in runs])
     with np.errstate(all="ignore"):  # a coefficient of 0 has no relative error
         relative = np.abs(ensemble.final_errors) / truth
-    values = {
+    values = vars(ensemble) | {
         "final_error": ensemble.final_errors,
         "relative_error": relative,
         "final_state": ensemble.final_states,
-        "settling_time": ensemble.settling_time,
-        "tracking_rms": ensemble.tracking_rms,
-        "tracking_peak": ensemble.tracking_peak,
-        "excitation": ensemble.excitation,
-        "peak_input": ensemble.peak_input,
     }
     kept = [values[prefix] for prefix in _blocks(ensemble.system, keep)]
     return np.column_stack([ensemble.reached, ensemble.steps.astype(np.float64), *kept])

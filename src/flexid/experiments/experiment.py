@@ -47,70 +47,44 @@ _INERTIAS = ("link_inertia", "motor_inertia")
 _POSITIVE = ("theta2", "alpha1", "beta1")  # without spring or inertia it is no flexible joint
 
 
-def plant_values(
-    plant: Values, names: Collection[str], joint: bool, refuse: Refuse
-) -> dict[str, float]:
-    """Values of the plant's coefficients and constants, of which `names` need one."""
-    values = _lumped("plant", plant, names, joint, refuse)
-    for name in values:
-        if name not in names:
-            raise refuse(
-                f"plant.{_source(name, plant)}",
-                "belongs to a term that the model does not have: add that to model.terms, or "
-                "remove this",
-            )
-    for name in names:
-        if name not in values:
-            raise refuse("plant", f"gives no value for the coefficient {name!r}: add one")
-    for name in _POSITIVE if joint else ():
-        if not values.get(name, 1.0) > 0.0:
-            source = _source(name, plant)
-            raise refuse(f"plant.{source}", f"is {plant[source]:g}: give a positive number")
-    return values
-
-
-def estimate_values(
-    estimates: Values,
-    unknown: Collection[str],
+def coefficient_values(
+    table: str,
+    values: Values,
     names: Collection[str],
     joint: bool,
     refuse: Refuse,
+    *,
+    needed: Collection[str] = (),
+    known: Collection[str] = (),
 ) -> dict[str, float]:
-    """p̂ at the start of every unknown coefficient, 0 for those left out.
+    """The values of a table by coefficient, of which those needed must be there.
 
-    Written like the plant; among physical parameters, a guess of what is known serves the others.
+    A table of a joint may hold physical parameters instead; known coefficients may follow from
+    these.
     """
-    values = _lumped("initial_estimates", estimates, unknown, joint, refuse)
-    for name in values:
-        if name not in names:
+    found = dict(values)
+    if not all(name in names for name in values):
+        found = _of_physical(table, values, names, JOINT_PARAMETERS if joint else (), refuse)
+    for name in found:
+        if name not in names and name not in known:
             raise refuse(
-                f"initial_estimates.{_source(name, estimates)}",
-                "belongs to a term that the model does not have: remove it",
+                f"{table}.{_source(name, values)}",
+                "belongs to a term that the model does not have: add that to model.terms, or "
+                "remove this",
             )
-    return {name: values.get(name, 0.0) for name in unknown}
+    for name in needed:
+        if name not in found:
+            raise refuse(table, f"gives no value for the coefficient {name!r}: add one")
+    return found
 
 
-def exact_coefficients(
-    table: str, values: Values, names: Collection[str], refuse: Refuse
+def _of_physical(
+    table: str,
+    values: Values,
+    names: Collection[str],
+    physical: Collection[str],
+    refuse: Refuse,
 ) -> dict[str, float]:
-    """Values of exactly these coefficients of a joint."""
-    coefficients = _lumped(table, values, names, True, refuse)
-    for name in coefficients:
-        if name not in names:
-            raise refuse(f"{table}.{name}", f"is unknown: take {', '.join(names)}")
-    for name in names:
-        if name not in coefficients:
-            raise refuse(f"{table}.{name}", "is missing: add it")
-    return coefficients
-
-
-def _lumped(
-    table: str, values: Values, names: Collection[str], joint: bool, refuse: Refuse
-) -> dict[str, float]:
-    """The values of a table by coefficient; it may hold physical parameters of a joint instead."""
-    if all(name in names for name in values):
-        return dict(values)
-    physical = JOINT_PARAMETERS if joint else ()
     for name in values:
         if name not in names and name not in physical:
             others = f", or instead {', '.join(physical)}" if physical else ""
@@ -273,16 +247,26 @@ def _loop(
     model, joint = tables.model, isinstance(tables.model, JointModel)
     known = model.known if isinstance(model, JointModel) else system.constants
     names = (*system.coefficients, *known)
-    values = plant_values(tables.plant, names, joint, refuse)
+    values = coefficient_values("plant", tables.plant, names, joint, refuse, needed=names)
+    for name in _POSITIVE if joint else ():
+        if not values.get(name, 1.0) > 0.0:
+            source = _source(name, tables.plant)
+            raise refuse(f"plant.{source}", f"is {tables.plant[source]:g}: give a positive number")
+    guessed = coefficient_values(
+        "initial_estimates",
+        tables.initial_estimates,
+        system.coefficients,
+        joint,
+        refuse,
+        known=known,
+    )
     constants = {name: values[name] for name in system.constants if name in values}
     if isinstance(model, JointModel) and "coulomb_velocity" in system.constants:
         constants["coulomb_velocity"] = model.coulomb_velocity
     parts = {
         "coefficients": {name: values[name] for name in system.coefficients},
         "observer_gains": tables.observer,
-        "initial_estimates": estimate_values(
-            tables.initial_estimates, system.coefficients, names, joint, refuse
-        ),
+        "initial_estimates": {name: guessed.get(name, 0.0) for name in system.coefficients},
         "initial_state": tuple(tables.initial_state.values()),
         "reference": _reference(tables.reference, refuse),
         "controller": _controller(tables.controller, refuse),
@@ -315,7 +299,9 @@ def _controller(table: Law, refuse: Refuse) -> Controller:
     values = table.model_dump(exclude={"law"})
     if isinstance(table, ComputedTorqueLaw):
         nominal = values["nominal"]
-        values["nominal"] = exact_coefficients("controller.nominal", nominal, COEFFICIENTS, refuse)
+        values["nominal"] = coefficient_values(
+            "controller.nominal", nominal, COEFFICIENTS, True, refuse, needed=COEFFICIENTS
+        )
     return _LAWS[table.law](**values)
 
 

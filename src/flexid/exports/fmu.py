@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -26,7 +26,7 @@ from flexid.exports.c99 import DriveSource
 from flexid.exports.request import ExportRequest, rendered
 from flexid.kernels.templates.bound import BOUND
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING
+from flexid.models.terms import SMOOTHING, without_jumps
 from flexid.recording.names import cut
 from flexid.simulation.substeps import STEPS_PER_TIME_CONSTANT, fastest_pole
 
@@ -191,25 +191,6 @@ def estimator_model(request: ExportRequest) -> FmuModel:
         settings.sample_time,
         True,
     )
-
-
-def without_jumps(system: ParametricSystem) -> ParametricSystem:
-    """The same with the sign of a row's own velocity smoothed as Coulomb friction is."""
-    rows = tuple(
-        replace(
-            row,
-            regressors={
-                c: text.replace(f"sign({row.velocity})", f"tanh({row.velocity}/{SMOOTHING})")
-                for c, text in row.regressors.items()
-            },
-            known=row.known.replace(f"sign({row.velocity})", f"tanh({row.velocity}/{SMOOTHING})"),
-        )
-        for row in system.rows
-    )
-    if rows == system.rows:
-        return system
-    constants = {SMOOTHING: COULOMB_VELOCITY, **system.constants}
-    return ParametricSystem(system.name, rows, system.inputs, constants)
 
 
 def _fastest(system: ParametricSystem, values: dict[str, float]) -> float:

@@ -1,7 +1,7 @@
 """Terms that are switched on by name, and how they become the row of a system."""
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 from flexid.errors import SettingError, did_you_mean
@@ -75,19 +75,33 @@ def with_dry_friction(system: ParametricSystem) -> ParametricSystem:
     the instants at which such a friction reverses, sticks and lets go; nothing is left to choose.
     """
     constants = {name: value for name, value in system.constants.items() if name != SMOOTHING}
-    rows = tuple(
-        Row(
-            row.name,
-            row.coordinate,
-            row.velocity,
-            {
-                c: r.replace(f"tanh({row.velocity}/{SMOOTHING})", f"sign({row.velocity})")
-                for c, r in row.regressors.items()
-            },
-            row.known.replace(f"tanh({row.velocity}/{SMOOTHING})", f"sign({row.velocity})"),
+    name, rows = f"{system.name}, dry friction", _rewritten(system, _SMOOTHED, "sign({v})")
+    return ParametricSystem(name, rows, system.inputs, constants, system.memories)
+
+
+def without_jumps(system: ParametricSystem) -> ParametricSystem:
+    """The same with the sign of a row's own velocity smoothed as Coulomb friction is."""
+    rows = _rewritten(system, "sign({v})", _SMOOTHED)
+    if rows == system.rows:
+        return system
+    constants = {SMOOTHING: COULOMB_VELOCITY, **system.constants}
+    return ParametricSystem(system.name, rows, system.inputs, constants)
+
+
+_SMOOTHED = f"tanh({{v}}/{SMOOTHING})"
+
+
+def _rewritten(system: ParametricSystem, old: str, new: str) -> tuple[Row, ...]:
+    """Rows with other text for some function of their own velocity v."""
+
+    def written(text: str, row: Row) -> str:
+        return text.replace(old.format(v=row.velocity), new.format(v=row.velocity))
+
+    return tuple(
+        replace(
+            row,
+            regressors={c: written(text, row) for c, text in row.regressors.items()},
+            known=written(row.known, row),
         )
         for row in system.rows
-    )
-    return ParametricSystem(
-        f"{system.name}, dry friction", rows, system.inputs, constants, system.memories
     )

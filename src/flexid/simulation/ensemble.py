@@ -8,7 +8,6 @@ Threads share the runs; what comes out of a run depends on neither their number 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from threading import Lock
 from types import ModuleType
 
 import numpy as np
@@ -31,31 +30,16 @@ from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
 def share_out(count: int, workers: int, job: Callable[[int], None]) -> None:
     """Call ``job(0)`` … ``job(count - 1)``, several at a time.
 
-    Threads are enough, because compiled code lets other threads run. What a job raises ends all
-    of them, each after the job at hand, and is raised here; so does an interrupt.
+    Threads are enough, because compiled code lets other threads run. What a job raises, or an
+    interrupt, ends all of them, each after the job at hand.
     """
-    if workers == 1:
+    if workers == 1:  # many short jobs need no pool
         for place in range(count):
             job(place)
         return
-    places = iter(range(count))
-    lock = Lock()
-    stopped = False
-
-    def serve() -> None:
-        while not stopped:
-            with lock:
-                place = next(places, None)
-            if place is None:
-                return
-            job(place)
-
-    with ThreadPoolExecutor(min(workers, max(count, 1))) as pool:
-        try:
-            for served in [pool.submit(serve) for _ in range(min(workers, count))]:
-                served.result()
-        finally:
-            stopped = True
+    with ThreadPoolExecutor(workers) as pool:
+        for _ in pool.map(job, range(count)):
+            pass
 
 
 STATUS = ("finished", "too many steps", "step too small", "not finite", "diverged")
