@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from flexid.recording.channel import Channel, Origin
 from flexid.recording.lost_samples import (
     counted_anew,
     counted_on,
@@ -14,7 +13,6 @@ from flexid.recording.lost_samples import (
 )
 
 STEP = 0.01
-ORIGIN = Origin({"link": 1.0}, 1.0, 0.0, "rad", None)
 
 
 def motion(noise: float, seed: int = 1) -> np.ndarray:
@@ -145,9 +143,9 @@ def test_what_is_put_back_is_the_motion():
     kept = np.setdiff1d(np.arange(3000), [100, 101, 102, 180, 250, 251, 300])
     lost = np.diff(kept) - 1
     values = motion(0.0)[0]
-    channel = put_back(Channel(values[kept], "rad", "link", True, ORIGIN), lost, held=False)
-    np.testing.assert_array_equal(channel.values[kept], values[kept])
-    np.testing.assert_allclose(channel.values, values, atol=1e-5)
+    found = put_back(values[kept], lost, held=False)
+    np.testing.assert_array_equal(found[kept], values[kept])
+    np.testing.assert_allclose(found, values, atol=1e-5)
     np.testing.assert_allclose(stamped_on(clock(3000)[kept], lost), clock(3000), atol=1e-12)
 
 

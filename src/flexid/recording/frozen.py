@@ -1,24 +1,17 @@
 """Stretches in which a logger or one sensor repeats its last sample, in mid-motion."""
 
-from __future__ import annotations
-
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from flexid.recording.caution import Caution, Rank
+from flexid.arrays import FloatArray
+from flexid.recording.caution import Rank
+from flexid.recording.draft import POSITIONS, Draft
 from flexid.recording.names import first_times
 from flexid.recording.velocities import position_noise
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from flexid.arrays import FloatArray
-    from flexid.recording.channel import Channel
-
-_POSITIONS = ("link_position", "motor_position", "deflection")
 _FEWEST = 20  # samples without any change, to count
 _SHARE = 0.02  # of the log, the same where no jump follows
 _JUST_BEFORE = 5  # samples whose motion is compared with that of as many before them
@@ -27,53 +20,51 @@ _FAR = 0.1  # of its range, by which the other side moves, where no jump follows
 _UNBRAKED = 0.7  # of the motion before: a side that brakes evenly makes a third of it
 _JUMP = 3.0  # times the steps after it, by which the first one is larger where samples were lost
 _TO_THE_END = (0.5, 3.0)  # of the mean motion in a sample: that of the very last, which is no jump
+_STUCK = "{name} does not change from {at}, while the other side moves, as if the sensor was stuck"
+_REPEATED = (
+    "nothing changes from {at}, though the joint was in mid-motion, as if the last sample had been "
+    "repeated"
+)
 
 Stretch = tuple[int, int]  # first sample, and the one after the last
 
 
-def without_frozen(
-    file: str, channels: dict[str, Channel], time: Channel
-) -> tuple[dict[str, Channel], Channel, tuple[str, ...]]:
-    """Channels and time without samples that are repeated in mid-motion, and warnings.
+def drop_frozen(log: Draft) -> None:
+    """Leave out samples that are repeated in mid-motion, so that the log has a gap there.
 
     A joint that meets a stop or a brake may rest from one sample to the next, as its encoders see
     it. So a stretch is left out only where a position is another one when it goes on, or where the
     log ends in mid-motion; and where the input rests as well or the other side of the joint moves.
-    What is left of the log has a gap there.
     """
-    values = {name: channel.values for name, channel in channels.items()}
-    kept = np.ones(len(time.values), dtype=np.bool_)
-    warnings = []
-
-    def warn(what: str, stretches: Sequence[Stretch], remedy: str) -> None:
-        if stretches:
-            at = [f"{time.values[a]:.6g} s to {time.values[b - 1]:.6g} s" for a, b in stretches]
-            sentence = f"{file}: {what.format(first_times(at))}: {remedy}"
-            warnings.append(Caution(sentence, Rank.DATA))
-
+    kept = np.ones(len(log.time.values), dtype=np.bool_)
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
-        sensors = {n: _Position.of(values[n]) for n in _POSITIONS if n in values}
-        found = {"": list(_of_all([*values.values()], [*sensors.values()]))}
+        sensors = {
+            name: _Position(log[name], _CLEAR * position_noise(log[name]))
+            for name in log.those_of(POSITIONS)
+        }
+        every = [channel.values for channel in log.channels.values()]
+        found = {"": list(_of_all(every, [*sensors.values()]))}
         found |= {name: list(_of_one(name, sensors)) for name in sensors}
     for name, stretches in found.items():
-        what = (
-            f"{channels[name].place}: {name} does not change from {{}}, while the other side "
-            f"moves, as if the sensor was stuck"
-            if name
-            else "nothing changes from {}, though the joint was in mid-motion, as if the last "
-            "sample had been repeated"
-        )
         # One side that rests to the end of the log may have met a brake.
         lasting = [one for one in stretches if name and one[1] == len(kept)]
         cut = stretches[: len(stretches) - len(lasting)]
         for start, stop in cut:
             kept[start + 1 : stop] = False  # the first of the repeated samples was measured
-        warn(what, cut, "that part was left out; check the sensor and the logger")
-        warn(what, lasting, "check the sensor, or cut that part out")
-    if kept.all():
-        return channels, time, tuple(warnings)
-    left = {name: replace(c, values=c.values[kept]) for name, c in channels.items()}
-    return left, replace(time, values=time.values[kept]), tuple(warnings)
+        _warn(log, name, cut, "that part was left out; check the sensor and the logger")
+        _warn(log, name, lasting, "check the sensor, or cut that part out")
+    if not kept.all():
+        log.keep(kept)
+
+
+def _warn(log: Draft, name: str, stretches: Sequence[Stretch], remedy: str) -> None:
+    """Name the stretches in which a sensor is stuck, or all are."""
+    time = log.time.values
+    at = first_times([f"{time[a]:.6g} s to {time[b - 1]:.6g} s" for a, b in stretches])
+    what = (_STUCK if name else _REPEATED).format(name=name, at=at)
+    if stretches:
+        place = log.channels[name].place if name else ""
+        log.warn(place, f"{what}: {remedy}", Rank.DATA)
 
 
 class _Position(NamedTuple):
@@ -81,10 +72,6 @@ class _Position(NamedTuple):
 
     values: FloatArray
     clear: float
-
-    @classmethod
-    def of(cls, values: FloatArray) -> _Position:
-        return cls(values, _CLEAR * position_noise(values))
 
 
 def _of_all(channels: Sequence[FloatArray], positions: Sequence[_Position]) -> Iterator[Stretch]:

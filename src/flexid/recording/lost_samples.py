@@ -5,21 +5,15 @@ than around it. What the steps around speak for, with and without samples lost, 
 log itself by least squares; both are compared by their likelihood for all positions together.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
-from flexid.recording.channel import Channel
+from flexid.arrays import FloatArray
 from flexid.recording.sampling import MOST_GAPS, MOST_JITTER, ROUNDED, interpolated
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from flexid.arrays import FloatArray
 
 _AROUND = 4  # steps on either side
 _MOST_LOST = 3  # samples in one place; a longer gap is a gap
@@ -148,13 +142,13 @@ def _evidence_of_losses(positions: FloatArray, suspected: NDArray[np.bool_]) -> 
     return float(np.clip(each, -_CLEAR, _CLEAR).sum())  # no single shock decides
 
 
-def put_back(channel: Channel, lost: NDArray[np.int64], *, held: bool) -> Channel:
+def put_back(there: FloatArray, lost: NDArray[np.int64], *, held: bool) -> FloatArray:
     """A channel with the lost samples interpolated; one that may step, without overshoot."""
     kept = _kept(lost)
     every = np.arange(kept[-1] + 1.0)
-    values = interpolated(kept.astype(np.float64), channel.values, every, held=held)
-    values[kept] = channel.values
-    return replace(channel, values=values)
+    values = interpolated(kept.astype(np.float64), there, every, held=held)
+    values[kept] = there
+    return values
 
 
 def stamped_on(time: FloatArray, lost: NDArray[np.int64]) -> FloatArray:
@@ -224,7 +218,7 @@ class _Interpolator:
     root: FloatArray  # (channels, channels): Cholesky factor of its errors' covariance
 
     @classmethod
-    def learnt(cls, steps: FloatArray, whole: NDArray[np.bool_], lost: int) -> _Interpolator:
+    def learnt(cls, steps: FloatArray, whole: NDArray[np.bool_], lost: int) -> "_Interpolator":
         """That of a step over so many lost samples, from windows in which nothing was lost."""
         last = len(steps) - _AROUND - lost
         count = min(last - _AROUND, _MOST_WINDOWS)

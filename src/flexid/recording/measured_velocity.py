@@ -1,21 +1,15 @@
 """Measured velocities held against the derivatives of their positions."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from flexid.errors import RecordingError
-from flexid.recording.caution import Caution, Rank
+from flexid.arrays import FloatArray
+from flexid.recording.caution import Rank
+from flexid.recording.draft import Draft
+from flexid.recording.recording import Recording
 from flexid.recording.velocities import position_noise
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from flexid.arrays import FloatArray
-    from flexid.recording.channel import Channel
-    from flexid.recording.recording import Recording
 
 _ACCURACY = 50.0  # a window's motion over the noise of its two ends: 2 %
 _SHORTEST = 40  # windows that a recording has to hold
@@ -30,27 +24,25 @@ _KNOWN = {
 }
 
 
-def check_velocity(
-    file: str, name: str, channel: Channel, recordings: Sequence[Recording]
-) -> str | None:
-    """Say why a measured velocity is not used; None if it is the derivative of its position.
+def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
+    """Whether a measured velocity is the derivative of its position; a warning where it is not.
 
     Both are averaged over windows in which the position moves far more than its noise.
     """
     means = [found for one in recordings if (found := _means(one, name)) is not None]
     if not means:
-        return None  # it hardly moves, so nothing can be said
+        return True  # it hardly moves, so nothing can be said
     measured, own, other, change = (np.concatenate(parts) for parts in zip(*means, strict=True))
     size = float(np.sqrt(own @ own))
     slope = float(own @ measured) / size**2
-    place = f"column {channel.column!r}"
+    place = log.channels[name].place
     for factor, remedy in _KNOWN.items():
         if abs(slope / factor - 1.0) < 0.1 and _share(measured - slope * own, measured) < 0.4:
             reason = f"{name} is {slope:.3g} times the position's derivative: it is {remedy}"
-            raise RecordingError(file, place, reason)
+            raise log.refusal(place, reason)
     off = _share(measured - own, own)
     if off <= _MOST_OFF and abs(slope - 1.0) <= _MOST_SCALED:
-        return None
+        return True
     scale, side, late = np.linalg.lstsq(
         np.column_stack((own, other - own, -change)), measured, rcond=None
     )[0]
@@ -63,12 +55,13 @@ def check_velocity(
             cause = f", as if it were {abs(1e3 * late):.0f} ms {'late' if late > 0.0 else 'early'}"
         else:
             cause = f", as if it were scaled by {scale:.3g}"
-    return Caution(
-        f"{file}: {place}: {name} differs from the derivative of its position by {100 * off:.0f} % "
-        f"RMS{cause}: it is not used, and derived from the position instead; correct the column, "
-        f"or leave it out",
+    log.warn(
+        place,
+        f"{name} differs from the derivative of its position by {100 * off:.0f} % RMS{cause}: it "
+        f"is not used, and derived from the position instead; correct the column, or leave it out",
         Rank.SCALE,
     )
+    return False
 
 
 class _Means(NamedTuple):

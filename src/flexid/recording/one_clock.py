@@ -1,27 +1,20 @@
 """Signals with time stamps of their own, brought to common times."""
 
-from __future__ import annotations
-
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from math import ceil
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.caution import Caution, Rank
+from flexid.recording.caution import Rank
 from flexid.recording.channel import INPUTS, VELOCITIES
-from flexid.recording.names import first_times, quoted
+from flexid.recording.draft import Draft
+from flexid.recording.names import quoted
 from flexid.recording.sampling import EVEN, GAP, MOST_GAPS, interpolated
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from flexid.arrays import FloatArray
-    from flexid.recording.channel import Channel
 
 _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
 _PASSED = 0.8  # of half the slower rate, up to which an input passes
@@ -101,51 +94,50 @@ def on_one_clock(
     return times[usable], columns, warnings
 
 
-def without_holes(
-    file: str, channels: dict[str, Channel], time: Channel
-) -> tuple[dict[str, Channel], Channel, tuple[str, ...]]:
-    """Channels of which none lacks a value, with their time, and warnings.
+def drop_holes(log: Draft) -> None:
+    """Leave out rows with an empty cell where they are few, and velocities that lack many values.
 
-    Rows with an empty cell are left out where they are few. Where they are many the channels were
-    sampled at different rates, and each has the times at which it has values.
+    Where they are many the channels were sampled at different rates, and each has the times at
+    which it has values.
     """
-    there = {name: ~np.isnan(channel.values) for name, channel in channels.items()}
+    there = {name: ~np.isnan(log[name]) for name in log.channels}
     unused = _sparse_velocities(there)
     if unused:
-        columns = " and ".join(channels[name].place for name in sorted(unused))
-        warning = f"{file}: {columns}: too many values are missing, so it is not used: leave it out"
-        left = {name: own for name, own in channels.items() if name not in unused}
-        found, time, more = without_holes(file, left, time)
-        return found, time, (warning, *more)
+        columns = " and ".join(log.channels[name].place for name in sorted(unused))
+        log.warn(columns, "too many values are missing, so it is not used: leave it out")
+        for name in unused:
+            del log.channels[name], there[name]
     whole = np.logical_and.reduce([*there.values()])
     if whole.all():
-        return channels, time, ()
-    missing = [channels[name].place for name, own in there.items() if not own.all()]
+        return
+    missing = " and ".join(log.channels[name].place for name, own in there.items() if not own.all())
+    count = f"no value in {np.count_nonzero(~whole)} of {len(whole)} rows"
     if np.mean(~whole) <= MOST_GAPS:
-        first = first_times([f"{each:.6g} s" for each in time.values[~whole]])
-        warning = (
-            f"{file}: {' and '.join(missing)}: no value in {np.count_nonzero(~whole)} of "
-            f"{len(whole)} rows (at {first}), which were left out: log every channel in every "
-            f"sample"
+        log.warn(
+            missing,
+            f"{count} (at {log.at(np.flatnonzero(~whole))}), which were left out: log every "
+            f"channel in every sample",
+            Rank.DATA,
         )
-        kept = {name: replace(own, values=own.values[whole]) for name, own in channels.items()}
-        return kept, replace(time, values=time.values[whole]), (Caution(warning, Rank.DATA),)
-    stamps = {channel.column: time.values[there[name]] for name, channel in channels.items()}
+        log.keep(whole)
+        return
+    channels = log.channels.items()
+    stamps = {channel.column: log.time.values[there[name]] for name, channel in channels}
     signals = [
-        Signal(name, channel.column, channel.values[there[name]], name in INPUTS)
-        for name, channel in channels.items()
+        Signal(name, channel.column, log[name][there[name]], name in INPUTS)
+        for name, channel in channels
     ]
-    times, columns, warnings = on_one_clock(file, stamps, signals)
+    times, columns, warnings = on_one_clock(log.file, stamps, signals)
     steps = np.diff(times)
     if np.mean(steps > GAP * np.median(steps)) > MOST_GAPS:
-        raise RecordingError(
-            file,
-            " and ".join(missing),
-            f"no value in {np.count_nonzero(~whole)} of {len(whole)} rows, at uneven times: log "
-            f"every channel in every sample, or at a rate of its own",
+        raise log.refusal(
+            missing,
+            f"{count}, at uneven times: log every channel in every sample, or at a rate of its own",
         )
-    found = {name: replace(own, values=columns[name]) for name, own in channels.items()}
-    return found, replace(time, values=times), warnings
+    log.set_time(times)
+    for name, values in columns.items():
+        log[name] = values
+    log.warnings += warnings
 
 
 def _sparse_velocities(there: Mapping[str, NDArray[np.bool_]]) -> set[str]:

@@ -1,27 +1,20 @@
 """Time stamps to an even grid: gaps cut the log into recordings, jitter is interpolated away."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.recording.caution import Caution, Rank
+from flexid.recording.caution import Rank
 from flexid.recording.clock import is_stamp
+from flexid.recording.draft import Draft
 from flexid.recording.limits import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.names import first_times
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
-
-    from flexid.arrays import FloatArray
-    from flexid.recording.channel import Channel
-    from flexid.recording.table import Table
+from flexid.recording.table import Table
 
 FEWEST_SAMPLES = 20  # of a recording
 FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept out
@@ -43,44 +36,36 @@ class Grid:
 
     sample_time: float  # common to all recordings, in s
     recordings: tuple[slice, ...]  # the samples of each
-    resample: bool  # whether the time stamps are off the even grid by more than rounding
-    warnings: tuple[str, ...]
+    resample: bool = False  # whether the time stamps are off the even grid by more than rounding
 
 
-def without_repeats(
-    table: Table, channels: dict[str, Channel], time: Channel
-) -> tuple[dict[str, Channel], Channel, tuple[str, ...]]:
-    """Samples whose time increases, without rows that are written twice, and a warning.
+def drop_repeats(log: Draft, table: Table) -> None:
+    """Leave out rows that are written twice; raise at the first that does not come after another.
 
     Of 2000 samples per second in whole milliseconds two have the same time, and are even.
-
-    Raises
-    ------
-    RecordingError
-        With the first row whose time does not come after the one before.
     """
-    steps = np.diff(time.values)
-    if np.all(steps > 0.0):
-        return channels, time, ()
+    time = log.time.values
+    steps = np.diff(time)
     again = steps == 0.0
-    for channel in channels.values():
-        values = channel.values
+    if np.all(steps > 0.0):
+        return
+    for name in log.channels:
+        values = log[name]
         again &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     increases = (steps > 0.0) | again
     if not np.all(increases):
-        rounded = _of_rounded(table.file, f"column {time.column!r}", time.values)
-        if rounded is None:
-            raise _not_increasing(table, time.column, time.values, increases)
-        even = time.values[0] + rounded.sample_time * np.arange(len(time.values))
-        return channels, replace(time, values=even), rounded.warnings
-    kept = np.concatenate(([True], ~again))
-    first = first_times([f"{each:.6g} s" for each in time.values[~kept]])
-    warning = (
-        f"{table.file}: rows written twice (at {first}; {np.count_nonzero(again)} in all) were "
-        f"taken once: log every sample once"
+        sample_time = _rounded_step(log)
+        if sample_time is None:
+            raise _not_increasing(table, log.time.column, time, increases)
+        log.set_time(time[0] + sample_time * np.arange(len(time)))
+        return
+    log.warn(
+        "",
+        f"rows written twice (at {log.at(np.flatnonzero(again) + 1)}; {np.count_nonzero(again)} in "
+        f"all) were taken once: log every sample once",
+        Rank.DATA,
     )
-    found = {name: replace(own, values=own.values[kept]) for name, own in channels.items()}
-    return found, replace(time, values=time.values[kept]), (Caution(warning, Rank.DATA),)
+    log.keep(np.concatenate(([True], ~again)))
 
 
 def _not_increasing(
@@ -102,43 +87,44 @@ def _not_increasing(
     return RecordingError(table.file, table.place(index, column), reason)
 
 
-def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
+def even_grid(log: Draft) -> Grid:
     """Sample time and gaps of increasing time stamps in s; raise where they are too uneven."""
-    file, place = table.file, f"column {column!r}"
-    _check_count(file, len(time))
+    time, place = log.time.values, log.time.place
+    _check_count(log, len(time))
     steps = np.diff(time)
     typical = float(np.median(steps))
-    check_typical(file, place, typical, steps)
+    check_typical(log.file, place, typical, steps)
     is_gap = steps > GAP * typical
     off_whole = np.abs(steps / typical - np.rint(steps / typical)).max()
     is_whole = off_whole < EVEN and is_gap.mean() <= MOST_GAPS  # where samples are missing
-    rounded = None if is_whole else _of_rounded(file, place, time)
+    rounded = None if is_whole else _rounded_step(log)
     if rounded is not None:
-        return rounded
+        return Grid(rounded, (slice(0, len(time)),))
     if is_gap.mean() > MOST_GAPS:
-        raise _uneven(file, place, time, steps)
+        raise _uneven(log, steps)
     cuts = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(time)]
     parts = [slice(a, b) for a, b in pairwise(cuts)]
     recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
     if not recordings:
         reason = f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps"
-        raise RecordingError(file, place, reason)
-    warnings = _gap_warnings(file, time, parts, recordings)
+        raise log.refusal(place, reason)
+    _warn_of_gaps(log, parts, recordings)
     sample_time = _fitted_sample_time(time, recordings)
     off_grid = max(_off_grid(time[recording], sample_time) for recording in recordings)
     if off_grid <= EVEN:
-        return Grid(sample_time, tuple(recordings), False, warnings)
+        return Grid(sample_time, tuple(recordings))
     within = np.concatenate([np.diff(time[recording]) for recording in recordings])
     # A time stamp that is late lengthens one step and shortens the next.
     jitter = float(np.abs(within / sample_time - 1.0).max()) / 2.0
     if jitter > MOST_JITTER:
-        raise _uneven(file, place, time, within)
-    warnings += (
-        f"{file}: {place}: the time steps vary by {200.0 * jitter:.2g} % of the sample time of "
+        raise _uneven(log, within)
+    log.warn(
+        place,
+        f"the time steps vary by {200.0 * jitter:.2g} % of the sample time of "
         f"{sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record at a "
         f"fixed rate, or write the time with more digits",
     )
-    return Grid(sample_time, tuple(recordings), True, warnings)
+    return Grid(sample_time, tuple(recordings), resample=True)
 
 
 def check_typical(file: str, place: str, typical: float, steps: FloatArray) -> None:
@@ -165,12 +151,13 @@ def _remedy_of_time(typical: float, steps: FloatArray) -> str:
     return f"name the unit of the time, as in [{unit}]"
 
 
-def _of_rounded(file: str, place: str, time: FloatArray) -> Grid | None:
-    """The even grid of times that are off it by no more than their last digit; None if they are.
+def _rounded_step(log: Draft) -> float | None:
+    """Sample time of times that are off even ones by no more than their last digit, or None.
 
     Of 400 samples per second, written in whole milliseconds, two come 3 ms after the one before and
     two 2 ms: they are even all the same, and interpolation would make them uneven.
     """
+    time = log.time.values
     sample_time = _fitted_sample_time(time, [slice(0, len(time))])
     off = np.ptp(time - sample_time * np.arange(len(time)))
     if off <= 2.0 * EVEN * sample_time:
@@ -180,15 +167,19 @@ def _of_rounded(file: str, place: str, time: FloatArray) -> Grid | None:
         return None
     if not (0.5 * digit < np.ptp(np.diff(time)) <= ROUNDED * digit and off <= ROUNDED * digit):
         return None
-    warning = rounded_times(f"{file}: {place}", digit, sample_time)
-    return Grid(sample_time, (slice(0, len(time)),), False, (warning,))
+    warn_rounded(log, log.time.place, digit, sample_time)
+    return sample_time
 
 
-def rounded_times(place: str, digit: float, sample_time: float) -> str:
-    """What to say of times, in s, that are even but for their last digit."""
-    return (
-        f"{place}: the times are rounded to {digit * 1e3:g} ms; they fit even steps of "
-        f"{sample_time * 1e3:.6g} ms, which were taken: write the time with more digits"
+def warn_rounded(
+    log: Draft, place: str, digit: float, sample_time: float, rank: Rank = Rank.NOTE
+) -> None:
+    """Warn of times, in s, that are even but for their last digit."""
+    log.warn(
+        place,
+        f"the times are rounded to {digit * 1e3:g} ms; they fit even steps of "
+        f"{sample_time * 1e3:.6g} ms, which were taken: write the time with more digits",
+        rank,
     )
 
 
@@ -219,11 +210,10 @@ def interpolated(time: FloatArray, values: FloatArray, at: FloatArray, *, held: 
         return np.asarray(interpolator(time, values)(at), dtype=np.float64)
 
 
-def _check_count(file: str, count: int) -> None:
+def _check_count(log: Draft, count: int) -> None:
     if count < FEWEST_SAMPLES:
         found = "is 1 sample" if count == 1 else f"are {count} samples"
-        raise RecordingError(
-            file,
+        raise log.refusal(
             "",
             f"there {found} where {FEWEST_SAMPLES} are the fewest that are read, and "
             f"{FEWEST_TO_IDENTIFY} the fewest that can be identified: record for longer",
@@ -240,44 +230,43 @@ def check_sample_time(sample_time: float) -> None:
         )
 
 
-def _uneven(file: str, place: str, time: FloatArray, steps: FloatArray) -> RecordingError:
+def _uneven(log: Draft, steps: FloatArray) -> RecordingError:
+    time = log.time.values
     every = np.diff(time)
     changes = np.flatnonzero(np.abs(np.diff(every)) > MOST_JITTER * every.min())
     remedy = "record at a fixed rate, or write the time with more digits"
     if len(changes) == 1:
         there = f"{time[changes[0] + 1]:.6g} s"
         remedy = f"cut the log at {there}, where the sample time changes, into two logs"
-    return RecordingError(
-        file,
-        place,
+    return log.refusal(
+        log.time.place,
         f"the time steps vary between {steps.min() * 1e3:.4g} and {steps.max() * 1e3:.4g} ms: "
         f"{remedy}",
     )
 
 
-def _gap_warnings(
-    file: str, time: FloatArray, parts: list[slice], recordings: list[slice]
-) -> tuple[str, ...]:
-    """What to say of gaps, and of parts between two gaps that are too short to be recordings."""
+def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> None:
+    """Name gaps, and parts between two gaps that are too short to be recordings."""
+    time = log.time.values
 
     def spans(ends: Iterable[tuple[int, int]]) -> str:
         return first_times([f"{time[first]:.6g} s to {time[last]:.6g} s" for first, last in ends])
 
-    warnings: tuple[str, ...] = ()
     if len(parts) > 1:
         gaps = spans((a.stop - 1, b.start) for a, b in pairwise(parts))
         count = f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}"
-        warnings = (
-            f"{file}: samples are missing from {gaps}, so the log was cut there into {count}: "
-            f"record without gaps",
+        log.warn(
+            "",
+            f"samples are missing from {gaps}, so the log was cut there into {count}: record "
+            f"without gaps",
         )
     short = spans((part.start, part.stop - 1) for part in parts if part not in recordings)
     if short:
-        warnings += (
-            f"{file}: the samples from {short} were dropped, since fewer than {FEWEST_SAMPLES} lie "
-            f"between two gaps: record without gaps",
+        log.warn(
+            "",
+            f"the samples from {short} were dropped, since fewer than {FEWEST_SAMPLES} lie between "
+            f"two gaps: record without gaps",
         )
-    return warnings
 
 
 def _fitted_sample_time(time: FloatArray, recordings: list[slice]) -> float:

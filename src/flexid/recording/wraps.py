@@ -1,53 +1,73 @@
 """Wraps of encoders and clocks: undone where they are clear, named where they are not."""
 
-from __future__ import annotations
-
-from dataclasses import replace
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from flexid.errors import RecordingError
-from flexid.recording.names import MOST_TIMES, first_times
+from flexid.arrays import FloatArray
+from flexid.recording.caution import Rank
+from flexid.recording.draft import ENCODERS, Draft
 from flexid.recording.sampling import GAP
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from flexid.arrays import FloatArray
-    from flexid.recording.channel import Channel
 
 TURN = 2.0 * np.pi  # rad
 _FEW_VALUES = 20  # a position of so few counts does not jump, it steps
 
 
-def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Channel, str]:
-    """A position without jumps by a turn, and a warning; raise where it jumps by anything else."""
+def count_on(log: Draft) -> None:
+    """Go on with a time where a counter of 16 or 32 bits begins again."""
+    time, factor = log.time.values, log.time.origin.factor
+    ticks = time / factor
+    steps = np.diff(ticks)
+    usual, again = np.median(steps), np.flatnonzero(steps < 0.0)
+    for bits in (16, 32) if np.any(np.diff(time) < 0.0) else ():
+        if np.all(np.abs(steps[again] + 2.0**bits - usual) < (GAP - 1.0) * usual):
+            log.warn(
+                log.time.place,
+                f"the time begins again after {log.at(again)}, as a counter of {bits} bits does, "
+                f"and was counted on: check it",
+            )
+            ticks[1:] += 2.0**bits * np.cumsum(steps < 0.0)
+            log.set_time(ticks * factor)
+            return
+
+
+def unwrap(log: Draft) -> None:
+    """Make the positions of absolute encoders continuous, a turn apart at most."""
+    encoders = log.those_of(ENCODERS)
+    wrapped = []
+    for name in encoders:
+        wrapped += [name] if _unwrap(log, name) else []
+        _check_jumps(log, name)
+    if wrapped and len(encoders) == 2:
+        last = wrapped[-1]
+        (other,) = {*ENCODERS} - {last}
+        # Where the encoders began is not known.
+        log[last] = log[last] + TURN * float(np.rint(np.median(log[other] - log[last]) / TURN))
+
+
+def _unwrap(log: Draft, name: str) -> bool:
+    """Whether a position jumped by turns, which it then does no more; raise for other jumps."""
+    channel, time = log.channels[name], log.time.values
     values, steps, clock = channel.values, np.diff(channel.values), np.diff(time)
     turn = TURN / abs(channel.origin.gear_ratio) if channel.origin.gear_ratio else 0.0
     if np.abs(steps).max() <= 0.5 * (turn or TURN):
-        return channel, ""
+        return False
     positions, period = without_wraps(time, values, turn)
     period = period or TURN
     # A position may be another after a gap: there only a turn of the link's side is a wrap.
     seen = (clock <= GAP * np.median(clock)) | (period == TURN)
     jumps = np.flatnonzero(seen & (np.abs(steps) > 0.5 * period))
     if not len(jumps) or (period == TURN and len(jumps) > len(steps) // 4):
-        return channel, ""  # a wrong unit makes so many, which `check_speed` finds
+        return False  # a wrong unit makes so many, which `check_speed` finds
+    at = log.at(jumps + 1)
     if np.abs(np.diff(positions)[seen]).max() > 0.25 * period:
-        raise RecordingError(
-            file,
+        raise log.refusal(
             channel.place,
-            f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {_times(time, jumps)}, which is "
-            f"not a whole turn of an encoder: check the unit and the gear ratio, or remove the "
-            f"outlier"
+            f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {at}, which is not a whole turn of "
+            f"an encoder: check the unit and the gear ratio, or remove the outlier"
             + ("" if period == TURN else "; if the encoder wraps, unwrap it, or log faster"),
         )
-    at = _times(time, jumps)
-    warning = (
-        f"{file}: {channel.place}: {name} jumps by a turn at {at}, and was unwrapped: check it"
-    )
-    return replace(channel, values=positions), warning
+    log.warn(channel.place, f"{name} jumps by a turn at {at}, and was unwrapped: check it")
+    log[name] = positions
+    return True
 
 
 def without_wraps(time: FloatArray, readings: FloatArray, turn: float) -> tuple[FloatArray, float]:
@@ -66,52 +86,21 @@ def without_wraps(time: FloatArray, readings: FloatArray, turn: float) -> tuple[
     return positions, float(gear[kernel.PERIOD])
 
 
-def _times(time: FloatArray, jumps: NDArray[np.intp]) -> str:
-    return first_times([f"{time[index + 1]:.6g} s" for index in jumps[:MOST_TIMES]], len(jumps))
-
-
-def count_on(file: str, time: Channel) -> tuple[Channel, tuple[str, ...]]:
-    """A time that goes on where a counter of 16 or 32 bits begins again, and a warning of that."""
-    if np.all(np.diff(time.values) >= 0.0):
-        return time, ()
-    ticks = time.values / time.origin.factor
-    steps = np.diff(ticks)
-    usual, again = np.median(steps), np.flatnonzero(steps < 0.0)
-    for bits in (16, 32):
-        if np.all(np.abs(steps[again] + 2.0**bits - usual) < (GAP - 1.0) * usual):
-            at = first_times([f"{time.values[place]:.6g} s" for place in again])
-            warning = (
-                f"{file}: {time.place}: the time begins again after {at}, as a counter of {bits} "
-                f"bits does, and was counted on: check it"
-            )
-            ticks[1:] += 2.0**bits * np.cumsum(steps < 0.0)
-            return replace(time, values=ticks * time.origin.factor), (warning,)
-    return time, ()
-
-
-def turns_apart(position: FloatArray, other: FloatArray) -> float:
-    """Whole turns in rad that one side is behind the other: where encoders began is not known."""
-    return TURN * float(np.rint(np.median(other - position) / TURN))
-
-
-def check_jumps(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[str, ...]:
+def _check_jumps(log: Draft, name: str) -> None:
     """Warn of a position that jumps across its range, as a counter does that overflows.
 
-    Its whole turn is not known, or it would have been unwrapped. A position may be another after a
-    gap, and one of a few counts does not jump.
+    A position may be another after a gap, and one of a few counts does not jump.
     """
-    values, clock = channel.values, np.diff(time)
+    values, clock = log[name], np.diff(log.time.values)
     steps = np.where(clock > GAP * np.median(clock), 0.0, np.abs(np.diff(values)))
     extent = float(np.ptp(values))
     is_jump = steps > 0.5 * extent
-    if (
-        not is_jump.any()
-        or steps[~is_jump].max(initial=0.0) > 0.25 * extent
-        or len(np.unique(values)) <= _FEW_VALUES
-    ):
-        return ()
-    return (
-        f"{file}: {channel.place}: {name} jumps by more than half of its range at "
-        f"{_times(time, np.flatnonzero(is_jump))}: if a counter overflows, unwrap it, or write the "
-        f"gear_ratio in a column map; if it is an outlier, remove it",
-    )
+    rest = steps[~is_jump].max(initial=0.0)
+    if is_jump.any() and rest <= 0.25 * extent and len(np.unique(values)) > _FEW_VALUES:
+        log.warn(
+            log.channels[name].place,
+            f"{name} jumps by more than half of its range at "
+            f"{log.at(np.flatnonzero(is_jump) + 1)}: if a counter overflows, unwrap it, or write "
+            f"the gear_ratio in a column map; if it is an outlier, remove it",
+            Rank.DATA,
+        )

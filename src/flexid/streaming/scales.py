@@ -1,6 +1,5 @@
 """Whether the units and scales of a stream make sense: the checks of a log, once it has moved."""
 
-from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -9,10 +8,10 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording import checks
-from flexid.recording.channel import INPUTS, Channel
-from flexid.recording.read import ENCODERS, add_link_position, recording_of
+from flexid.recording.channel import INPUTS
+from flexid.recording.draft import ENCODERS, Draft
+from flexid.recording.read import add_link_position, check_motion, recording_of
 from flexid.recording.sampling import GAP
-from flexid.recording.slow_motion import motion_warnings
 from flexid.recording.wraps import TURN
 from flexid.streaming.channels import StreamChannels
 
@@ -49,36 +48,24 @@ class Scales:
         self._parts = None
         return tuple(dict.fromkeys(self._found(dict(zip(names, taken.T, strict=True)))))
 
-    def _found(self, values: dict[str, FloatArray]) -> Iterable[str]:
+    def _found(self, values: dict[str, FloatArray]) -> list[str]:
         channels = {
             name: replace(channel, values=self._unwrapped(name, values[name]))
             for name, channel in self._channels.sampled.items()
         }
-        time, source = channels.pop("time").values, self._source
-        for name, channel in channels.items():
-            yield from checks.check_whole(source, name, channel)
-        if "deflection" not in channels:
-            yield from _warnings(lambda: self._of_encoders(channels, time))
-        for name in INPUTS:
-            if name in channels:
-                yield from checks.check_power(source, name, channels, time)
-        add_link_position(channels)
-        gaps = np.flatnonzero(np.diff(time) > GAP * self._sample_time) + 1
-        parts = [slice(*ends) for ends in pairwise((0, *gaps.tolist(), len(time)))]
+        log = Draft(self._source, channels, channels.pop("time"))
+        for name in log.channels:
+            checks.check_whole(log, name)
+        if "deflection" not in log.channels:
+            _check_encoders(log)
+        for name in log.those_of(INPUTS):
+            checks.check_power(log, name)
+        add_link_position(log)
+        gaps = np.flatnonzero(np.diff(log.time.values) > GAP * self._sample_time) + 1
+        parts = [slice(*ends) for ends in pairwise((0, *gaps.tolist(), len(log.time.values)))]
         longest = max(parts, key=lambda part: part.stop - part.start)
-        recording = recording_of(source, channels, time, self._sample_time, longest)
-        columns = [channels[name].column for name in ENCODERS if name in channels]
-        place = f"{source}: columns {' and '.join(map(repr, columns))}"
-        yield from motion_warnings(recording, place)
-
-    def _of_encoders(self, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
-        encoders = {name: channels[name] for name in ENCODERS if name in channels}
-        found: tuple[str, ...] = ()
-        if len(encoders) == 2:
-            found = checks.check_two_encoders(self._source, *encoders.values())
-        for name, channel in encoders.items():
-            found += checks.check_speed(self._source, name, channel, time)
-        return found
+        check_motion(log, recording_of(log, self._sample_time, longest))
+        return log.warnings
 
     def _unwrapped(self, name: str, values: FloatArray) -> FloatArray:
         if name not in ENCODERS:
@@ -87,9 +74,13 @@ class Scales:
         return np.unwrap(values, period=geared or TURN)
 
 
-def _warnings(check: Callable[[], tuple[str, ...]]) -> tuple[str, ...]:
-    """What a check says, be it that a log would be refused."""
+def _check_encoders(log: Draft) -> None:
+    """Check the encoders; what a log would be refused for is a warning."""
+    encoders = log.those_of(ENCODERS)
     try:
-        return check()
+        if len(encoders) == 2:
+            checks.check_two_encoders(log)
+        for name in encoders:
+            checks.check_speed(log, name)
     except RecordingError as error:
-        return (str(error),)
+        log.warnings.append(str(error))
