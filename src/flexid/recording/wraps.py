@@ -14,10 +14,12 @@ _FEW_VALUES = 20  # a position of so few counts does not jump, it steps
 def count_on(log: Draft) -> None:
     """Go on with a time where a counter of 16 or 32 bits begins again."""
     time, factor = log.time.values, log.time.origin.factor
+    if np.all(np.diff(time) >= 0.0):
+        return
     ticks = time / factor
     steps = np.diff(ticks)
     usual, again = np.median(steps), np.flatnonzero(steps < 0.0)
-    for bits in (16, 32) if np.any(np.diff(time) < 0.0) else ():
+    for bits in (16, 32):
         if np.all(np.abs(steps[again] + 2.0**bits - usual) < (GAP - 1.0) * usual):
             log.warn(
                 log.time.place,
