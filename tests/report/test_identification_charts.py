@@ -23,7 +23,6 @@ from flexid.report.identification_charts import (
     correlated_pairs,
     estimates_chart,
     excitation_chart,
-    fit_chart,
     identification_charts,
     observer_histories,
     parameter_estimate,
@@ -165,34 +164,6 @@ def test_a_free_run_is_what_the_result_holds():
         assert np.array_equal(predicted.y, one.simulated[:, 0])
         assert np.array_equal(left.y, (one.measured - one.simulated)[:, 0])
     assert [level.value for level in marks(residual, Level)] == [-1.0, 1.0]
-
-
-def test_what_is_left_is_compared_with_the_noise():
-    """Assert that the sentence says how far the model follows, and what it leaves."""
-    measured = np.sin(TIME)[:, None]
-    runs = (FreeRun(TIME, measured, measured + 0.03),)
-    held = Validation({"motor_position": 99.876}, runs)
-    chart = free_run_chart("fit", "title", held, {"motor_position": 0.01}, "time")
-    assert "the motor position to 99.88 %" in chart.says
-    assert "3.0 times its noise in the motor position" in chart.says
-
-
-def test_every_fit_has_its_residual_beside_it():
-    """Assert that below each channel, the deflection too, stands what the free run leaves of it."""
-    chart = fit_chart(made_result())
-    names = [panel.y.label for panel in chart.panels]
-    assert names == ["position", "residual", "position", "residual", "deflection", "residual"]
-    assert [panel.title for panel in chart.panels[-2:]] == [
-        "deflection: fit not tested (at rest)",
-        "deflection: residual",
-    ]
-    twice = [level.value for level in marks(chart.panels[-1], Level)]
-    assert twice == pytest.approx([-2e-4, 2e-4])  # of the deflection, which the result knows
-    assert "the link position to 99.10 % and the motor position to 98.2 %" in chart.says
-    link = fit_chart(replace(made_result(), model="link"))
-    assert marks(link.panels[-1], Level) == []  # the motor's noise is not in it
-    still = replace(VALIDATION, fit_percent={"motor_position": np.nan})
-    assert "do not test" in fit_chart(replace(made_result(), validation=still)).says
 
 
 def test_residuals_that_repeat_leave_the_band():

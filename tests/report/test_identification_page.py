@@ -7,20 +7,16 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from made_result import VALIDATION, made_result
+from made_result import made_result
 
 import flexid
-from flexid.analysis.excitation import excitation_of_gram
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.vocabulary.evidence import ModelError
 from flexid.report.identification_charts import identification_charts
 from flexid.report.identification_page import (
     identification_command,
     identification_page,
-    next_step,
-    trust,
 )
-from flexid.report.page import Bullets, Command, Facts
+from flexid.report.page import Command
 
 HOSTILE = "<script>alert(1)<"
 FILE = '"><img src=x onerror=alert(2)>.csv'
@@ -125,113 +121,6 @@ def test_a_loaded_estimate_has_a_page(estimate, tmp_path):
     assert page.lead.rows == identification_page(estimate.result, ()).lead.rows
 
 
-def verdicts(*of_parameters: str, coefficient: str = "determined", **more):
-    """Return a result whose parameters, and whose last coefficient, have these verdicts."""
-    made = made_result(ModelError(0.05, 0.9, 0.0))
-    (known,) = made.parameters.values()
-    parameters = {
-        f"p{i}": replace(known, name=f"p{i}", verdict=verdict, reason="is wide")
-        for i, verdict in enumerate(of_parameters)
-    }
-    coefficients = dict(made.coefficients)
-    last = coefficients["alpha_coulomb"]
-    coefficients["alpha_coulomb"] = replace(last, verdict=coefficient)
-    changes = {"warnings": (), **more}
-    return replace(made, parameters=parameters, coefficients=coefficients, **changes)
-
-
-@pytest.mark.parametrize(
-    ("result", "word", "tone", "said"),
-    [
-        (verdicts("determined"), "Yes", "good", "The only one is determined."),
-        (
-            verdicts("determined", warnings=("w",)),
-            "With care",
-            "fair",
-            "The only one is determined.",
-        ),
-        (
-            verdicts("determined", coefficient="weak"),
-            "With care",
-            "fair",
-            "The only one is determined, but not alpha_coulomb.",
-        ),
-        (
-            verdicts("determined", "weak"),
-            "With care",
-            "fair",
-            "Of 2: 1 determined, 1 weak.",
-        ),
-        (
-            verdicts("determined", "weak", "undetermined"),
-            "Not all of them",
-            "bad",
-            "Of 3: 1 determined, 1 weak, 1 undetermined.",
-        ),
-        (verdicts("undetermined"), "No", "bad", "The only one is not determined."),
-        (
-            verdicts(
-                "determined", validation=replace(VALIDATION, fit_percent={"deflection": -865.0})
-            ),
-            "With care, and not for long predictions",
-            "bad",
-            "The only one is determined.",
-        ),
-    ],
-)
-def test_trust_follows_verdicts_and_warnings(result, word, tone, said):
-    """Assert that the first answer is the worst of verdicts and warnings, in a word and a tone."""
-    answer = trust(result)
-    assert (answer.word, answer.tone) == (word, tone)
-    assert str(answer.content[0]) == said
-
-
-@pytest.mark.parametrize(
-    ("result", "word", "command"),
-    [
-        (verdicts("determined"), "Test it on another log", "flexid validate e.json NEXT.csv"),
-        (verdicts("weak", "undetermined"), "Record another motion", "flexid excitation LOG"),
-        (
-            verdicts("weak", model_error=ModelError(2.0, 0.9, 0.5)),
-            "Look for what the model lacks",
-            "flexid excitation LOG",
-        ),
-    ],
-)
-def test_the_next_step_follows_what_is_lacking(result, word, command):
-    """Assert that an estimate is tested, a motion improved, or a model doubted."""
-    answer = next_step(result, "e.json")
-    assert answer.word == word
-    worst = [name for name, p in result.parameters.items() if p.verdict == "undetermined"]
-    reasons = [item.lines[0] for item in answer.content if isinstance(item, Bullets)]
-    assert not worst or reasons == [f"{worst[0]}: is wide"]
-    (found,) = [item for item in answer.content if isinstance(item, Command)]
-    assert found.text == command
-
-
-def test_the_confounded_pair_is_named():
-    """Assert that of rows that are hardly excited the pair that correlates most is named."""
-    bad = excitation_of_gram("link", ["a", "b"], np.array([[1.0, 0.9999], [0.9999, 1.0]]))
-    good = excitation_of_gram("motor", ["c", "d"], np.array([[1.0, 0.3], [0.3, 1.0]]))
-    answer = next_step(verdicts("weak", excitation={"motor": good, "link": bad}), "")
-    (reasons,) = [item for item in answer.content if isinstance(item, Bullets)]
-    assert reasons.lines[1:] == ["a and b are hardest to tell apart: they correlate by 1.000"]
-    answer = next_step(verdicts("weak", excitation={"motor": good}), "")
-    (reasons,) = [item for item in answer.content if isinstance(item, Bullets)]
-    assert len(reasons.lines) == 1
-
-
-def test_advice_takes_the_commands_place():
-    """Assert that what to record stands on the first screen, and all of it in a section."""
-    result = verdicts("weak")
-    answer = next_step(result, "", ("Add a sine.", "Or record 20 s."))
-    assert "Add a sine." in [str(item) for item in answer.content]
-    assert not any(isinstance(item, Command) for item in answer.content)
-    page = identification_page(result, (), advice=("Add a sine.", "Or record 20 s."))
-    (section,) = [section for section in page.sections if section.name == "next"]
-    assert section.content[0] == Bullets(("Add a sine.", "Or record 20 s."))
-
-
 def test_the_command_repeats_the_settings(flexid, monkeypatch, examples):
     """Assert that the command line reads the same settings from the command on the page."""
     settings = Settings(
@@ -258,17 +147,6 @@ def test_the_command_repeats_the_settings(flexid, monkeypatch, examples):
     monkeypatch.setattr("flexid.identification.identify.identify", stop)
     flexid(*shlex.split(command)[1:])
     assert seen == [settings]
-
-
-def test_what_was_typed_is_on_the_page(estimate):
-    """Assert that a command that is given stands on the page as it is."""
-    page = identification_page(estimate.result, (), "flexid identify a b --columns 'my map.toml'")
-    (origin,) = [section for section in page.sections if section.name == "origin"]
-    command, facts = origin.content
-    assert isinstance(command, Command)
-    assert command.text == "flexid identify a b --columns 'my map.toml'"
-    assert isinstance(facts, Facts)
-    assert ("filter rate", "20 1/s") in facts.entries
 
 
 def from_columns(**origins):

@@ -4,13 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from test_campaign_report import made_result, made_summary
 
-from flexid.campaigns.summary import Correlation
 from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
-from flexid.report import campaign, simulated_run
 from flexid.report import reproduction as reproduced
+from flexid.report import simulated_run
 from flexid.report.page import Command, page_html
 from flexid.report.reproduction_charts import reproduction_charts
 
@@ -53,45 +51,6 @@ def test_a_run_is_on_its_page(simulated):
     for text in ("theta1", "Tracking error:", "flexid simulate x", experiment.digest):
         assert text in made
     assert "flexid identify &#39;a b/log.parquet&#39;" in made
-
-
-def test_a_campaign_names_what_matters_most():
-    """Assert that the input that decides most results is the answer, and none is where none is."""
-    strong, weak = Correlation("controller.k", -0.9, True), Correlation("noise", 0.4, True)
-    chance = Correlation("noise", 0.1, False)
-    results = [
-        made_result([strong, weak], name="tracking_rms"),
-        made_result([strong], name="tracking_peak"),
-        made_result([weak], name="settling_time.theta1"),
-    ]
-    page = campaign.page(made_summary(results=tuple(results)), ())
-    assert page.answers[1].word == "controller.k"
-    nothing = made_summary(results=(made_result([chance]),))
-    assert campaign.page(nothing, ()).answers[1].word == "Nothing that was varied"
-
-
-@pytest.mark.parametrize(
-    ("statuses", "word", "tone"),
-    [
-        ({"finished": 100}, "All of them", "good"),
-        ({"finished": 97, "diverged": 3}, "97 of 100", "fair"),
-        ({"diverged": 100}, "0 of 100", "bad"),
-    ],
-)
-def test_a_campaign_says_how_its_runs_ended(statuses, word, tone):
-    """Assert that the first answer counts the runs that finished."""
-    answer = campaign.page(made_summary(statuses=statuses), ()).answers[0]
-    assert (answer.word, answer.tone) == (word, tone)
-
-
-def test_a_campaign_is_on_its_page():
-    """Assert that quantiles, what matters, the figures and the command are in the HTML."""
-    summary = made_summary(results=(made_result([Correlation("controller.k", -0.9, True)]),))
-    charts = campaign.charts(summary)
-    made = page_html(campaign.page(summary, charts))
-    assert made.count('class="chart wide"') == len(charts)
-    for text in ("tracking_<wbr>rms", "controller.k -0.90", "flexid campaign --summary out"):
-        assert text in made
 
 
 def test_the_paper_is_on_its_page(reproduction):

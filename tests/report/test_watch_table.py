@@ -1,11 +1,8 @@
 """How a stream is shown: the last report, the view that is renewed, and its lines of bars."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from flexid.identification.vocabulary.evidence import ParameterEstimate, Verdict
 from flexid.report.terminal import laid_out
 from flexid.report.watch import (
     Sparks,
@@ -13,11 +10,8 @@ from flexid.report.watch import (
     parts,
     sparkline,
 )
-from flexid.streaming.guard import Counts
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
-
-NONE = Counts(*[0] * 12)
 
 
 @pytest.fixture(scope="module")
@@ -39,23 +33,6 @@ def test_the_report_begins_with_the_health(session: Session):
     assert max(map(len, lines)) <= 80
 
 
-def parameter(name: str, low: float, high: float, verdict: Verdict) -> ParameterEstimate:
-    """One in the middle of its interval."""
-    return ParameterEstimate(name, "", 0.5 * (low + high), 0.1, (low, high), verdict, "")
-
-
-def test_a_friction_that_is_not_there_is_negligible(monkeypatch: pytest.MonkeyPatch):
-    """Assert that the report says so in a line below the table."""
-    session = Session(WatchOptions(2e-3, ("motor_coulomb",), hold="linear"))
-    small = {"motor_coulomb_friction": parameter("motor_coulomb_friction", -1.0, 2.0, "determined")}
-    monkeypatch.setattr(Session, "parameters", property(lambda _: small))
-    lines = [line.plain for line in laid_out(parts(session), 120)]
-    assert any(
-        line.startswith("Negligible even at the ends of the interval: motor_coulomb")
-        for line in lines
-    )
-
-
 def test_the_view_has_a_line_of_bars(session: Session):
     """Assert that the view says that nothing has come yet, and then shows what was known lately."""
     sparks = Sparks()
@@ -72,16 +49,3 @@ def test_bars():
     assert sparkline([2.0, 2.0]) == "▁▁"
     assert sparkline([-1e308, 1e308]) == "▁▁"
     assert sparkline([]) == ""
-
-
-def test_what_became_of_the_samples():
-    """Assert that only what happened is said."""
-    counts = Counts(90, 1, 2, 0, 3, 0, 4, 1, 5, 2, 0, 0)
-    assert NONE.sentence == "Samples: 0 of 0 learnt from"
-    assert counts.sentence == (
-        "Samples: 90 of 100 learnt from; 1 without a number, 2 repeated, 3 outliers, "
-        "4 at the input's limit, 5 missing; 1 gap, 2 turns"
-    )
-    unclear = replace(NONE, unclear=2).sentence
-    assert "At 2 places it cannot be known by how many turns the motor's encoder moved" in unclear
-    assert "At 1 place it" in replace(NONE, unclear=1).sentence

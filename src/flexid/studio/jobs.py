@@ -12,10 +12,9 @@ import asyncio
 import multiprocessing
 import os
 import zipfile
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -46,30 +45,22 @@ class JobError(FlexidError):
         super().__init__(reason)
 
 
-@dataclass(eq=False)
-class _Ticket:
-    """A job that waits for a worker."""
-
-    said: Said
-    turn: asyncio.Future[_Worker] = field(
-        default_factory=lambda: asyncio.get_running_loop().create_future()
-    )
-
-
 class Workers:
     """Some processes, shared by all windows; jobs wait in one queue."""
 
     def __init__(self, most: int) -> None:
-        self._idle = [_Worker() for _ in range(most)]
-        self._all = tuple(self._idle)
-        self._waiting: deque[_Ticket] = deque()
+        self._all = tuple(_Worker() for _ in range(most))
+        self._idle = [*self._all]
+        self._free = asyncio.Semaphore(most)  # lets in one after the other
+        self._waiting: list[Said] = []
 
     async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path, said: Said) -> Any:
         """Do a job, and return what it returns.
 
         Cancel the coroutine to cancel the job, whether it waits or runs.
         """
-        worker = await self._turn(_Ticket(said))
+        await self._turn(said)
+        worker = self._idle.pop()
         try:
             return await worker.work(job, arguments, folder, said)
         except asyncio.CancelledError:
@@ -77,30 +68,22 @@ class Workers:
             raise
         finally:
             self._idle.append(worker)
-            self._hand_out()
+            self._free.release()
 
-    async def _turn(self, ticket: _Ticket) -> _Worker:
-        """Wait for a worker."""
-        self._waiting.append(ticket)
-        self._hand_out()
+    async def _turn(self, said: Said) -> None:
+        """Wait for a worker; all who wait are told their place whenever it changes."""
+        self._waiting.append(said)
         try:
-            return await ticket.turn
-        except asyncio.CancelledError:
-            if ticket in self._waiting:
-                self._waiting.remove(ticket)
-            elif ticket.turn.done() and not ticket.turn.cancelled():  # at the same moment
-                self._idle.append(ticket.turn.result())
-            self._hand_out()
-            raise
+            if self._free.locked():
+                self._tell_places()
+            await self._free.acquire()
+        finally:
+            self._waiting.remove(said)
+            self._tell_places()
 
-    def _hand_out(self) -> None:
-        """Give idle workers to those who wait, and tell the others their place."""
-        while self._idle and self._waiting:
-            ticket = self._waiting.popleft()
-            if not ticket.turn.done():
-                ticket.turn.set_result(self._idle.pop())
-        for place, ticket in enumerate(self._waiting, 1):
-            ticket.said(f"waiting for a free process, number {place} in the queue")
+    def _tell_places(self) -> None:
+        for place, said in enumerate(self._waiting, 1):
+            said(f"waiting for a free process, number {place} in the queue")
 
     def end(self) -> None:
         """End all processes."""

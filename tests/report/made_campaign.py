@@ -1,0 +1,35 @@
+"""A campaign of 100 runs made by hand."""
+
+from pathlib import Path
+
+import numpy as np
+
+from flexid.campaigns.store import Manifest
+from flexid.campaigns.summary import Result, Summary
+
+NAN = float("nan")
+
+
+def made_of(correlations=(), indices=(), values=(1.0, 2.0, NAN), name="tracking_rms"):
+    """Return a result."""
+    array = np.array(values)
+    missing = int(np.isnan(array).sum())
+    return Result(name, array, missing, (1.0, 1.5, 2.0), tuple(correlations), tuple(indices))
+
+
+def made_summary(done=100, statuses=None, damaged=(), first_error="", results=()):
+    """Return a summary of the campaign."""
+    manifest = Manifest(
+        flexid="1.0",
+        experiment="0123",
+        plan="4567",
+        kind="sobol",
+        runs=100,
+        inputs=("controller.k",),
+        keep=("tracking",),
+        runs_per_part=10,
+        text="the file",
+    )
+    inputs = {"controller.k": np.array([1.0, 2.0, 3.0])}
+    statuses = statuses or {"finished": done}
+    return Summary(Path("out"), manifest, done, damaged, statuses, first_error, inputs, results)

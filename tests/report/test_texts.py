@@ -1,0 +1,247 @@
+"""What is printed and what pages say, line by line, as it stands in ``texts/``."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from math import inf, nan
+
+import numpy as np
+import pytest
+from made_campaign import made_of, made_summary
+from made_result import VALIDATION, made_result
+from shown import answer_lines, chart_lines, check, page_lines
+
+from flexid.analysis.excitation import excitation_of_gram
+from flexid.campaigns.summary import Correlation, SobolIndex
+from flexid.comparisons.comparison import compare_estimates
+from flexid.identification.vocabulary.evidence import FreeRun, ModelError
+from flexid.report import campaign, validation
+from flexid.report.comparison import page as comparison_page
+from flexid.report.comparison import parts as comparison_parts
+from flexid.report.free_run_chart import free_run_chart
+from flexid.report.identification import explanation, identification_parts
+from flexid.report.identification_charts import fit_chart
+from flexid.report.identification_page import identification_page, next_step, trust
+from flexid.report.terminal import USUAL, Part, laid_out
+from flexid.stored_estimates.validate_estimate import EstimateValidation
+from flexid.streaming.guard import Counts
+from made_estimates import STIFFER, TRUE, exact, with_parameter
+
+
+def printed(*parts: Part) -> list[str]:
+    """Lines of a terminal."""
+    return [line.plain for line in laid_out(parts, USUAL)]
+
+
+def identification():
+    """An answer in which each number occurs once, with the evidence for its choices."""
+    result = made_result()
+    return printed(*identification_parts(result), *explanation(result))
+
+
+def exact_fit():
+    """One without disturbances and with a model error, held against no rigid joint that follows."""
+    result = made_result(ModelError(16.0, 1.2, 0.72))
+    held = replace(result.validation, fit_percent={"motor_position": 99.0})
+    rigid = replace(result.compliance, rigid_fit_percent={"motor_position": nan})
+    result = replace(result, disturbances=None, compliance=rigid, validation=held)
+    return printed(*identification_parts(result), *explanation(result))
+
+
+def negligible():
+    """A value that may be zero, of a motor that rests: no rival that fails."""
+    result = made_result()
+    small = replace(result.parameters["gravity_torque"], interval=(-1e-4, 1e-4))
+    still = {"motor_position": nan}
+    result = replace(
+        result,
+        parameters={"x": small},
+        compliance=replace(result.compliance, rigid_fit_percent=still),
+        validation=replace(result.validation, fit_percent=still),
+    )
+    return printed(*identification_parts(result))
+
+
+def verdicts(*of_parameters: str, coefficient: str = "determined", **more):
+    """A result whose parameters, and whose last coefficient, have these verdicts."""
+    made = made_result(ModelError(0.05, 0.9, 0.0))
+    (known,) = made.parameters.values()
+    parameters = {
+        f"p{i}": replace(known, name=f"p{i}", verdict=verdict, reason="is wide")
+        for i, verdict in enumerate(of_parameters)
+    }
+    last = replace(made.coefficients["alpha_coulomb"], verdict=coefficient)
+    coefficients = {**made.coefficients, last.name: last}
+    return replace(
+        made, parameters=parameters, coefficients=coefficients, **{"warnings": (), **more}
+    )
+
+
+def trust_and_next_step():
+    """Each verdict with its first answer, and what is to be done about it."""
+    confounded = excitation_of_gram("link", ["a", "b"], np.array([[1.0, 0.9999], [0.9999, 1.0]]))
+    clear = excitation_of_gram("motor", ["c", "d"], np.array([[1.0, 0.3], [0.3, 1.0]]))
+    diverging = replace(VALIDATION, fit_percent={"deflection": -865.0})
+    for result in (
+        verdicts("determined"),
+        verdicts("determined", warnings=("w",)),
+        verdicts("determined", coefficient="weak"),
+        verdicts("determined", "weak"),
+        verdicts("determined", "weak", "undetermined"),
+        verdicts("undetermined"),
+        verdicts("determined", validation=diverging),
+        verdicts("weak", model_error=ModelError(2.0, 0.9, 0.5)),
+        verdicts("weak", excitation={"motor": clear, "link": confounded}),
+        verdicts("weak", excitation={"motor": clear}),
+    ):
+        yield from answer_lines([trust(result), next_step(result, "e.json")])
+
+
+def advised():
+    """A page on which what to record takes the place of the command that would say it."""
+    return page_lines(
+        identification_page(verdicts("weak"), (), advice=("Add a sine.", "Or record 20 s."))
+    )
+
+
+def typed():
+    """A page with a command as it was typed, of a log that was mapped."""
+    origin = {"columns": {"a": 1.0, "b": -1.0}, "factor": 2.0, "offset": 0.1, "unit": "rad"}
+    log = {"file": "a.csv", "columns": {"link_position": {**origin, "gear_ratio": 100.0}}}
+    result = replace(made_result(), provenance={"inputs": [log]})
+    return page_lines(
+        identification_page(result, (), "flexid identify a b --columns 'my map.toml'")
+    )
+
+
+def fits():
+    """Words of the figure of fits: with channels at rest, without noise, and beyond the frame."""
+    still = replace(VALIDATION, fit_percent={"motor": nan})
+    yield from chart_lines(fit_chart(made_result()))
+    yield from chart_lines(fit_chart(replace(made_result(), model="link")))
+    yield from chart_lines(fit_chart(replace(made_result(), validation=still)))
+    time = np.linspace(0.0, 10.0, 101)
+    seen = np.sin(time)[:, None]
+    with np.errstate(invalid="ignore"):
+        predicted = (seen + 0.03, 3.0 * seen, inf * seen)
+    for found in predicted:
+        held = replace(
+            VALIDATION, fit_percent={"motor_position": 99.876}, runs=(FreeRun(time, seen, found),)
+        )
+        noise = {"motor_position": 0.01}
+        yield from chart_lines(free_run_chart("fit", "title", held, noise, "time"))
+
+
+def comparison():
+    """A drive before, and after, stiffer and with an offset that A does without."""
+    a, b = exact(TRUE, "one"), exact({**STIFFER, "alpha_offset": 3.0}, "two")
+    offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
+    a = replace(a, removed={offset.name: offset})
+    return printed(*comparison_parts(compare_estimates(a, b, ("before.json", "after.json"))))
+
+
+def compared():
+    """Change, none, doubt, lack, contradiction and agreement on one log, each with its words."""
+    a, same, stiffer = exact(TRUE, "a"), exact(TRUE, "b"), exact(STIFFER, "b")
+    p = same.parameters["gravity_torque"]
+    doubtful = with_parameter(same, p.name, value=p.value + 2.2 * 2**0.5 * p.std)
+    unknown = with_parameter(same, p.name, verdict="undetermined", reason="contradicted")
+    again = replace(exact(TRUE, "a"), provenance={**a.provenance, "settings": {"hold": "zero"}})
+    for b in (same, stiffer, doubtful, unknown, exact(STIFFER, "a"), again):
+        yield from answer_lines(comparison_page(compare_estimates(a, b), ()).answers)
+
+
+def comparison_on_a_page():
+    """A comparison of files, with what is not compared and why."""
+    b = with_parameter(exact(STIFFER, "b"), "joint_stiffness", verdict="undetermined", reason="odd")
+    found = compare_estimates(exact(TRUE, "a"), b, ("my drive/estimate.json", "b.json"))
+    return page_lines(comparison_page(found, ()))
+
+
+def campaigns():
+    """A campaign as it goes on, and when it is done: what is printed, and the page."""
+    strong, weak = Correlation("controller.k", -0.912, True), Correlation("noise", 0.4, True)
+    chance = Correlation("noise", 0.02, False)
+    indices = [SobolIndex("a", 0.4, 0.05, 0.7, 0.1), SobolIndex("b", 0.0, 0.1, 0.05, 0.1)]
+    many = [Correlation(name, 0.5, True) for name in "abcdef"]
+    results = (
+        made_of([strong, chance], name="tracking_rms"),
+        made_of([strong, weak], name="tracking_peak"),
+        made_of([weak], indices, name="settling_time.theta1"),
+        made_of(many, name="peak_input.u"),
+        made_of([chance], name="final"),
+        made_of(name="dull"),
+    )
+    begun = {"finished": 30, "error": 10}
+    yield from printed(*campaign.parts(made_summary(40, begun, ("part-3",), "file: no such value")))
+    indexed = made_summary(statuses={"finished": 97, "diverged": 3}, results=results)
+    manifest = indexed.manifest.model_copy(update={"kind": "sobol-indices"})
+    yield from page_lines(campaign.page(replace(indexed, manifest=manifest), ()))
+    for statuses in ({"finished": 100}, {"diverged": 100}):
+        made = made_summary(statuses=statuses, results=(made_of([chance]),))
+        yield from answer_lines(campaign.page(made, ()).answers)
+
+
+def campaign_figures():
+    """Distributions and dependence of what varies, with units and with values near zero."""
+    strong = [Correlation("controller.k", 1.0, True)]
+    results = (
+        made_of(values=(1.0, 1.0, 1.0), name="constant"),
+        made_of(values=(nan, nan, nan), name="never"),
+        made_of(strong, values=(1.0, 2.0, 3.0)),
+        made_of(strong, values=(1e-30, 1.0, 2.0), name="settling_time.theta1"),
+        made_of(name="final_error.theta1"),
+    )
+    made = made_summary(results=results)
+    manifest = made.manifest.model_copy(update={"text": ""})
+    assert campaign.charts(made_summary(results=results[:2])) == ()
+    for chart in campaign.charts(replace(made, manifest=manifest)):
+        yield from chart_lines(chart)
+
+
+TIME = np.linspace(0.0, 1.0, 101)
+SEEN = np.sin(7.0 * TIME)[:, None]
+VALIDATED = EstimateValidation(
+    fit_percent={"motor_position": 97.53},
+    runs=(FreeRun(TIME, SEEN, SEEN + 1e-3 * np.cos(50.0 * TIME)[:, None]),),
+    horizons={0.05: {"motor_position": 99.1}},
+    model="rigid",
+    residuals={0.05: {"motor_position": 5e-4}, inf: {"motor_position": 1e-3}},
+    noise={"motor_position": 4e-4},
+    provenance={"flexid_version": "0", "inputs": [{"file": "runs/my log.csv", "sha256": "ab"}]},
+)
+
+
+def validations():
+    """Fits that serve and that do not, in the first answers; and one as a whole page."""
+    for fit, warnings in ((97.53, ("short",)), (49.0, ()), (-20.0, ()), (-inf, ()), (nan, ())):
+        made = replace(VALIDATED, fit_percent={"motor_position": fit}, warnings=warnings)
+        yield from answer_lines(validation.page(made, ()).answers)
+    both = {"motor_position": 97.53, "link_position": 98.0}
+    made = replace(VALIDATED, fit_percent=both, horizons={})
+    yield from answer_lines(validation.page(made, ()).answers)
+    warned = replace(VALIDATED, warnings=("beware",))
+    command = "flexid validate e.json"
+    yield from page_lines(validation.page(warned, validation.charts(warned), command))
+
+
+def counts():
+    """What became of a stream's samples: only what happened is said."""
+    nothing = Counts(*[0] * 12)
+    yield nothing.sentence
+    yield Counts(90, 1, 2, 0, 3, 0, 4, 1, 5, 2, 0, 0).sentence
+    yield replace(nothing, unclear=2).sentence
+    yield replace(nothing, unclear=1).sentence
+
+
+ANSWERS = (
+    identification, exact_fit, negligible, trust_and_next_step, advised, typed, fits,
+    comparison, compared, comparison_on_a_page, campaigns, campaign_figures, validations, counts,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("answer", ANSWERS)
+def test_it_is_shown_as_it_was(answer: Callable[[], Iterable[str]], request: pytest.FixtureRequest):
+    """Assert that every line is as before, and nothing printed is cut off."""
+    lines = [*answer()]
+    assert "…" not in "".join(lines)
+    check(answer.__name__, lines, request)
