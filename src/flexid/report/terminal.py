@@ -147,7 +147,8 @@ class Table:
         left = width - sum(found) - _BETWEEN * (len(found) - 1)
         for i, place in enumerate(places):
             if self.columns[place].wraps:
-                whole = max((cell_len(row[place].at(level)) for row in self._rows if row), default=0)
+                cells = (cell_len(row[place].at(level)) for row in self._rows if row)
+                whole = max(cells, default=0)
                 found[i] += min(left, max(0, whole - found[i]))
                 if found[i] < min(whole, _NARROWEST_TEXT):
                     return None
