@@ -96,11 +96,6 @@ class Answer:
         ----------
         path : path
             The file; one that is there is replaced.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
         """
         from flexid.files import write_document
 
@@ -113,11 +108,6 @@ class Answer:
         ----------
         directory : path
             Where they go; made if it is not there.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
         """
         from flexid.files import output_directory
         from flexid.report.figure import save_charts
@@ -170,11 +160,6 @@ class ReportedAnswer(Answer):
         ----------
         path : path
             The file, such as ``"report.html"``; one that is there is replaced.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
         """
         from flexid.files import write_document
         from flexid.report.page import page_html

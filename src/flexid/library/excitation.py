@@ -97,15 +97,6 @@ def excitation(
     -------
     LogExcitation
         Coefficients with what confuses them, and advice on what to add.
-
-    Raises
-    ------
-    RecordingError
-        If a log cannot be used, or the logs do not go together.
-    SettingError
-        If a value of an option cannot be used.
-    ConvergenceError
-        If the model cannot be fitted from any start.
     """
     from flexid.experiment_design.excitation_report import examine
     from flexid.library.logs import all_logs
@@ -118,13 +109,6 @@ class ExperimentDesign(TabularAnswer, PlottedAnswer):
     """An experiment that determines the coefficients within limits, with its predictions.
 
     As a data frame it is what a drive can play: the columns of ``command.csv``.
-
-    Parameters
-    ----------
-    result : Design
-        What was found.
-    warnings : tuple of str, optional
-        Parts of an estimate that the design does not use, or that are uncertain.
     """
 
     _report = "design"
@@ -201,11 +185,6 @@ def design(
     -------
     ExperimentDesign
         The experiment, what it would determine, and how close it comes to the limits.
-
-    Raises
-    ------
-    SettingError
-        If a file cannot be used, or the limits leave no motion.
     """
     from flexid.experiment_design.design import design as run
     from flexid.experiment_design.drive import read_drive

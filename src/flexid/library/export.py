@@ -64,15 +64,6 @@ def derive(
     str
         The equations as LaTeX, a Python module, or a C99 file. Its `notes` are sentences on what is
         integrated numerically, and on rates of inputs that the observer needs.
-
-    Raises
-    ------
-    ModelError
-        If the model file cannot be used.
-    AccelerationError
-        If the observer would need an acceleration.
-    SettingError
-        If an option does not suit the model.
     """
     from flexid.derivation.observer import derive_observer
     from flexid.derivation.printing_code import c_observer, python_observer
@@ -122,18 +113,10 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
 
 
 class ExportedFiles(NamedTuple):
-    """What `flexid.export` has written.
-
-    Parameters
-    ----------
-    paths : tuple of Path
-        The files.
-    warnings : tuple of str
-        What they do not hold of the estimate, or hold otherwise; a sentence each.
-    """
+    """What `flexid.export` has written, and what that does not hold of the estimate."""
 
     paths: tuple[Path, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...]  # a sentence each
 
 
 @entrance
@@ -194,15 +177,6 @@ def export(
     -------
     ExportedFiles
         Their paths, and what they do not hold.
-
-    Raises
-    ------
-    SettingError
-        If the estimate cannot be read, or an option does not suit.
-    ModelError
-        If the model file cannot be used.
-    RecordingError
-        If the log cannot be used.
     """
     from flexid.exports.request import TARGETS, ExportRequest, export_arm, export_to
     from flexid.files import output_directory

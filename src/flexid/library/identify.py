@@ -97,15 +97,6 @@ def identify(
     JointEstimate
         Parameters and coefficients with intervals and verdicts, figures, predictions.
 
-    Raises
-    ------
-    RecordingError
-        If a log cannot be used, or the logs do not go together.
-    SettingError
-        If a value of an option cannot be used.
-    ConvergenceError
-        If the model cannot be fitted from any start.
-
     Examples
     --------
     >>> estimate = flexid.identify("examples/flexible_joint.csv")  # doctest: +SKIP
@@ -171,11 +162,6 @@ def load(path: "str | os.PathLike[str]") -> "JointEstimate":
     JointEstimate
         As it was saved; it predicts and validates logs. The time series of the log that it was
         made from are not stored.
-
-    Raises
-    ------
-    SettingError
-        If the file cannot be read, is no estimate, or was written by a newer version.
     """
     from flexid.library.joint_estimate import JointEstimate
     from flexid.stored_estimates.estimate_file import read_estimate

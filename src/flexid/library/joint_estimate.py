@@ -208,17 +208,9 @@ class JointEstimate(ReportedAnswer):
         return {name: value.interval_at(level) for name, value in self._every.items()}
 
     def correlated(self) -> dict[str, Any]:
-        """Values that go on to be computed with, correlated as the log leaves them.
+        """Values to compute with: numbers of ``uncertainties``, correlated as the log leaves them.
 
-        Returns
-        -------
-        dict of str to uncertainties.UFloat
-            All parameters and coefficients that the log does not leave free.
-
-        Raises
-        ------
-        SettingError
-            If the package ``uncertainties`` is not installed.
+        Of all parameters and coefficients that the log does not leave free.
         """
         try:
             from uncertainties import correlated_values
@@ -235,7 +227,9 @@ class JointEstimate(ReportedAnswer):
         return dict(zip(names, made, strict=True))
 
     def to_dataframe(self, backend: str = "polars", *, level: float = CONFIDENCE) -> Any:
-        """Parameters and coefficients as a data frame.
+        """Parameters and coefficients as a data frame, with a row each.
+
+        Its columns are name, kind, value, unit, std, lower, upper, verdict and reason.
 
         Parameters
         ----------
@@ -243,12 +237,6 @@ class JointEstimate(ReportedAnswer):
             Whose data frame; the library has to be installed.
         level : float, optional
             Nominal coverage of the intervals.
-
-        Returns
-        -------
-        data frame
-            A row each, with the columns name, kind, value, unit, std, lower, upper, verdict and
-            reason.
         """
         every = self._every
         ends = self.intervals(level)
@@ -283,7 +271,7 @@ class JointEstimate(ReportedAnswer):
         return EstimatePlots(self.result)
 
     def predict(self, log: "OneLog", *, columns: "Columns | None" = None) -> "Prediction":
-        """Predict a log from its input, with the first state from its first half second.
+        """Predict a log but for its first half second, which gives the first state.
 
         Parameters
         ----------
@@ -291,16 +279,6 @@ class JointEstimate(ReportedAnswer):
             As `flexid.read_log` takes it, with the same kind of input.
         columns : path or mapping, optional
             A column map for raw sensor columns, as `flexid.identify` takes it.
-
-        Returns
-        -------
-        Prediction
-            Time, measured and predicted positions, without the first half second.
-
-        Raises
-        ------
-        RecordingError
-            If the log cannot be used, or has another kind of input.
         """
         from flexid.library.validation import Prediction
 
@@ -316,16 +294,6 @@ class JointEstimate(ReportedAnswer):
             As `flexid.read_log` takes them, with the same kind of input.
         columns : path or mapping, optional
             A column map for raw sensor columns, as `flexid.identify` takes it.
-
-        Returns
-        -------
-        EstimateValidation
-            Fits and residuals by horizon, from 0.05 s to the free run.
-
-        Raises
-        ------
-        RecordingError
-            If the logs cannot be used, or have another kind of input.
         """
         from flexid.library.validation import validate
 
@@ -355,19 +323,6 @@ class JointEstimate(ReportedAnswer):
             Angle in rad about which link and motor move; where gravity has no torque, if not given.
         level : float, optional
             Nominal coverage of the intervals, at each frequency for itself.
-
-        Returns
-        -------
-        FrequencyResponse
-            Complex values in physical units with the ends of magnitude and phase, resonance and
-            antiresonance in Hz with their intervals, and the spectral estimates.
-
-        Raises
-        ------
-        SettingError
-            If a frequency is not positive, or the level or the position none.
-        RecordingError
-            If a log cannot be used.
         """
         from flexid.frequency.frequency_response import frequency_response
         from flexid.library.logs import all_recordings

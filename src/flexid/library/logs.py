@@ -52,13 +52,6 @@ def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
     Log
         Recordings in SI units on an even time grid, one where the log has no gap; its ``warnings``
         say what was mended or looks odd.
-
-    Raises
-    ------
-    RecordingError
-        If the log cannot be used; the text names place and remedy.
-    ArgumentError
-        If `log` is nothing that holds a log.
     """
     return one_log("read_log", log, columns)
 
@@ -79,11 +72,6 @@ def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Sample
     -------
     tuple of Samples
         Positions, velocities where they were measured, and inputs, with the sample time.
-
-    Raises
-    ------
-    RecordingError
-        If the log cannot be used.
     """
     from flexid.estimators.samples import rigid_samples, samples_of_recording
 

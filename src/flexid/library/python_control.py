@@ -68,13 +68,6 @@ def plant_io_system(
     control.NonlinearIOSystem
         In continuous time, from the model's inputs to its states, with its coefficients and
         constants as ``params``.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed, or a coefficient has no value or is unknown.
-    ModelError
-        If the model file cannot be used.
     """
     from flexid.exports.request import ExportRequest
     from flexid.library.export import what_is_meant
@@ -132,13 +125,6 @@ def controller_io_system(
     control.NonlinearIOSystem
         From the model's states, then ``qd``, ``qd_1``, ... as far as the law uses them, to the
         model's inputs.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed.
-    ModelError
-        If controller and system do not go together.
     """
     control = python_control()
 
@@ -208,15 +194,6 @@ def observer_io_system(
     control.NonlinearIOSystem
         In continuous time, from the model's states and inputs to an estimate of each coefficient,
         ``theta1_hat`` and so on.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed, or a row has no gain.
-    AccelerationError
-        If the observer needs an acceleration.
-    ModelError
-        If it needs the rate of an input.
     """
     control = python_control()
     module = _observer_module(system)
@@ -285,11 +262,6 @@ def estimator_io_system(
     control.NonlinearIOSystem
         From a sample, as the estimator's ``pack`` makes it, to the estimates before that sample,
         ``theta1_hat`` and so on. Its first state is ``estimator.init()``.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed.
     """
     if not isinstance(estimator, OnlineEstimator):
         raise ArgumentError(
@@ -334,15 +306,6 @@ def loop_io_system(experiment: "SimulatedRun | str | PathLike[str]") -> LoopSyst
     LoopSystem
         ``system``, in which reference, controller, plant and observer are joined by name, and
         ``start``, its state at the start.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed.
-    ExperimentError
-        If the file cannot be used.
-    AccelerationError, ModelError
-        If the observer has no continuous form.
     """
     from flexid.experiments import read_experiment
     from flexid.library.simulate import SimulatedRun

@@ -35,13 +35,6 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
     """A closed loop over time: plant, controller and observer.
 
     As a data frame it has all time series: the columns of ``run.parquet``.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What was simulated.
-    result : Run
-        What it did, with all states, inputs and estimates as arrays.
     """
 
     _report = "simulated_run"
@@ -49,7 +42,7 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
 
     def __init__(self, experiment: "Experiment", result: "Run") -> None:
         self.experiment = experiment
-        self.result = result
+        self.result = result  # all states, inputs and estimates as arrays
 
     @cached_property
     def measures(self) -> "Measures":
@@ -59,13 +52,7 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
         return measure(self.result)
 
     def log(self) -> "Log":
-        """What a drive would have logged, for `flexid.identify`.
-
-        Raises
-        ------
-        RecordingError
-            If the model is not that of a joint.
-        """
+        """What a drive would have logged, for `flexid.identify`."""
         from flexid.experiments.measures import log_columns
         from flexid.library.logs import all_logs
 
@@ -130,13 +117,6 @@ def simulate(
     -------
     SimulatedRun
         Time series, measures and figures.
-
-    Raises
-    ------
-    ExperimentError
-        If the file cannot be used, or has no such number.
-    SimulationError
-        If the loop diverges or cannot meet its tolerance.
     """
     from flexid.experiments import read_experiment
 
@@ -216,13 +196,6 @@ def campaign(
     -------
     CampaignResult
         Rows, statuses, distributions, and which input matters.
-
-    Raises
-    ------
-    ExperimentError
-        If the file cannot be used, or says nothing of a campaign.
-    CampaignError
-        If a directory or the scheduler cannot be used.
     """
     from flexid.campaigns import run_campaign, summarise
     from flexid.experiments import read_experiment

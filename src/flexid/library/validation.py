@@ -167,13 +167,6 @@ def validate(
     -------
     EstimateValidation
         Fits and residuals by horizon.
-
-    Raises
-    ------
-    SettingError
-        If the estimate cannot be read, or is none of a joint of flexid.
-    RecordingError
-        If the logs do not go together or with the estimate, or are too short.
     """
     from flexid.library.logs import all_logs
     from flexid.stored_estimates.validate_estimate import validate_arm, validate_estimate
@@ -279,11 +272,6 @@ def compare(
     -------
     EstimateComparison
         Differences with intervals and outcomes, and what was done otherwise.
-
-    Raises
-    ------
-    SettingError
-        If an estimate cannot be read, or both are the same.
     """
     from flexid.comparisons.comparison import compare_estimates
 

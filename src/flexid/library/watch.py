@@ -65,13 +65,7 @@ class Watch(Answer):
 
     @property
     def session(self) -> "Session":
-        """The session, with all that was fed.
-
-        Raises
-        ------
-        ArgumentError
-            If no sample has come.
-        """
+        """The session, with all that was fed."""
         session = self._session if self._follower is None else self._follower.session
         if session is not None:
             self._catch_up(session)
@@ -89,13 +83,7 @@ class Watch(Answer):
         return self.health.health is Health.CONVERGED
 
     def turns(self) -> Iterator[bool]:
-        """Follow the source; whether a report is due, after each turn in which it was looked at.
-
-        Raises
-        ------
-        ArgumentError
-            If there is no source.
-        """
+        """Follow the source; whether a report is due, after each turn in which it was looked at."""
         if self._follower is None:
             raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
         return self._follower.turns(self._every)
@@ -133,11 +121,6 @@ class Watch(Answer):
             motor's measured motion.
         time : float or array, shape (n,), optional
             In s; without it every sample follows the one before after a sample time.
-
-        Raises
-        ------
-        ArgumentError
-            If a channel is missing, there in one block and not in another, or of another length.
         """
         import numpy as np
 
@@ -193,15 +176,7 @@ class Watch(Answer):
         return self._session
 
     def __iter__(self) -> Iterator["Watch"]:
-        """Follow the source; a turn each `every` seconds of the stream, and one at its end.
-
-        Raises
-        ------
-        ArgumentError
-            If there is no source.
-        RecordingError
-            If it cannot be read, or not be read on; then after a turn with what came before.
-        """
+        """Follow the source; a turn each `every` seconds of the stream, and one at its end."""
         error = None
         try:
             for due in self.turns():
@@ -274,11 +249,6 @@ class Watch(Answer):
         ----------
         path : path
             The file; one that is there is replaced.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
         """
         from flexid.streaming.checkpoint import save_session
 
@@ -370,13 +340,6 @@ def watch(
     -------
     Watch
         Health, parameters with intervals, excitation and what became of the samples, at any time.
-
-    Raises
-    ------
-    SettingError
-        If an option cannot be used, or the checkpoint.
-    RecordingError
-        If the source cannot be.
 
     Examples
     --------
