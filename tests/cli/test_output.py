@@ -73,7 +73,7 @@ def test_what_fails_does_not_keep_the_rest(tmp_path, failing):
     """Assert that files are written though nothing can be printed, and the other way round."""
     answer = Failing(failing)
     with pytest.raises(OSError, match="no room"):
-        hand_over(answer, {"as_json": False, "out": tmp_path}, tmp_path, Console(), "")
+        hand_over(answer, {"json": False, "out": tmp_path}, tmp_path, Console(), "")
     assert answer.taken == ["show", "write"]
 
 

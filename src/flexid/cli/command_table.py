@@ -55,7 +55,7 @@ def derive(command: Command, options: Options, flags: Options) -> None:
     text = called(command, options, lambda _step: None)
     for note in text.notes:
         typer.echo(f"note: {note}", err=True)
-    if flags["as_json"]:
+    if flags["json"]:
         target = options.get("to", "latex")
         print_document({"model": options["model"], "to": target, "text": text, "notes": text.notes})
     else:
@@ -73,7 +73,7 @@ def export(command: Command, options: Options, flags: Options) -> None:
         files = called(command, options, lambda _step: None)
     print_warnings(files.warnings, errors)
     paths = [str(path) for path in files.paths]
-    if flags["as_json"]:
+    if flags["json"]:
         print_document({"files": paths, "warnings": files.warnings})
     else:
         typer.echo("\n".join(paths))
@@ -99,7 +99,7 @@ def campaign(command: Command, options: Options, flags: Options) -> None:
         raise SettingError("--out", "is missing: name the directory for the rows")
     if "scheduler" in options and "workers" in options:
         raise SettingError("--workers", "is for this machine: leave it out with --scheduler")
-    if flags["as_json"]:
+    if flags["json"]:
         raise SettingError("--json", "belongs to --summary")
     out = options["out"]
     try:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand
 
-from flexid.cli.options import ARGUMENTS, FLAGS, OPTIONS, AsJson, directory, sentences
+from flexid.cli.options import ARGUMENTS, FLAGS, OPTIONS, Option, sentences
 from flexid.errors import SettingError
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def hand_over(
 
 
 def _print_answer(answer: "Answer", flags: Mapping[str, Any]) -> None:
-    if flags["as_json"]:
+    if flags["json"]:
         print_document(answer._document())
     else:
         from flexid.report.terminal import print_parts
@@ -206,19 +206,19 @@ def register(app: typer.Typer, command: Command) -> None:
 
 def _calling(command: Command, documented: str) -> Callable[..., None]:
     """A function with the command's options, as Typer takes it."""
+    flagged = [*command.flags, *(["out"] if command.writes else []), "json"]
 
     def call(**given: Any) -> None:
-        flags = {
-            name: given.pop(name) for name in (*command.flags, "out", "as_json") if name in given
-        }
-        if "out" in _parameters(command):
-            given["out"] = flags.pop("out", None)
+        flags = {name: given.pop(name) for name in flagged}
+        out = flags.get("out")
         try:
+            if out is not None:
+                flags["out"] = OPTIONS["out"].convert("--out", out)
             (command.run or present)(command, _converted(command, given), flags)
         except SettingError as error:
             raise _as_typed(error, given) from None
 
-    parameters = [*_from_library(command, documented), *_of_printing(command)]
+    parameters = [*_from_library(command, documented), *_of_printing(command, flagged)]
     call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] - read by Typer
     call.__annotations__ = {p.name: p.annotation for p in parameters}
     return call
@@ -304,36 +304,35 @@ def _parameters(command: Command) -> Mapping[str, inspect.Parameter]:
 def _from_library(command: Command, documented: str) -> Iterator[inspect.Parameter]:
     described = _described(documented)
     for name, parameter in _parameters(command).items():
-        if name in _OF_PYTHON:
-            continue
-        named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
-        option = (OPTIONS if named else ARGUMENTS)[name]
-        choices, words = described[name]
-        text = f"{sentences(words)} {option.note}".strip()
-        default = shown_default(parameter.default)
-        if named:
-            declared = [f"--{name.replace('_', '-')}"]
-            metavar = option.metavar or (f"<{choices}>" if choices else None)
-            info: Any = typer.Option(*declared, metavar=metavar, help=text)
-        else:
-            info = typer.Argument(metavar=option.metavar, help=text, show_default=False)
-        annotation = Annotated[option.kind, info]
-        yield inspect.Parameter(
-            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
-        )
+        if name not in _OF_PYTHON:
+            named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
+            option = (OPTIONS if named else ARGUMENTS)[name]
+            choices, words = described[name]
+            option = option._replace(
+                metavar=option.metavar or (f"<{choices}>" if choices else None),
+                note=f"{sentences(words)} {option.note}".strip(),
+            )
+            default = shown_default(parameter.default)
+            yield _declared(name, option, default, named=named)
 
 
-def _of_printing(command: Command) -> Iterator[inspect.Parameter]:
-    flags = {name: FLAGS[name] for name in command.flags}
-    if command.writes:
-        text = f"Write {command.writes} into this directory."
-        option = typer.Option(metavar="DIR", parser=directory, help=text)
-        flags["out"] = (Annotated[Any, option], None)
-    flags["as_json"] = (AsJson, False)
-    for name, (annotation, default) in flags.items():
-        yield inspect.Parameter(
-            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
+def _of_printing(command: Command, flagged: Sequence[str]) -> Iterator[inspect.Parameter]:
+    for name in flagged:
+        option = FLAGS.get(name) or OPTIONS[name]._replace(
+            note=f"Write {command.writes} into this directory."
         )
+        yield _declared(name, option, False if option.kind is bool else None, named=True)
+
+
+def _declared(name: str, option: Option, default: Any, *, named: bool) -> inspect.Parameter:
+    """A parameter as Typer reads it."""
+    if named:
+        flag = f"--{name.replace('_', '-')}"
+        info: Any = typer.Option(flag, metavar=option.metavar, help=option.note)
+    else:
+        info = typer.Argument(metavar=option.metavar, help=option.note, show_default=False)
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, kind, default=default, annotation=Annotated[option.kind, info])
 
 
 def shown_default(default: Any) -> Any:

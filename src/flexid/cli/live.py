@@ -38,11 +38,11 @@ def watch(command: Command, options: Options, flags: Options) -> None:
     with output(flags["out"]) as files, _interruptions() as asked:
         failure = None
         try:
-            _follow(watched, checkpoint, asked, Console(stderr=True), as_json=flags["as_json"])
+            _follow(watched, checkpoint, asked, Console(stderr=True), as_json=flags["json"])
         except Exception as error:  # whatever it is, it must not cost what was learnt before
             failure = error
         if watched.has_begun:
-            _end(watched, checkpoint, as_json=flags["as_json"])
+            _end(watched, checkpoint, as_json=flags["json"])
             if files is not None:
                 watched._write_files(files, as_typed(), str(flags["out"]), csv=False)
         if failure is not None:

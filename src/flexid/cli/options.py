@@ -6,9 +6,7 @@ Names, defaults and words of the help are those of the library's functions; see 
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
-
-import typer
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
@@ -29,10 +27,10 @@ class Option(NamedTuple):
     note: str = ""  # in the help, after the words of the library
 
 
-def directory(text: str) -> Path:
+def parse_directory(option: str, text: str) -> Path:
     """A directory to write into; a `SettingError` if its name is empty."""
     if not text.strip():
-        raise SettingError("--out", "its name is empty: name a directory, e.g. results")
+        raise SettingError(option, "its name is empty: name a directory, e.g. results")
     return Path(text)
 
 
@@ -172,7 +170,7 @@ OPTIONS = {
     "log": _FILE,
     "memory": _SECONDS,
     "model": Option(str),
-    "out": Option(Path | None, "DIR", lambda _name, path: directory(str(path))),
+    "out": Option(str | None, "DIR", parse_directory),
     "sample_time": _SECONDS,
     "scheduler": Option(str | None, "ADDRESS"),
     "seed": _NUMBER,
@@ -199,37 +197,18 @@ OPTIONS = {
 }
 """What has a name, by parameter of the library."""
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
-
-FLAGS: dict[str, tuple[Any, Any]] = {
-    "strict": (
-        Annotated[
-            bool, typer.Option("--strict", help="Exit with status 1 where something is weak, too.")
-        ],
-        False,
+FLAGS = {
+    "strict": Option(bool, note="Exit with status 1 where something is weak, too."),
+    "explain": Option(bool, note="Show the evidence for every choice."),
+    "csv": Option(bool, note="Write the time series as CSV, too; needs --out."),
+    "min_fit": Option(
+        float | None,
+        "PERCENT",
+        note="Exit with status 1 where the free run explains less of a channel.",
     ),
-    "explain": (
-        Annotated[bool, typer.Option("--explain", help="Show the evidence for every choice.")],
-        False,
-    ),
-    "csv": (
-        Annotated[
-            bool, typer.Option("--csv", help="Write the time series as CSV, too; needs --out.")
-        ],
-        False,
-    ),
-    "min_fit": (
-        Annotated[
-            float | None,
-            typer.Option(
-                metavar="PERCENT",
-                help="Exit with status 1 where the free run explains less of a channel.",
-            ),
-        ],
-        None,
-    ),
+    "json": Option(bool, note="Print JSON instead of tables."),
 }
-"""What says how an answer is handed over, with its default."""
+"""How an answer is handed over, which the library does not know."""
 
 
 def sentences(text: str) -> str:
