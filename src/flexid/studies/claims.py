@@ -102,8 +102,9 @@ def _claim(key: str, said: Mapping[str, Any], values: Sequence[Values]) -> Claim
     findings: list[Finding] = []
     for measured, by_subject in zip(said["measured"], values, strict=True):
         relation: Relation = "<=" if "at_most" in measured else ">="
-        limit = measured["at_most" if relation == "<=" else "at_least"]
-        limit, unit = _LIMITS.get(limit, limit), measured.get("unit", "1")
+        stated = measured["at_most" if relation == "<=" else "at_least"]
+        limit = _LIMITS[stated] if isinstance(stated, str) else stated
+        unit = measured.get("unit", "1")
         for subject, found in by_subject.items():
             value, word = found if isinstance(found, tuple) else (found, "")
             quantity = measured["quantity"].format(word)
