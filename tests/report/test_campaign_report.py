@@ -8,8 +8,6 @@ from flexid.library.simulate import CampaignResult
 from flexid.report.campaign import charts as campaign_charts
 from flexid.report.chart import Level, Line, Points
 
-NAN = float("nan")
-
 
 def test_the_document_is_json():
     """Assert that numbers that JSON does not have become null."""
