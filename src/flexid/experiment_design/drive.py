@@ -19,7 +19,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide
 from flexid.models.flexible_joint import SHAPE_TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.physical import joint_coefficients
+from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
 from flexid.simulation.free_run import Command, play
 from flexid.stored_estimates.estimate_file import StoredEstimate
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
@@ -32,20 +32,6 @@ DOUBT = 0.3
 _RANDOM_CASES = 16
 _RAMP = 0.1  # of the duration
 _HIGHEST = 1.5  # frequency of the fastest tone over the resonance
-
-_TERMS = {
-    "gravity_torque": "gravity",
-    "motor_viscous_friction": "motor_viscous",
-    "link_viscous_friction": "link_viscous",
-    "joint_damping": "joint_damping",
-    "motor_coulomb_friction": "motor_coulomb",
-    "link_coulomb_friction": "link_coulomb",
-    "cubic_joint_stiffness": "cubic_stiffness",
-    "link_offset_torque": "link_offset",
-    "motor_offset_torque": "motor_offset",
-}
-"""The term of the model that each optional parameter switches on."""
-
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -165,7 +151,9 @@ class Drive(_Table):
     def case(self, parameters: Mapping[str, float], name: str = "nominal") -> "Case":
         """The model with some values of its parameters."""
         coefficients = joint_coefficients(parameters)
-        terms = tuple(term for parameter, term in _TERMS.items() if parameter in parameters)
+        terms = tuple(
+            term for term, parameter in TERM_PARAMETERS.items() if parameter in parameters
+        )
         known = {"beta1": coefficients["beta1"]} if self.known else {}
         system = flexible_joint(terms, known)
         return Case(name, system, {c: coefficients[c] for c in system.coefficients})

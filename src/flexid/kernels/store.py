@@ -317,7 +317,7 @@ def _generator_digest() -> str:
     """
     content = hashlib.sha256()
     for package in ("flexid.models", "flexid.control", "flexid.derivation"):
-        files = [f for f in resources.files(package).iterdir() if f.name.endswith(".py")]
+        files = [f for f in resources.files(package).iterdir() if f.name.endswith((".py", ".toml"))]
         for file in sorted(files, key=lambda file: file.name):
             content.update(file.read_bytes())
     return content.hexdigest()

@@ -11,9 +11,11 @@ gear, u is the motor torque (or the voltage or current that causes it).
 
 from collections.abc import Collection, Mapping
 
-from flexid.models.parametric_system import Memory, ParametricSystem
+from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import (
+    CONTENTS,
     COULOMB_VELOCITY,
+    DECLARED,
     SMOOTHING,
     Term,
     check_terms,
@@ -21,116 +23,19 @@ from flexid.models.terms import (
     model_constants,
 )
 
-_COMPLIANCE = Term("joint spring", {"theta2": "-(x1 - x3)"}, {"alpha1": "x1 - x3"})
+_COMPLIANCE = Term.declared(DECLARED["spring"])
 
-TERMS: dict[str, Term] = {
-    "gravity": Term("gravity on the link", {"theta1": "-sin(x1)"}, {}),
-    "gravity_cosine": Term(
-        "gravity where the link encoder's zero is not straight down",
-        {"theta_cosine": "-cos(x1)"},
-        {},
-    ),
-    "motor_viscous": Term("viscous friction of the motor", {}, {"alpha2": "-x4"}),
-    "link_viscous": Term("viscous friction of the link", {"theta_viscous": "-x2"}, {}),
-    "joint_damping": Term(
-        "damping of the joint spring",
-        {"theta_damping": "-(x2 - x4)"},
-        {"alpha_damping": "x2 - x4"},
-    ),
-    "motor_coulomb": Term(
-        "Coulomb friction of the motor", {}, {"alpha_coulomb": f"-tanh(x4/{SMOOTHING})"}
-    ),
-    "link_coulomb": Term(
-        "Coulomb friction of the link", {"theta_coulomb": f"-tanh(x2/{SMOOTHING})"}, {}
-    ),
-    "cubic_stiffness": Term(
-        "cubic hardening of the joint spring",
-        {"theta_cubic": "-(x1 - x3)**3"},
-        {"alpha_cubic": "(x1 - x3)**3"},
-    ),
-    "link_offset": Term("constant torque or sensor offset, link", {"theta_offset": "1"}, {}),
-    "motor_offset": Term("constant torque or sensor offset, motor", {}, {"alpha_offset": "1"}),
-}
+TERMS = {name: Term.declared(content) for name, content in DECLARED["terms"].items()}
 """Terms that can be switched on besides the joint spring, which is always there."""
+
+SHAPE_TERMS = {name: Term.declared(content) for name, content in DECLARED["shapes"].items()}
+"""Terms for what a drive may have besides those of `TERMS`; each stands for a family of shapes."""
 
 STRIBECK_VELOCITY = "stribeck_velocity"
 BACKLASH_WIDTH = "backlash_width"
 BEND_DEFLECTION = "bend_deflection"
 RIPPLE_NUMBER = "ripple_number"
 RIPPLE_ORIGIN = "ripple_origin"
-
-_RIPPLING = f"{RIPPLE_NUMBER}*(x3 - {RIPPLE_ORIGIN})"
-
-# Twice the deflection over the width, cut off at 2: a spring less its stiffness times half the gap
-# times half of this is a dead zone, if the width is half the gap.
-_BEYOND = f"abs((x1 - x3)/{BACKLASH_WIDTH} + 1) - abs((x1 - x3)/{BACKLASH_WIDTH} - 1)"
-
-# The deflection beyond where the spring bends.
-_BENT = f"(x1 - x3) - (abs((x1 - x3) + {BEND_DEFLECTION}) - abs((x1 - x3) - {BEND_DEFLECTION}))/2"
-
-SHAPE_TERMS: dict[str, Term] = {
-    "motor_stribeck": Term(
-        "friction of the motor that falls off its static value",
-        {},
-        {"alpha_stribeck": f"-sign(x4)*exp(-(x4/{STRIBECK_VELOCITY})**2)"},
-    ),
-    "motor_drag": Term(
-        "friction of the motor that grows with the square of its velocity",
-        {},
-        {"alpha_drag": "-x4*abs(x4)"},
-    ),
-    "link_drag": Term(
-        "friction of the link that grows with the square of its velocity",
-        {"theta_drag": "-x2*abs(x2)"},
-        {},
-    ),
-    "torque_saturation": Term(
-        "torque that falls behind the recorded input where that is large",
-        {},
-        {"alpha_saturation": "-u**3"},
-    ),
-    "torque_ripple": Term(
-        "torque that repeats with the motor's position, many times in a turn",
-        {},
-        {
-            "alpha_ripple_sine": f"sin({_RIPPLING})",
-            "alpha_ripple_cosine": f"cos({_RIPPLING})",
-        },
-    ),
-    "eccentricity": Term(
-        "error of the transmission that repeats with each turn",
-        {"theta_ecc_sine": "sin(x3)", "theta_ecc_cosine": "cos(x3)"},
-        {  # the gear, which turns by e more, turns the torque by e' more: (x1 - x3 - e) (1 + e')
-            "alpha_ecc_sine": "-sin(x3) + (x1 - x3)*cos(x3)",
-            "alpha_ecc_cosine": "-cos(x3) - (x1 - x3)*sin(x3)",
-            "alpha_ecc_sine_square": "-sin(x3)*cos(x3)",
-            "alpha_ecc_cosine_square": "sin(x3)*cos(x3)",
-            "alpha_ecc_product": "-cos(2*x3)",
-        },
-    ),
-    "spring_hysteresis": Term(
-        "friction within the joint spring",
-        {"theta_hysteresis": "-hysteresis"},
-        {"alpha_hysteresis": "hysteresis"},
-        Memory("hysteresis", "x1 - x3", "hysteresis_grip"),
-    ),
-    "backlash": Term(
-        "play of the joint about its rest",
-        {"theta_backlash": f"({_BEYOND})/2"},
-        {"alpha_backlash": f"-({_BEYOND})/2"},
-    ),
-    "bent_spring": Term(
-        "joint spring with another stiffness beyond some deflection",
-        {"theta_bend": f"-({_BENT})"},
-        {"alpha_bend": _BENT},
-    ),
-    "lopsided_spring": Term(
-        "joint spring that is stiffer to one side",
-        {"theta_lopsided": "-(x1 - x3)**2"},
-        {"alpha_lopsided": "(x1 - x3)**2"},
-    ),
-}
-"""Terms for what a drive may have besides those of `TERMS`; each stands for a family of shapes."""
 
 SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER, RIPPLE_ORIGIN)
 """Constants of these terms: how wide their shapes are, and from where a ripple counts."""
@@ -168,41 +73,12 @@ SQUARES = frozenset(name for name, (first, *_) in TIES.items() if name[:5] == fi
 """Those that follow from others of their own row: too small to be sought each for itself."""
 
 COEFFICIENT_UNITS: dict[str, str] = {
-    "theta1": "1/s^2",
-    "theta2": "1/s^2",
-    "theta_cosine": "1/s^2",
-    "theta_viscous": "1/s",
-    "theta_damping": "1/s",
-    "theta_coulomb": "rad/s^2",
-    "theta_cubic": "1/(rad^2 s^2)",
-    "theta_offset": "rad/s^2",
-    "theta_drag": "1/rad",
-    "theta_ecc_sine": "rad/s^2",
-    "theta_ecc_cosine": "rad/s^2",
-    "theta_hysteresis": "rad/s^2",
-    "theta_backlash": "rad/s^2",
-    "theta_bend": "1/s^2",
-    "theta_lopsided": "1/(rad s^2)",
-    "alpha1": "1/s^2",
-    "alpha2": "1/s",
-    "alpha_damping": "1/s",
-    "alpha_coulomb": "rad/s^2",
-    "alpha_cubic": "1/(rad^2 s^2)",
-    "alpha_offset": "rad/s^2",
-    "alpha_stribeck": "rad/s^2",
-    "alpha_drag": "1/rad",
-    "alpha_saturation": "rad/s^2/({input})^3",
-    "alpha_ripple_sine": "rad/s^2",
-    "alpha_ripple_cosine": "rad/s^2",
-    "alpha_ecc_sine": "rad/s^2",
-    "alpha_ecc_cosine": "rad/s^2",
-    "alpha_ecc_sine_square": "rad/s^2",
-    "alpha_ecc_cosine_square": "rad/s^2",
-    "alpha_ecc_product": "rad/s^2",
-    "alpha_hysteresis": "rad/s^2",
-    "alpha_backlash": "rad/s^2",
-    "alpha_bend": "1/s^2",
-    "alpha_lopsided": "1/(rad s^2)",
+    **{
+        name: unit
+        for side in ("link", "motor")
+        for content in CONTENTS
+        for name, (_, unit) in content.get(side, {}).items()
+    },
     "beta1": "rad/s^2/{input}",
     "hysteresis_grip": "1/rad",
 }
@@ -251,7 +127,6 @@ def flexible_joint(
     known = dict(known or {})
     every = TERMS | SHAPE_TERMS
     check_terms(terms, every)
-    # Huang (2003) numbers theta1 before theta2, so gravity comes before the spring.
     chosen = [TERMS["gravity"]] * ("gravity" in terms) + [_COMPLIANCE]
     chosen += [term for name, term in every.items() if name in terms and name != "gravity"]
     link = {c: r for term in chosen for c, r in term.link.items()}

@@ -2,28 +2,10 @@
 
 from dataclasses import dataclass
 
+from flexid.models.terms import DECLARED
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
-JOINT_TERMS = (
-    JointTerm("joint_stiffness", "spring", "q", "N m/rad", 1, meaning="of the spring of the joint"),
-    JointTerm("joint_damping", "spring", "v", "N m s/rad", meaning="of the spring of the joint"),
-    JointTerm(
-        "joint_offset",
-        "spring",
-        "1",
-        "N m",
-        meaning="torque of the spring where the encoders agree",
-    ),
-    JointTerm("motor_inertia", "motor", "a", "kg m^2", 1, meaning="at the link's side of the gear"),
-    JointTerm("motor_viscous_friction", "motor", "v", "N m s/rad", meaning="of the motor"),
-    JointTerm("motor_coulomb_friction", "motor", "sign(v)", "N m", meaning="of the motor"),
-    JointTerm("motor_offset", "motor", "1", "N m", meaning="torque that the input lacks"),
-    JointTerm("link_viscous_friction", "link", "v", "N m s/rad", meaning="beyond the spring"),
-    JointTerm("link_coulomb_friction", "link", "sign(v)", "N m", meaning="beyond the spring"),
-    JointTerm(
-        "torque_constant", "input", "u", "N m per unit", 1, 1.0, meaning="of the motor's input"
-    ),
-)
+JOINT_TERMS = tuple(JointTerm(name, **content) for name, content in DECLARED["arm"].items())
 """What every joint of an arm may have: each torque opposes the motion, but for the input."""
 
 

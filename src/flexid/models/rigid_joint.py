@@ -25,43 +25,22 @@ from collections.abc import Collection, Mapping
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import (
     COULOMB_VELOCITY,
-    SMOOTHING,
+    DECLARED,
     check_terms,
     declared_row,
     model_constants,
 )
 
 RIGID_TERMS: dict[str, dict[str, str]] = {
-    "gravity": {"gamma1": "-sin(x1)"},
-    "gravity_cosine": {"gamma_cosine": "-cos(x1)"},
-    "viscous": {"gamma_viscous": "-x2"},
-    "viscous_asymmetry": {"gamma_asymmetry": "-abs(x2)"},
-    "coulomb": {"gamma_coulomb": f"-tanh(x2/{SMOOTHING})"},
-    "offset": {"gamma_offset": "1"},
+    term: {name: regressor for name, (regressor, _) in content.items()}
+    for term, content in DECLARED["rigid"].items()
 }
 """Terms that can be switched on besides the inertia, which is always there, with regressors."""
 
 RIGID_UNITS: dict[str, str] = {
-    "gamma1": "1/s^2",
-    "gamma_cosine": "1/s^2",
-    "gamma_viscous": "1/s",
-    "gamma_asymmetry": "1/s",
-    "gamma_coulomb": "rad/s^2",
-    "gamma_offset": "rad/s^2",
-    "beta1": "rad/s^2/{input}",
-}
+    name: unit for content in DECLARED["rigid"].values() for name, (_, unit) in content.items()
+} | {"beta1": "rad/s^2/{input}"}
 """Unit of every coefficient; ``{input}`` stands for the unit of the input."""
-
-_RIGID_COUNTERPART = {
-    "gravity": "gravity",
-    "gravity_cosine": "gravity_cosine",
-    "motor_viscous": "viscous",
-    "link_viscous": "viscous",
-    "motor_coulomb": "coulomb",
-    "link_coulomb": "coulomb",
-    "link_offset": "offset",
-    "motor_offset": "offset",
-}  # a term of the spring has none
 
 
 def rigid_joint(
@@ -107,7 +86,7 @@ def rigid_terms(flexible_terms: Collection[str]) -> tuple[str, ...]:
     >>> rigid_terms(("gravity", "motor_viscous", "link_viscous", "joint_damping"))
     ('gravity', 'viscous')
     """
-    found = {_RIGID_COUNTERPART[term] for term in flexible_terms if term in _RIGID_COUNTERPART}
+    found = {DECLARED["terms"].get(term, {}).get("rigid") for term in flexible_terms}
     return tuple(term for term in RIGID_TERMS if term in found)
 
 

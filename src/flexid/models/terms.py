@@ -1,11 +1,28 @@
 """Terms that are switched on by name, and how they become the row of a system."""
 
-from collections.abc import Collection, Iterable, Mapping
+import tomllib
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
+from pathlib import Path
+from typing import Any
 
 from flexid.errors import SettingError, did_you_mean
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
+
+DECLARED: Mapping[str, Any] = tomllib.loads(
+    Path(__file__).with_name("joint.toml").read_text("utf-8")
+)
+"""What ``joint.toml`` declares of joints and arms."""
+
+# Huang (2003) numbers theta1 before theta2, so gravity comes before the spring.
+CONTENTS: Sequence[Mapping[str, Any]] = [
+    DECLARED["terms"]["gravity"],
+    DECLARED["spring"],
+    *(content for name, content in DECLARED["terms"].items() if name != "gravity"),
+    *DECLARED["shapes"].values(),
+]
+"""The same of all terms of the flexible joint, in the order of their coefficients."""
 
 COULOMB_VELOCITY = 0.1
 """Velocity in rad/s over which the smoothed Coulomb friction, a tanh, changes sign."""
@@ -25,6 +42,16 @@ class Term:
     link: Mapping[str, str]
     motor: Mapping[str, str]
     memory: Memory | None = None
+
+    @staticmethod
+    def declared(content: Mapping[str, Any]) -> "Term":
+        """A term as ``joint.toml`` has it."""
+        link, motor = (
+            {name: regressor for name, (regressor, _) in content.get(side, {}).items()}
+            for side in ("link", "motor")
+        )
+        memory = Memory(**content["memory"]) if "memory" in content else None
+        return Term(content["description"], link, motor, memory)
 
     @property
     def coefficients(self) -> tuple[str, ...]:
