@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexid.streaming.health import LIMITS, Evidence, Health, Recent, Width, contradicts, judge
+from flexid.streaming.health import Evidence, Health, Recent, Width, contradicts, judge
 
 GOOD = Evidence(
     bad_share=0.0,
@@ -84,4 +84,3 @@ def test_values_are_those_of_the_exported_c():
         "sensor fault",
     ]
     assert [*map(int, Health)] == [0, 1, 2, 3, 4]
-    assert all(unit and reason for _, _, unit, reason in LIMITS.table())

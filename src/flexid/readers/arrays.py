@@ -1,27 +1,23 @@
 """Arrays of a file as signals: vectors, and columns of matrices."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from flexid.readers.contents import (
     LONGEST_PATH,
     MOST_SIGNALS,
     WIDEST,
     Contents,
+    Frame,
     RefusedError,
     Series,
 )
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from flexid.readers.contents import Frame
-
-    Selection: TypeAlias = tuple[int | slice, ...]
-    Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
+Selection: TypeAlias = tuple[int | slice, ...]
+Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
 
 _ALL = slice(None)
 _SIGNALS = "iufmM"  # kinds of numbers, dates and durations

@@ -3,25 +3,19 @@
 Each message is a line of JSON. A frame's says how many bytes of an Arrow stream follow it.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import os
 import sys
 import time
 import warnings
+from collections.abc import Iterable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
-from flexid.readers.contents import Contents, RefusedError, of_frame
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from flexid.readers.contents import Frame
+from flexid.readers.contents import Contents, Frame, RefusedError, of_frame
 
 _BEAT = 1.0  # s between signs of life
 _pipe: BinaryIO | None = None

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 if TYPE_CHECKING:
     import polars
 
-    Frame: TypeAlias = tuple[str, Mapping[str, Any] | polars.DataFrame]
-    Read: TypeAlias = Callable[[Collection[str], int], Iterator[Frame]]
+Frame: TypeAlias = "tuple[str, Mapping[str, Any] | polars.DataFrame]"
+Read: TypeAlias = Callable[[Collection[str], int], Iterator[Frame]]
 
 STAMPS = ""  # the column of a frame that holds time stamps: seconds, or whole nanoseconds
 DEEPEST = 16  # levels of structs, messages or groups that are looked into

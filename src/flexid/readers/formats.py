@@ -1,12 +1,8 @@
 """The formats of other programs that flexid reads, and the words for them."""
 
-from __future__ import annotations
-
 import os
-from typing import TYPE_CHECKING, NamedTuple
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
+from typing import NamedTuple
 
 
 class Format(NamedTuple):

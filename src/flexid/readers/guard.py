@@ -14,7 +14,9 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Collection, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexid.errors import RecordingError
@@ -23,9 +25,6 @@ from flexid.readers.contents import Series
 from flexid.readers.formats import files_of, format_of
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-    from pathlib import Path
-
     import polars
 
 _OUT_OF_TIME = -getattr(signal, "SIGXCPU", 0) or None  # Windows has none

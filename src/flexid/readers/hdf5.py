@@ -1,15 +1,11 @@
 """HDF5 files, and MATLAB's of version 7.3, which are such, by h5py."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from flexid.readers.arrays import Arrays
 from flexid.readers.child import still_alive
 from flexid.readers.contents import WIDEST, Contents, RefusedError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _MOST_OBJECTS = 100_000
 _OF_COLUMNS = ("columns", "names", "column_names", "labels", "fields", "channels")

@@ -1,17 +1,13 @@
 """MATLAB files, by SciPy; those of version 7.3 are HDF5."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flexid.readers import hdf5
 from flexid.readers.arrays import Arrays
 from flexid.readers.contents import DEEPEST, WIDEST, Contents, RefusedError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _HDF5 = (b"MATLAB 7.3", b"\x89HDF")
 _NAMES = ("label", "Name", "name")

@@ -1,10 +1,9 @@
 """MDF files of measurement and calibration tools, versions 2 to 4, by asammdf."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,14 +13,10 @@ from flexid.readers.contents import (
     MOST_SIGNALS,
     STAMPS,
     Contents,
+    Frame,
     RefusedError,
     Series,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from flexid.readers.contents import Frame
 
 _TIME_MASTER = (0, 1)  # sync types: none stated, as in version 3, and time
 _NUMBERS = range(6)  # data types of version 4: integers and floating point, of either byte order

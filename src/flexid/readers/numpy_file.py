@@ -1,16 +1,11 @@
 """NumPy's files, by NumPy."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from flexid.readers.arrays import Arrays
 from flexid.readers.contents import Contents
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def read(path: Path) -> Contents:

@@ -3,15 +3,13 @@
 MCAP files are taken apart by mcap, bags by rosbags, which decodes ROS's messages of both.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from array import array
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,13 +21,11 @@ from flexid.readers.contents import (
     STAMPS,
     WIDEST,
     Contents,
+    Frame,
     RefusedError,
     Series,
 )
 from flexid.readers.formats import files_of
-
-if TYPE_CHECKING:
-    from flexid.readers.contents import Frame
 
 _LARGEST_RECORD = 1_000_000_000  # bytes
 _LONGEST_DEFINITION = 200_000  # characters

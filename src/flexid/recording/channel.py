@@ -1,13 +1,9 @@
 """The channels that a log may have, and one of them in SI units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from flexid.arrays import FloatArray
+from flexid.arrays import FloatArray
 
 VELOCITIES = ("link_velocity", "motor_velocity")
 INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference

@@ -15,16 +15,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.table import is_number
+from flexid.recording.table import Table, is_number
 
 if TYPE_CHECKING:
     import polars
-    from numpy.typing import NDArray
-
-    from flexid.arrays import FloatArray
-    from flexid.recording.table import Table
 
 LONG_AGO = 1e8
 """Seconds beyond which a clock counts from long ago, and the log from its own beginning."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isclose
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -23,13 +24,11 @@ from flexid.recording.names import (
     usual_channel,
 )
 from flexid.recording.si_channels import Recipe, counted_time, made, recipe_of_map
+from flexid.recording.table import Table
 from flexid.recording.units import UnitError, is_relative, scale_to_si
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from flexid.recording.column_map import ColumnMap, Entry, MapSource
-    from flexid.recording.table import Table
 
 _LINK = "link_position (or deflection)"
 _INPUT = "motor_torque (or motor_current, or motor_voltage)"

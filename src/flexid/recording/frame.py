@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.errors import RecordingError
 from flexid.readers.arrays import known_times
@@ -17,7 +18,6 @@ from flexid.recording.table import Table
 
 if TYPE_CHECKING:
     import polars
-    from numpy.typing import NDArray
 
 FRAME = "data frame"
 ARRAYS = "arrays"

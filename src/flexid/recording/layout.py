@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -14,8 +15,6 @@ from flexid.recording.table import EXAMPLE, is_number
 from flexid.recording.units import is_usual
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import polars
 
 SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma may be a decimal's

@@ -1,17 +1,13 @@
 """Names of columns: split from their units, and recognised however they are written."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections import Counter
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 from flexid.recording.units import is_usual, quantity_of, unit_of_word
 from flexid.recording.words import CLEAR_SIDES, Words, words_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
 
 LONGEST = 200  # characters of a name that is looked into
 MOST_TIMES = 3  # in a message

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
@@ -11,14 +12,11 @@ from flexid.readers.guard import Reading
 from flexid.recording.columns import sources
 from flexid.recording.names import cut, split_header, usual_channel
 from flexid.recording.series import TIME, names_of, with_own_times
+from flexid.recording.table import Table
 from flexid.recording.text import read_table
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import polars
-
-    from flexid.recording.table import Table
 
 _ROWS = 5  # that are shown
 _LONGEST_CELL = 24  # characters

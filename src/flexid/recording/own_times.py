@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
 from flexid.readers.contents import STAMPS, Series
+from flexid.readers.guard import Reading
 from flexid.recording.names import quoted, usual_channel
 from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
-
     import polars
-
-    from flexid.readers.guard import Reading
 
 
 class OwnTimes:

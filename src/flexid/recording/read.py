@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexid.arrays import FloatArray
 from flexid.recording import checks
 from flexid.recording.channel import INPUTS, VELOCITIES
 from flexid.recording.columns import read_channels
@@ -17,14 +19,11 @@ from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import drop_repeats, even_grid, to_grid
 from flexid.recording.series import table_of_file
 from flexid.recording.slow_motion import motion_warnings
+from flexid.recording.table import Table
 from flexid.recording.wraps import count_on, unwrap
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from flexid.arrays import FloatArray
     from flexid.recording.column_map import MapSource
-    from flexid.recording.table import Table
 
 
 def read_log(path: Path, columns: MapSource | None = None) -> Log:

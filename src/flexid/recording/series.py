@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Iterator
 from contextlib import closing, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexid.errors import RecordingError
@@ -26,9 +28,6 @@ from flexid.recording.table import Table
 from flexid.recording.text import read_table
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
-    from pathlib import Path
-
     import polars
 
     from flexid.recording.column_map import MapSource

@@ -7,8 +7,6 @@ filter delays without attenuating anything. The one whose delay is flattest at l
 leaves white noise white.
 """
 
-from __future__ import annotations
-
 from math import comb
 
 import numpy as np

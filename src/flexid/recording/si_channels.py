@@ -8,13 +8,13 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.recording.channel import GEARED, SI_UNITS, Channel, Origin
+from flexid.recording.clock import Clock
 from flexid.recording.names import did_you_mean, folded, quoted, split_header
+from flexid.recording.table import Table
 from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
-    from flexid.recording.clock import Clock
     from flexid.recording.column_map import ColumnMap
-    from flexid.recording.table import Table
 
 
 class Recipe(NamedTuple):

@@ -12,21 +12,16 @@ with 1/57.3 of it, and not with the angle, is gravity in another unit.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.recording.caution import Caution, Rank
+from flexid.recording.recording import Recording
 from flexid.recording.velocities import best_half_window, velocity
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from flexid.arrays import FloatArray
-    from flexid.recording.recording import Recording
 
 _REACH = 6.0  # standard deviations of the smoothing kernel on either side: 1e-8 is cut off
 _FEWEST = 40  # smoothed samples that tell apart seven signals

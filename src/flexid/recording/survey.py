@@ -1,19 +1,13 @@
 """What a log shows at a glance, before anything is fitted to it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexid.recording.recording import CHANNELS
+from flexid.arrays import FloatArray
+from flexid.recording.recording import CHANNELS, Log, Recording
 from flexid.recording.sampling import FEWEST_TO_IDENTIFY
 from flexid.recording.velocities import position_noise, velocity
-
-if TYPE_CHECKING:
-    from flexid.arrays import FloatArray
-    from flexid.recording.recording import Log, Recording
 
 _RESTING = 0.02  # of the largest velocity
 _SHARE = 0.95  # of the input's power

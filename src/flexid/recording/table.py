@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.names import cut, first_of, quoted, shortest_ends
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
-
     import polars
-    from numpy.typing import NDArray
-
-    from flexid.arrays import FloatArray
 
 EXAMPLE = "2024-05-01T10:00:00.123"  # a time stamp, for messages
 DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?$"

@@ -1,17 +1,13 @@
 """Velocities from positions: a zero-phase smoothing differentiator that chooses its own window."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from math import comb, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from flexid.arrays import FloatArray
-    from flexid.recording.recording import Recording
+from flexid.arrays import FloatArray
+from flexid.recording.recording import Recording
 
 DEGREE = 5  # of the local polynomials
 ORDER = 8  # of the differences that tell noise from motion

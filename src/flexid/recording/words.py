@@ -1,7 +1,5 @@
 """The words that names of columns are made of, in several languages, and how a name falls apart."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from functools import cache

@@ -8,21 +8,19 @@ drawn to what it was. Whether it has is a comparison of the two.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexid.errors import SettingError
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.flexible_joint import SHAPE_TERMS, SQUARES
 from flexid.models.parameter_kinds import ANGLES, difference
-
-if TYPE_CHECKING:
-    from flexid.identification.result.identification import Identification
-    from flexid.identification.vocabulary.evidence import ParameterEstimate
 
 LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word
 _OF_THE_MOTOR = {"viscous": "motor_viscous", "coulomb": "motor_coulomb", "offset": "motor_offset"}
 
 
-def check_comparable(result: "Identification") -> None:
+def check_comparable(result: Identification) -> None:
     """Refuse an identification that no stream can be held against."""
     terms = result.choices.terms
     remembering = [term for term in terms if (s := SHAPE_TERMS.get(term)) and s.memory]
@@ -42,7 +40,7 @@ def check_comparable(result: "Identification") -> None:
         )
 
 
-def taken_from(result: "Identification") -> dict[str, Any]:
+def taken_from(result: Identification) -> dict[str, Any]:
     """Options of a stream, by the fields of `WatchOptions`, as an identification has them."""
     choices = result.choices
     hold = "zero" if choices.hold == "zero" else "linear"
@@ -59,13 +57,13 @@ def taken_from(result: "Identification") -> dict[str, Any]:
     return found
 
 
-def given_values(result: "Identification") -> dict[str, float]:
+def given_values(result: Identification) -> dict[str, float]:
     """Coefficients that a stream does not seek, with their values."""
     names = result.given | SQUARES
     return {name: c.value for name, c in result.coefficients.items() if name in names}
 
 
-def not_accounted_for(result: "Identification", sample_time: float) -> Iterator[str]:
+def not_accounted_for(result: Identification, sample_time: float) -> Iterator[str]:
     """What of an identification a stream of such samples does not account for."""
     alignment = result.choices.alignment
     late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
@@ -88,7 +86,7 @@ def stream_terms(terms: Sequence[str], kind: str) -> tuple[str, ...]:
     return tuple(_OF_THE_MOTOR.get(term, term) if kind == "rigid" else term for term in terms)
 
 
-def _reference(result: "Identification") -> dict[str, tuple[float, float]]:
+def _reference(result: Identification) -> dict[str, tuple[float, float]]:
     """Value of each physical parameter that is determined, and half of its 95 % interval."""
     return {
         name: (found.value, found.half_width)
@@ -97,7 +95,7 @@ def _reference(result: "Identification") -> dict[str, tuple[float, float]]:
     }
 
 
-def _is_known(found: "ParameterEstimate") -> bool:
+def _is_known(found: ParameterEstimate) -> bool:
     if "[" in found.name or not all(map(isfinite, (found.value, found.std, *found.interval))):
         return False
     return found.value != 0.0 or found.name in ANGLES
@@ -136,7 +134,7 @@ class Departure:
 
 def departures(
     reference: Mapping[str, tuple[float, float]],
-    parameters: Mapping[str, "ParameterEstimate"],
+    parameters: Mapping[str, ParameterEstimate],
     *,
     widths: float,
     least: float,

@@ -5,9 +5,8 @@ same; the values of `Health` are those of ``flexid_health`` in the exported C.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 
 class Health(IntEnum):
@@ -30,73 +29,34 @@ class Health(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-def _limit(value: float, unit: str, reason: str) -> Any:
-    return field(default=value, metadata={"unit": unit, "reason": reason})
+class Limits(NamedTuple):
+    """What the health is decided by."""
 
-
-@dataclass(frozen=True)
-class Limits:
-    """What the health is decided by; each field's metadata holds its unit and its reason."""
-
-    window: float = _limit(
-        10.0,
-        "time constants of the filter",
-        "span of what is called recent: equations farther apart share no noise",
-    )
-    bad_share: float = _limit(
-        0.2,
-        "1",
-        "share of the recent samples that could not be used, from which on it is no accident; a "
-        "line that loses one sample in ten still leaves most of the motion",
-    )
-    slack: float = _limit(
-        0.01,
-        "1",
-        "unpredicted part of the recent left-hand sides' mean square that contradicts nothing: "
-        "what models leave out makes a tenth of an acceleration here and there",
-    )
-    unusual: float = _limit(
-        10.0,
-        "1",
-        "and how many times what is usually left unexplained: noise alone makes less than two, and "
-        "where the motion is larger than usual, so is what the model leaves out",
-    )
-    patience: float = _limit(
-        40.0,
-        "time constants of the filter",
-        "motion after which what is still open is open because of the motion",
-    )
-    width: float = _limit(
-        0.2,
-        "1",
-        "half of an interval over the value, up to which a number is determined, as in "
-        "`flexid.Thresholds`",
-    )
-    disagreement: float = _limit(
-        1.0,
-        "1",
-        "difference between filters over the value, from which on they contradict each other",
-    )
-
-    departure: float = _limit(
-        2.0,
-        "1",
-        "difference from an estimate made before, over both half intervals together, from which on "
-        "it is no chance: four standard deviations",
-    )
-    least_departure: float = _limit(
-        0.1,
-        "1",
-        "and over the value: what models leave out makes 5 % here and there, with another "
-        "estimator or another motion",
-    )
-
-    def table(self) -> list[tuple[str, float, str, str]]:
-        """Name, value, unit and reason of every limit."""
-        return [
-            (f.name, getattr(self, f.name), f.metadata["unit"], f.metadata["reason"])
-            for f in fields(self)
-        ]
+    # Time constants of the filter, the span of what is called recent: equations farther apart share
+    # no noise.
+    window: float = 10.0
+    # Of the recent samples that could not be used, from which on it is no accident: a line that
+    # loses one sample in ten still leaves most of the motion.
+    bad_share: float = 0.2
+    # Unpredicted part of the recent left-hand sides' mean square that contradicts nothing: what
+    # models leave out makes a tenth of an acceleration here and there.
+    slack: float = 0.01
+    # And how many times what is usually left unexplained: noise alone makes less than two, and
+    # where the motion is larger than usual, so is what the model leaves out.
+    unusual: float = 10.0
+    # Time constants of motion after which what is still open is open because of the motion.
+    patience: float = 40.0
+    # Half of an interval over the value, up to which a number is determined, as in
+    # `flexid.Thresholds`.
+    width: float = 0.2
+    # Difference between filters over the value, from which on they contradict each other.
+    disagreement: float = 1.0
+    # Difference from an estimate made before, over both half intervals together, from which on it
+    # is no chance: four standard deviations.
+    departure: float = 2.0
+    # And over the value: what models leave out makes 5 % here and there, with another estimator or
+    # another motion.
+    least_departure: float = 0.1
 
 
 LIMITS = Limits()

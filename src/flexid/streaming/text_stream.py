@@ -7,13 +7,16 @@ is counted.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
+from flexid.recording.channel import Channel
 from flexid.recording.clock import Clock, is_stamp
 from flexid.recording.columns import channels_of, read_channels, recipes_of
 from flexid.recording.layout import (
@@ -27,19 +30,15 @@ from flexid.recording.layout import (
     without_twins,
 )
 from flexid.recording.sampling import GAP, check_typical
+from flexid.recording.si_channels import Recipe
 from flexid.recording.table import HOLE, Table, decimal_mark, first_mark, is_number
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     import polars
 
-    from flexid.arrays import FloatArray
-    from flexid.recording.channel import Channel
     from flexid.recording.column_map import MapSource
-    from flexid.recording.si_channels import Recipe
 
 HEAD_LINES = 200  # lines at the beginning from which layout and sample time are taken
 LINES_FOR_LAYOUT = 8  # lines from which the layout alone is taken, where the sample time is known
