@@ -18,7 +18,9 @@ is a flat output: differentiated four times, x1'''' meets the input, so
 exactly where the nominal coefficients are the true ones.
 """
 
+import tomllib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -38,29 +40,7 @@ LARGEST_LINK_INERTIA = 1.4
 LARGEST_MOTOR_INERTIA = 0.42
 SMALLEST_JOINT_STIFFNESS = 60.0
 
-_ROBUST = {
-    # Motor position and velocity that hold the nominal link on the reference, and their torque.
-    "w1N": "qd + (nominal_gravity_torque*sin(qd) + nominal_link_inertia*qd_2)"
-    "/nominal_joint_stiffness",
-    "w2N": "qd_1 + (nominal_gravity_torque*cos(qd)*qd_1 + nominal_link_inertia*qd_3)"
-    "/nominal_joint_stiffness",
-    "uN": "nominal_motor_inertia*qd_2 + nominal_motor_inertia/nominal_joint_stiffness"
-    "*(nominal_gravity_torque*qd_2*cos(qd) - nominal_gravity_torque*qd_1**2*sin(qd)"
-    " + nominal_link_inertia*qd_4) + nominal_motor_viscous_friction*w2N"
-    " + nominal_gravity_torque*sin(qd) + nominal_link_inertia*qd_2",
-    "filtered_error": "x2 - qd_1 + k*(x1 - qd)",
-    "w1F": "-gain1*filtered_error",
-    "w2F": "-gain2*(x3 - w1F - w1N)",
-    "w2": "w2N + w2F",
-    "uF": "-gain3*(x4 - w2)",
-}
-
-_COORDINATES = {
-    "e1": "x1 - qd",
-    "e2": "filtered_error",
-    "e3": "x3 - w1N - w1F",
-    "e4": "x4 - w2",
-}
+_DECLARED = tomllib.loads(Path(__file__).with_name("laws.toml").read_text("utf-8"))
 
 
 def robust_law(
@@ -74,31 +54,20 @@ def robust_law(
     """Declare the law (11) for the flexible joint, by default with the values of Table I."""
     a, b, c = map(float, exponents)
     return Controller(
-        "robust law",
-        "x1",
-        {"u": "uN + uF"},
-        {f"nominal_{name}": nominal[name] for name in NOMINAL}
+        **_DECLARED["robust"],
+        parameters={f"nominal_{name}": nominal[name] for name in NOMINAL}
         | {
             "k": k,
             "largest_link_inertia": largest_link_inertia,
             "largest_motor_inertia": largest_motor_inertia,
             "smallest_joint_stiffness": smallest_joint_stiffness,
         },
-        _ROBUST,
-        _COORDINATES,
-        {
+        derived={
             "gain1": f"k**{a!r}*largest_link_inertia/smallest_joint_stiffness",
             "gain2": f"k**{b!r}",
             "gain3": f"k**{c!r}*largest_motor_inertia",
         },
     )
-
-
-_PD_GRAVITY = {
-    "motor_reference": "qd + nominal_gravity_torque*sin(qd)/nominal_joint_stiffness",
-    "motor_reference_speed": "qd_1 + nominal_gravity_torque*cos(qd)*qd_1/nominal_joint_stiffness",
-    "gravity_compensation": "nominal_gravity_torque*sin(qd)",
-}
 
 
 def pd_gravity(
@@ -107,35 +76,16 @@ def pd_gravity(
     nominal: Mapping[str, float] = NOMINAL,  # gravity_torque in N m, joint_stiffness in N m/rad
 ) -> Controller:
     """Declare the law for the flexible joint."""
-    return Controller(
-        "PD with gravity compensation",
-        "x1",
-        {
-            "u": "gravity_compensation + proportional*(motor_reference - x3)"
-            " + derivative*(motor_reference_speed - x4)"
-        },
-        {
-            "nominal_gravity_torque": nominal["gravity_torque"],
-            "nominal_joint_stiffness": nominal["joint_stiffness"],
-            "proportional": proportional,
-            "derivative": derivative,
-        },
-        _PD_GRAVITY,
-    )
+    parameters = {
+        "nominal_gravity_torque": nominal["gravity_torque"],
+        "nominal_joint_stiffness": nominal["joint_stiffness"],
+        "proportional": proportional,
+        "derivative": derivative,
+    }
+    return Controller(**_DECLARED["pd-gravity"], parameters=parameters)
 
 
 COEFFICIENTS = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
-
-_COMPUTED_TORQUE = {
-    # Acceleration and jerk of the link, as the nominal model has them.
-    "acceleration": "-nominal_theta1*sin(x1) - nominal_theta2*(x1 - x3)",
-    "jerk": "-nominal_theta1*cos(x1)*x2 - nominal_theta2*(x2 - x4)",
-    "demand": "qd_4 - stiffness3*(jerk - qd_3) - stiffness2*(acceleration - qd_2)"
-    " - stiffness1*(x2 - qd_1) - stiffness0*(x1 - qd)",
-    # x1'''' = theta1 (sin(x1) x2² - cos(x1) x1'') - theta2 (x1'' - x3''), solved for x3''.
-    "motor_acceleration": "acceleration + (demand - nominal_theta1*(sin(x1)*x2**2"
-    " - cos(x1)*acceleration))/nominal_theta2",
-}
 
 
 def computed_torque(
@@ -149,11 +99,6 @@ def computed_torque(
     if len(poles) != 4 or max(poles) >= 0.0:
         raise SettingError("poles", f"{tuple(poles)} are not four negative numbers")
     stiffness = np.poly(np.asarray(poles, dtype=float))[:0:-1]
-    return Controller(
-        "computed torque",
-        "x1",
-        {"u": "(motor_acceleration - nominal_alpha1*(x1 - x3) + nominal_alpha2*x4)/nominal_beta1"},
-        {f"nominal_{name}": nominal[name] for name in COEFFICIENTS}
-        | {f"stiffness{i}": float(value) for i, value in enumerate(stiffness)},
-        _COMPUTED_TORQUE,
-    )
+    parameters = {f"nominal_{name}": nominal[name] for name in COEFFICIENTS}
+    parameters |= {f"stiffness{i}": float(value) for i, value in enumerate(stiffness)}
+    return Controller(**_DECLARED["computed-torque"], parameters=parameters)
