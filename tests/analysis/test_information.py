@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from flexid.analysis.information import segmented_information
+from flexid.analysis.information import information_at
 from flexid.errors import SimulationError
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.models.parametric_system import ParametricSystem, Row
 
@@ -13,14 +15,17 @@ CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"
 H, N, NOISE = 0.01, 400, 1e-3
 
 
+def information(system, values, force, duration, start):
+    """Information of a system, held force, over segments of a duration from one state."""
+    segments = divide([Samples(np.zeros((N, 1)), None, force[:, None], H)], duration)
+    point = Point(np.array(values), np.tile(start, (len(segments), 1)))
+    problem = segmented_motion(system, segments, Timing("zero"))
+    return information_at(problem.at(point, np.array([1.0 / NOISE])), point)
+
+
 def cart_information(force, duration):
-    """Information of the cart, held force, over segments of a duration."""
-    samples = Samples(np.zeros((N, 1)), None, force[:, None], H)
-    segments = divide([samples], duration)
-    states = np.zeros((len(segments), 2))
-    return segmented_information(
-        CART, np.array([2.0, 0.3]), segments, states, np.array([NOISE]), "zero"
-    )
+    """That of the cart, from rest."""
+    return information(CART, [2.0, 0.3], force, duration, np.zeros(2))
 
 
 def test_closed_form_of_a_cart():
@@ -52,9 +57,5 @@ def test_two_names_for_one_push():
 def test_a_motion_that_runs_away():
     """Assert that a diverging model is an error, not a number."""
     runaway = ParametricSystem("runaway", (Row("arm", "q", "v", {"a": "q"}),))
-    samples = Samples(np.zeros((N, 1)), None, np.zeros((N, 1)), H)
-    segments = divide([samples], 4.0)
     with pytest.raises(SimulationError, match="diverges"):
-        segmented_information(
-            runaway, np.array([1e4]), segments, np.ones((1, 2)), np.array([NOISE]), "zero"
-        )
+        information(runaway, [1e4], np.zeros(N), 4.0, np.ones(2))

@@ -13,11 +13,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.estimators.channel_timing import Timing
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import Segments
-from flexid.models.parametric_system import ParametricSystem
-from flexid.recording.recording import Hold
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,23 +46,8 @@ class Information:
         return self.matrix * np.outer(self.values, self.values)
 
 
-def segmented_information(
-    system: ParametricSystem,
-    values: FloatArray,
-    segments: Segments,
-    initial_states: FloatArray,
-    noise: FloatArray,
-    hold: Hold,
-) -> Information:
-    """Information of the model's own motion from given initial states under the inputs."""
-    point = Point(np.asarray(values, dtype=np.float64), initial_states)
-    return information_at(
-        segmented_motion(system, segments, Timing(hold)).at(point, 1.0 / noise), point
-    )
-
-
 def information_at(problem: SegmentedMotion, point: Point) -> Information:
-    """Information of a motion that is ready to run: as `segmented_information`, many times over."""
+    """Information of the model's own motion from the states of a point under the inputs."""
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise SimulationError(

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from flexid.arrays import FloatArray
+from flexid.campaigns.plan import SEED as SAMPLING_SEED
 from flexid.campaigns.rows import ERROR, FINISHED, REACHED, STATUS
 from flexid.campaigns.store import Manifest, Store, find_store
 from flexid.errors import CampaignError
@@ -89,7 +90,6 @@ def sobol_indices(inputs: Sequence[str], result: FloatArray) -> tuple[SobolIndex
 
 QUANTILES = (0.05, 0.5, 0.95)
 
-_APART = (STATUS, ERROR, REACHED)
 _SIGNED = ("final_error.", "final_state.")
 
 
@@ -139,6 +139,8 @@ def summarise(out: str | Path) -> Summary:
     rows, damaged = _all_rows(store)
     counts = rows[STATUS].value_counts().sort(by=["count", STATUS], descending=[True, False])
     errors = rows[ERROR].drop_nulls()
+    finished, inputs = rows.filter(pl.col(STATUS) == FINISHED), store.manifest.inputs
+    apart = {"run", *inputs, SAMPLING_SEED, STATUS, ERROR, REACHED}
     return Summary(
         store.directory,
         store.manifest,
@@ -146,18 +148,14 @@ def summarise(out: str | Path) -> Summary:
         damaged,
         dict(counts.iter_rows()),
         errors[0] if len(errors) else "",
-        {name: rows.filter(_finished())[name].to_numpy() for name in store.manifest.inputs},
-        tuple(_result(name, rows, store.manifest) for name in _results(rows, store.manifest)),
+        {name: finished[name].to_numpy() for name in inputs},
+        tuple(_result(n, finished, store.manifest) for n in rows.columns if n not in apart),
     )
 
 
 def campaign_rows(out: str | Path) -> pl.DataFrame:
     """The rows of a campaign that are there, in the order of the runs."""
     return _all_rows(find_store(Path(out)))[0]
-
-
-def _finished() -> pl.Expr:
-    return pl.col(STATUS) == FINISHED
 
 
 def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
@@ -181,13 +179,7 @@ def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
         ) from None
 
 
-def _results(rows: pl.DataFrame, manifest: Manifest) -> list[str]:
-    apart = {"run", *manifest.inputs, "sampling.seed", *_APART}
-    return [name for name in rows.columns if name not in apart]
-
-
-def _result(name: str, rows: pl.DataFrame, manifest: Manifest) -> Result:
-    finished = rows.filter(_finished())
+def _result(name: str, finished: pl.DataFrame, manifest: Manifest) -> Result:
     values = finished[name].cast(pl.Float64).to_numpy()
     finite = values[np.isfinite(values)]
     quantiles = np.quantile(finite, QUANTILES) if len(finite) else np.full(len(QUANTILES), np.nan)
@@ -199,15 +191,14 @@ def _result(name: str, rows: pl.DataFrame, manifest: Manifest) -> Result:
         len(values) - len(finite),
         tuple(map(float, quantiles)),
         rank_correlations(inputs, finished.select(inputs).to_numpy(), judged),
-        _indices(name, rows, manifest) if manifest.kind == "sobol-indices" else (),
+        _indices(name, finished, manifest) if manifest.kind == "sobol-indices" else (),
     )
 
 
-def _indices(name: str, rows: pl.DataFrame, manifest: Manifest) -> tuple[SobolIndex, ...]:
+def _indices(name: str, finished: pl.DataFrame, manifest: Manifest) -> tuple[SobolIndex, ...]:
     """Indices from the points of the plan whose runs are all there and finished."""
     size = len(manifest.inputs) + 2
     table = np.full(manifest.runs, np.nan)
-    finished = rows.filter(_finished())
     table[finished["run"].to_numpy()] = finished[name].cast(pl.Float64).to_numpy()
     judged = np.abs(table) if name.startswith(_SIGNED) else table
     return sobol_indices(manifest.inputs, judged.reshape(-1, size))

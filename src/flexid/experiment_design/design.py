@@ -9,7 +9,6 @@ import flexid
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError, SimulationError
 from flexid.experiment_design.drive import (
-    CHANNELS,
     DOUBT,
     SEGMENT_DURATION,
     Case,
@@ -39,6 +38,10 @@ class Prediction:
     def worst(self) -> float:
         """Largest of the deviations."""
         return max(self.deviations.values())
+
+    def criterion(self, drive: Drive) -> float:
+        """The deviation by the criterion that the drive's experiment asks for."""
+        return self.e_deviation if drive.experiment.criterion == "E" else self.d_deviation
 
 
 @dataclass(frozen=True)
@@ -102,37 +105,41 @@ REFERENCES: Mapping[str, tuple[tuple[float, float], ...]] = {
 
 def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Design:
     """Design an experiment."""
-    search = Search(file.drive, seed)
+    drive = file.drive
+    search = Search(drive, seed)
     everyone = (search.nominal, *search.cases)
-    _check_rest(file.drive, everyone)
+    _check_rest(drive, everyone)
     candidates = []
-    for weights in search.run(STARTS, finished):
-        commands = [search.command(tones, weights) for tones in (search.coarse, search.fine)]
-        scale = _scale(file.drive, commands[0], search.step, commands[1], everyone)
-        command = search.command(search.fine, scale * weights)
-        run = search.nominal.play(command, file.drive.experiment.sample_time)
-        candidates.append((_criterion(search, run), scale, weights, run))
-    _, scale, weights, run = min(candidates, key=lambda candidate: candidate[0])
+    for found in search.run(STARTS, finished):
+        commands = [search.command(tones, found) for tones in (search.coarse, search.fine)]
+        scale = _scale(drive, commands[0], search.step, commands[1], everyone)
+        run = search.nominal.play(
+            search.command(search.fine, scale * found), drive.experiment.sample_time
+        )
+        candidates.append((predict("design", drive, search.nominal, run), scale, found, run))
+    prediction, scale, weights, run = min(candidates, key=lambda one: one[0].criterion(drive))
     finished("limits checked on wrong drives")
     command = search.command(search.fine, scale * weights)
-    use, deviations = _extremes(file.drive, command, search.cases)
-    prediction = predict("design", file.drive, search.nominal, run)
+    use, deviations = _extremes(drive, command, search.cases)
     peak = prediction.peaks["torque"]
-    references = tuple(reference(name, file.drive, peak) for name in REFERENCES)
-    kept = tuple(
-        kept_reference(name, file.drive, peak, search.step, everyone) for name in REFERENCES
-    )
+    kept = {}
+    for name in REFERENCES:
+        coarse, fine = (
+            _reference_command(name, drive, sample_time, peak)
+            for sample_time in (search.step, drive.experiment.sample_time)
+        )
+        kept[name] = peak * _scale(drive, coarse, search.step, fine, everyone)
     finished("compared")
     return Design(
-        file.drive,
+        drive,
         search.fine.angular_frequencies,
         scale * weights,
         search.fine.time,
         command,
         run,
         prediction,
-        references,
-        kept,
+        tuple(_reference(name, drive, peak) for name in REFERENCES),
+        tuple(_reference(name, drive, largest) for name, largest in kept.items()),
         use,
         deviations,
         scale,
@@ -162,23 +169,11 @@ def predict(name: str, drive: Drive, case: Case, run: CaseRun) -> Prediction:
     )
 
 
-def reference(name: str, drive: Drive, peak_torque: float) -> Prediction:
+def _reference(name: str, drive: Drive, peak_torque: float) -> Prediction:
     """What one of `REFERENCES` would tell at a peak torque in N m."""
     command = _reference_command(name, drive, drive.experiment.sample_time, peak_torque)
     nominal = drive.nominal
     return predict(name, drive, nominal, nominal.play(command, drive.experiment.sample_time))
-
-
-def kept_reference(
-    name: str, drive: Drive, peak_torque: float, step: float, cases: Sequence[Case]
-) -> Prediction:
-    """What it would tell if it were as large as all drives can bear within the limits."""
-    coarse, fine = (
-        _reference_command(name, drive, sample_time, peak_torque)
-        for sample_time in (step, drive.experiment.sample_time)
-    )
-    scale = _scale(drive, coarse, step, fine, cases)
-    return reference(name, drive, scale * peak_torque)
 
 
 def _reference_command(name: str, drive: Drive, sample_time: float, peak_torque: float) -> Command:
@@ -187,11 +182,6 @@ def _reference_command(name: str, drive: Drive, sample_time: float, peak_torque:
     torque = np.sum([a * np.sin(rate * time) for a, rate in REFERENCES[name]], axis=0)
     torque *= peak_torque / np.abs(torque).max()
     return Command(torque, np.zeros((count, 2)), np.zeros(2))
-
-
-def _criterion(search: Search, run: CaseRun) -> float:
-    information = run.information(search.nominal, search.drive.sensors.noise)
-    return deviation(information.relative, search.drive.experiment.criterion)
 
 
 def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:
@@ -233,17 +223,19 @@ def _scale(
 def _extremes(
     drive: Drive, command: Command, cases: Sequence[Case]
 ) -> tuple[dict[str, Extreme], dict[str, Extreme]]:
-    uses: dict[str, Extreme] = {}
-    deviations: dict[str, Extreme] = {}
+    uses, deviations = {}, {}
     for case in cases:
         run = case.play(command, drive.experiment.sample_time)
-        used = run.use(drive.limits)
-        for channel in CHANNELS:
-            if channel not in uses or used[channel] > uses[channel].value:
-                uses[channel] = Extreme(used[channel], case.name)
-        information = run.information(case, drive.sensors.noise)
-        found = zip(information.names, information.relative_deviations.tolist(), strict=True)
-        for name, value in found:
-            if name not in deviations or value > deviations[name].value:
-                deviations[name] = Extreme(value, case.name)
-    return uses, deviations
+        uses[case.name] = run.use(drive.limits)
+        deviations[case.name] = predict(case.name, drive, case, run).deviations
+    return _largest(uses), _largest(deviations)
+
+
+def _largest(by_case: Mapping[str, Mapping[str, float]]) -> dict[str, Extreme]:
+    """Of each quantity the largest value."""
+    found: dict[str, Extreme] = {}
+    for case, values in by_case.items():
+        for name, value in values.items():
+            if name not in found or value > found[name].value:
+                found[name] = Extreme(value, case)
+    return found

@@ -12,10 +12,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.optimize import root
 
-from flexid.analysis.information import Information, segmented_information
+from flexid.analysis.information import Information, information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.models.flexible_joint import SHAPE_TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
@@ -262,11 +264,14 @@ class CaseRun:
 
     def information(self, case: Case, noise: float) -> Information:
         """What two encoders with white noise of a standard deviation in rad would determine."""
+        return information_at(*self.motion(case, noise))
+
+    def motion(self, case: Case, noise: float) -> tuple[SegmentedMotion, Point]:
+        """The case's motion over segments, as two such encoders see it."""
         segments = divide([self.samples()], SEGMENT_DURATION)
-        states = self.states[segments.starts]
-        return segmented_information(
-            case.system, case.values, segments, states, np.full(2, noise), "zero"
-        )
+        point = Point(case.values, self.states[segments.starts])
+        problem = segmented_motion(case.system, segments, Timing("zero"))
+        return problem.at(point, np.full(2, 1.0 / noise)), point
 
 
 _SLOWEST_SAMPLING = 10.0  # samples per period of the fastest tone

@@ -18,12 +18,9 @@ from scipy.optimize import minimize
 from flexid.analysis.information import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.estimators.channel_timing import Timing
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import divide
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.experiment_design.drive import (
     CHANNELS,
-    SEGMENT_DURATION,
     Case,
     CaseRun,
     Criterion,
@@ -161,12 +158,9 @@ class Search:
         """The nominal drive's motion over segments of the search, for any command."""
         step = self.step
         run = self.nominal.play(self.command(self.coarse, self.start(0)), step)
-        segments = divide([run.samples()], SEGMENT_DURATION)
         # Fewer samples weigh less each by as much as there are fewer.
         noise = self.drive.sensors.noise * np.sqrt(self.drive.experiment.sample_time / step)
-        point = Point(self.nominal.values, run.states[segments.starts])
-        problem = segmented_motion(self.nominal.system, segments, Timing("zero"))
-        return problem.at(point, np.full(2, 1.0 / noise))
+        return run.motion(self.nominal, noise)[0]
 
     def command(self, tones: Waveform, weights: FloatArray) -> Command:
         """What the drive is given for some weights."""

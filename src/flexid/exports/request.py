@@ -1,7 +1,7 @@
 """What is exported: a model with what is known of it, its online estimator, and the target."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
 from math import inf, isfinite
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from flexid.errors import SettingError
 from flexid.estimators.state_variable_filter import check_filter_rate
 from flexid.models.flexible_joint import CONSTANT_UNITS, SQUARES
-from flexid.models.parametric_system import ParametricSystem, Row
-from flexid.models.terms import SMOOTHING
+from flexid.models.parametric_system import ParametricSystem
+from flexid.models.terms import SMOOTHING, declared_row
 from flexid.recording.sampling import check_sample_time
 
 if TYPE_CHECKING:
@@ -119,17 +119,9 @@ def _with_terms(
             for name, text in extended.regressors.items()
             if name in values
         }
-        known = [f"{name}*({text})" for name, text in regressors.items() if name in given]
-        known += [smooth.known] * (smooth.known != "0")
-        rows.append(
-            Row(
-                smooth.name,
-                smooth.coordinate,
-                smooth.velocity,
-                {name: text for name, text in regressors.items() if name not in given},
-                " + ".join(known) or "0",
-            )
-        )
+        row = declared_row(smooth.name, smooth.coordinate, smooth.velocity, regressors, given)
+        known = [text for text in (row.known, smooth.known) if text != "0"]
+        rows.append(replace(row, known=" + ".join(known) or "0"))
     texts = [text for row in rows for text in (*row.regressors.values(), row.known)]
     every = {**joint.extended.constants, **joint.smooth.constants, **constants}
     used = {name: v for name, v in every.items() if any(name in text for text in texts)}

@@ -5,10 +5,39 @@ evaluated.
 """
 
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from flexid.errors import ExpressionError, ModelError
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.toml_file import parse_toml, read_bytes, validated
+
+Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w .:()-]+$")]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Row(BaseModel):
+    """One ``[[rows]]`` table."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    name: Name
+    coordinate: Name
+    velocity: Name
+    known: str = "0"
+    coefficients: dict[Name, str] = Field(min_length=1, max_length=100)
+
+
+class _Model(BaseModel):
+    """The whole file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    name: Name
+    inputs: list[Name] = Field(default=["u"], max_length=50)
+    constants: dict[Name, Number] = Field(default={}, max_length=100)
+    rows: list[_Row] = Field(min_length=1, max_length=50)
 
 
 def read_model(path: str | Path) -> ParametricSystem:
@@ -37,10 +66,8 @@ def read_model(path: str | Path) -> ParametricSystem:
     def refuse(key: str, reason: str) -> ModelError:
         return ModelError(str(path), f"the key {key!r} {reason}" if key else reason)
 
-    from flexid.models.model_schema import ModelContent
-
     raw = read_bytes(path, "a TOML file, or the name flexible-joint", refuse)
-    content = validated(parse_toml(raw, refuse), ModelContent, refuse)
+    content = validated(parse_toml(raw, refuse), _Model, refuse)
     rows = tuple(
         Row(row.name, row.coordinate, row.velocity, row.coefficients, row.known)
         for row in content.rows
