@@ -31,7 +31,10 @@ def bode_chart(described: FrequencyResponse) -> Chart:
     responses = described.responses[::-1]  # the motor, where the torque acts, comes first
     hertz = described.frequency
     x = Axis("frequency", "Hz", logarithmic=True, limits=(float(hertz[0]), float(hertz[-1])))
-    marked = _characteristic(described.characteristic)
+    marked = [
+        Level(_with_interval(found), found.value, "x", _COLOURS[found.name], "dotted")
+        for found in described.characteristic
+    ]
     sizes = _magnitudes(described)
     title = f"\nno band: {', '.join(described.unknown)} not determined" if described.unknown else ""
     panels = [
@@ -56,7 +59,13 @@ def bode_chart(described: FrequencyResponse) -> Chart:
                 f"{response.output}: coherence",
                 x,
                 Axis("coherence", "–", limits=(0.0, 1.05)),
-                (*_coherence(response), *marked),
+                (
+                    *(
+                        Line("coherence", e.frequency, e.coherence, "orange", 0.8)
+                        for e in response.measured
+                    ),
+                    *marked,
+                ),
                 _HEIGHTS[2],
             )
             for response in responses
@@ -124,13 +133,6 @@ def _by_coherence(coherence: FloatArray) -> tuple[tuple[np.ndarray, str, bool], 
     )
 
 
-def _coherence(response: Response) -> list[Mark]:
-    return [
-        Line("coherence", estimate.frequency, estimate.coherence, "orange", 0.8)
-        for estimate in response.measured
-    ]
-
-
 def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
     """Ends of the axis of magnitudes, which the bottom of an antiresonance does not decide."""
     logarithms = np.log(described.frequency)
@@ -142,14 +144,6 @@ def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
     ]
     low, high = np.quantile(np.concatenate(sizes), (0.02, 1.0)) if sizes else (-1.0, 1.0)
     return float(10 ** (low - _SIDE)), float(10 ** (high + _SIDE))
-
-
-def _characteristic(frequencies: Sequence[Frequency]) -> list[Level]:
-    """Vertical lines where antiresonance and resonance are."""
-    return [
-        Level(_with_interval(found), found.value, "x", _COLOURS[found.name], "dotted")
-        for found in frequencies
-    ]
 
 
 def _with_interval(found: Frequency) -> str:

@@ -2,7 +2,7 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -42,12 +42,25 @@ def parts(summary: Summary) -> Iterator[Part]:
 
 def importance_parts(summary: Summary) -> Iterator[Part]:
     """What matters for each result, as tables."""
-    yield _importance(summary, "What matters most: rank correlation", correlation_text)
+    shown = [result for result in summary.results if not result.name.startswith(DETAILS)]
+    columns = (Column("result"), Column("inputs", wraps=True))
+    correlations = Table("What matters most: rank correlation", columns)
+    for result in shown:
+        named = [f"{one.input} {one.value:+.2f}" for one in result.correlations if one.significant]
+        correlations.add(result.name, _sentence(named, len(result.correlations)))
+    yield correlations
     if summary.manifest.kind == "sobol-indices":
         title = "Share of the variance (Sobol indices), interactions included (and alone)"
-        yield _importance(summary, title, index_text)
-    missing = [result for result in summary.results if result.missing]
-    if missing:
+        shares = Table(title, columns)
+        for result in shown:
+            named = [
+                f"{one.input} {one.total:.2f} ± {one.total_half_width:.2f} ({one.first:.2f})"
+                for one in result.indices
+                if one.total > one.total_half_width
+            ]
+            shares.add(result.name, _sentence(named, len(result.indices)))
+        yield shares
+    if any(result.missing for result in summary.results):
         yield Text(
             "None: finished runs without this result; an estimate that does not stay within 5 % "
             "of the truth has no settling time."
@@ -88,30 +101,6 @@ def quantiles_table(summary: Summary) -> Table:
     return table
 
 
-def _importance(summary: Summary, title: str, text: Callable[[Result], str]) -> Table:
-    table = Table(title, (Column("result"), Column("inputs", wraps=True)))
-    for result in summary.results:
-        if not result.name.startswith(DETAILS):
-            table.add(result.name, text(result))
-    return table
-
-
-def correlation_text(result: Result) -> str:
-    """The strongest rank correlations of a result in words."""
-    shown = [f"{one.input} {one.value:+.2f}" for one in result.correlations if one.significant]
-    return _sentence(shown, len(result.correlations))
-
-
-def index_text(result: Result) -> str:
-    """The largest Sobol indices of a result in words."""
-    shown = [
-        f"{one.input} {one.total:.2f} ± {one.total_half_width:.2f} ({one.first:.2f})"
-        for one in result.indices
-        if one.total > one.total_half_width
-    ]
-    return _sentence(shown, len(result.indices))
-
-
 def _sentence(significant: Sequence[str], inputs: int) -> str:
     if not inputs:
         return "does not vary, or in too few runs"
@@ -136,13 +125,18 @@ _LINES: tuple[tuple[str, Dash], ...] = (("5 %", "dotted"), ("median", "solid"), 
 def charts(summary: Summary) -> tuple[Chart, ...]:
     """Distributions and dependence, where there is something to draw."""
     shown = [result for result in summary.results if _drawable(result)]
-    depending = [result for result in shown if _strongest(result) is not None]
+    depending = {result.name: name for result in shown if (name := _strongest(result))}
     units = Units(summary.manifest.text)
     found = []
     if shown:
         found.append(_distributions(summary, shown, units))
     if depending:
-        found.append(_dependence(summary, depending, units))
+        clouds = [
+            _cloud(result, depending[result.name], summary, units)
+            for result in shown
+            if result.name in depending
+        ]
+        found.append(_dependence(depending, clouds))
     return tuple(found)
 
 
@@ -166,12 +160,11 @@ def _distributions(summary: Summary, results: list[Result], units: Units) -> Cha
     return Chart("distributions", title, says, panels, _COLUMNS, linked=False)
 
 
-def _dependence(summary: Summary, results: list[Result], units: Units) -> Chart:
-    panels = tuple(_cloud(result, summary, units) for result in results)
-    strongest = "; ".join(f"{result.name}: {_strongest(result)}" for result in results[:3])
+def _dependence(depending: Mapping[str, str], panels: Sequence[Panel]) -> Chart:
+    strongest = "; ".join(f"{result}: {name}" for result, name in [*depending.items()][:3])
     says = f"The input that matters most for each result is below it ({strongest})."
     title = "Each result against the input that matters most for it"
-    return Chart("dependence", title, says, panels, _COLUMNS, linked=False)
+    return Chart("dependence", title, says, tuple(panels), _COLUMNS, linked=False)
 
 
 def _distribution(result: Result, unit: str) -> Panel:
@@ -193,10 +186,8 @@ def _distribution(result: Result, unit: str) -> Panel:
     return Panel(result.name + said, x, y, marks)
 
 
-def _cloud(result: Result, summary: Summary, units: Units) -> Panel:
-    """A result over its strongest input, run by run."""
-    name = _strongest(result)
-    assert name is not None
+def _cloud(result: Result, name: str, summary: Summary, units: Units) -> Panel:
+    """A result over an input, run by run."""
     values, inputs = result.values[:_MOST_POINTS], summary.inputs[name][:_MOST_POINTS]
     there = np.isfinite(values)
     values, said, limits = _scaled(values[there])
@@ -290,23 +281,23 @@ def document(summary: Summary) -> dict[str, Any]:
         "statuses": summary.statuses,
         "first_error": summary.first_error,
         "inputs": manifest.inputs,
-        "results": {result.name: _result_document(result) for result in summary.results},
+        "results": {
+            result.name: {
+                "finite": len(result.values) - result.missing,
+                "missing": result.missing,
+                "quantiles": dict(
+                    zip(map("{:g}".format, QUANTILES), result.quantiles, strict=True)
+                ),
+                "rank_correlations": result.correlations,
+                "sobol_indices": result.indices,
+            }
+            for result in summary.results
+        },
         "provenance": {
             "version": manifest.flexid,
             "experiment": manifest.experiment,
             "plan": manifest.plan,
         },
-    }
-
-
-def _result_document(result: Result) -> dict[str, Any]:
-    shares = zip(QUANTILES, result.quantiles, strict=True)
-    return {
-        "finite": len(result.values) - result.missing,
-        "missing": result.missing,
-        "quantiles": {f"{share:g}": value for share, value in shares},
-        "rank_correlations": result.correlations,
-        "sobol_indices": result.indices,
     }
 
 

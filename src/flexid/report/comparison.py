@@ -74,7 +74,8 @@ def differences_table(title: str, differences: Mapping[str, Difference]) -> Tabl
     for d in differences.values():
         change, interval = _change(d)
         outcome = Cell(outcome_texts(d), OUTCOME_COLOURS[d.outcome])
-        table.add(d.name, _value(d.a), _value(d.b), d.unit, change, interval, outcome)
+        a, b = (value_cells(v.value, *v.interval)[0] if v else "none" for v in (d.a, d.b))
+        table.add(d.name, a, b, d.unit, change, interval, outcome)
     return table
 
 
@@ -107,10 +108,6 @@ def settings_table(comparison: Comparison) -> Table:
     for name, pair in comparison.settings.items():
         table.add(name, *map(shortened, pair))
     return table
-
-
-def _value(value: ValueEstimate | None) -> Cell:
-    return Cell(("none",)) if value is None else value_cells(value.value, *value.interval)[0]
 
 
 def _change(d: Difference) -> tuple[Cell, Cell]:
@@ -217,37 +214,35 @@ def page(
 ) -> Page:
     """What there is to say of a comparison."""
     a, b = comparison.labels
-    facts = _facts(comparison)
+    if not command and comparison.labels != _IN_MEMORY:
+        command = shlex.join(["flexid", "compare", a, b])
+    sections, facts = _sections(comparison, charts), _facts(comparison)
     return Page(
         "comparison",
         "Two estimates side by side",
         f"A: {a}; B: {b}",
         lead_table(comparison.decisive),
         (_changed(comparison), _next_step(comparison)),
-        sections_of(
-            comparison.warnings, _sections(comparison, charts), _command(comparison, command), facts
-        ),
+        sections_of(comparison.warnings, sections, command, facts),
         _NOTES,
     )
 
 
 def _sections(comparison: Comparison, charts: Sequence[Chart]) -> Iterator[Section]:
     figure = [chart for chart in charts if chart.panels]
-    parameters = comparison.parameters
-    table = differences_table(PARAMETERS, parameters)
-    listed = [*figure, table, *_listed([*remarks(parameters)])]
-    yield Section("values", "Both values of each parameter", listed)
-    coefficients = comparison.coefficients
-    if coefficients:
-        table = differences_table(COEFFICIENTS, coefficients)
-        listed = [table, *_listed([*remarks(coefficients)])]
-        yield Section("coefficients", "Coefficients of the model", listed)
+    both = [*figure, *_both_values(PARAMETERS, comparison.parameters)]
+    yield Section("values", "Both values of each parameter", both)
+    if comparison.coefficients:
+        both = [*_both_values(COEFFICIENTS, comparison.coefficients)]
+        yield Section("coefficients", "Coefficients of the model", both)
     if comparison.settings:
         yield Section("settings", "Different logs or settings", [settings_table(comparison)])
 
 
-def _listed(lines: list[str]) -> list[Item]:
-    return [Bullets(lines)] if lines else []
+def _both_values(title: str, differences: Mapping[str, Difference]) -> Iterator[Item]:
+    yield differences_table(title, differences)
+    if lines := [*remarks(differences)]:
+        yield Bullets(lines)
 
 
 def _changed(comparison: Comparison) -> Answer:
@@ -292,25 +287,14 @@ def _next_step(comparison: Comparison) -> Answer:
     return Answer("What do I do next?", word, "", [Text(said)])
 
 
-def _command(comparison: Comparison, command: str) -> str:
-    """What repeats it: as it was typed, else by the files; nothing for what was in memory."""
-    if command or comparison.labels == _IN_MEMORY:
-        return command
-    return shlex.join(["flexid", "compare", *comparison.labels])
-
-
 def _facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
     yield "flexid", str(comparison.provenance.get("flexid_version", "unknown"))
     for side, label in zip("AB", comparison.labels, strict=True):
         yield side, label
-        yield from _logs(side, comparison.provenance.get(side.lower(), {}))
-
-
-def _logs(side: str, provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    for log in provenance.get("inputs", ()):
-        yield f"log of {side}", str(log.get("file") or "data in memory")
-        if log.get("sha256"):
-            yield "SHA-256", str(log["sha256"])
+        for log in comparison.provenance.get(side.lower(), {}).get("inputs", ()):
+            yield f"log of {side}", str(log.get("file") or "data in memory")
+            if log.get("sha256"):
+                yield "SHA-256", str(log["sha256"])
 
 
 def document(comparison: Comparison) -> dict[str, Any]:

@@ -62,17 +62,14 @@ def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:
 def _perhaps(comparison: Comparison, compared: Sequence[Difference]) -> Iterator[str]:
     perhaps = comparison.having("perhaps changed")
     if perhaps:
-        chance = 1.0 - CONFIDENCE ** len(compared)
+        count = len(compared)
+        missed = f"With {count} intervals that hold 95 % each, one or more misses"
+        if count == 1:
+            missed = "An interval that holds 95 % misses"
         yield (
-            f"Perhaps changed: {_names(perhaps)}. {_intervals(len(compared))} by chance in up to "
-            f"about {100.0 * chance:.0f} % of comparisons; a third log would tell."
+            f"Perhaps changed: {_names(perhaps)}. {missed} by chance in up to about "
+            f"{100.0 * (1.0 - CONFIDENCE**count):.0f} % of comparisons; a third log would tell."
         )
-
-
-def _intervals(count: int) -> str:
-    if count == 1:
-        return "An interval that holds 95 % misses"
-    return f"With {count} intervals that hold 95 % each, one or more misses"
 
 
 def _of_one_log(comparison: Comparison, compared: Sequence[Difference]) -> str:

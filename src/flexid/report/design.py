@@ -1,6 +1,6 @@
 """A design as tables, JSON, a figure, and the file that a drive can play."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -57,30 +57,23 @@ def _predictions(result: Design) -> Table:
         table.add(
             name,
             *(_percent(one.deviations[name]) for one in inputs),
-            _case(f"{100 * extreme.value:.3g} %", extreme),
+            _of_drive(f"{100 * extreme.value:.3g} %", extreme),
         )
     table.rule()
-    for label, value in _summaries().items():
-        table.add(label, *(value(one) for one in inputs))
+    table.add("worst", *(_percent(one.worst) for one in inputs))
+    table.add("criterion E", *(_percent(one.e_deviation) for one in inputs))
+    table.add("criterion D", *(_percent(one.d_deviation) for one in inputs))
+    table.add("torque, peak", *(number(one.peaks["torque"], 3, "N m") for one in inputs))
+    table.add("torque, rms", *(number(one.torque_rms, 3, "N m") for one in inputs))
     table.rule()
     within = (result.prediction, *result.kept_references)
     table.add("within limits", *(_percent(one.worst) for one in within))
     return table
 
 
-def _case(value: str, extreme: Extreme) -> Cell:
+def _of_drive(value: str, extreme: Extreme) -> Cell:
     """A value and the drive that it is of, which is left out where there is no room."""
     return Cell((f"{value} ({extreme.case})", value))
-
-
-def _summaries() -> dict[str, Callable[[Prediction], Cell]]:
-    return {
-        "worst": lambda one: _percent(one.worst),
-        "criterion E": lambda one: _percent(one.e_deviation),
-        "criterion D": lambda one: _percent(one.d_deviation),
-        "torque, peak": lambda one: number(one.peaks["torque"], 3, "N m"),
-        "torque, rms": lambda one: number(one.torque_rms, 3, "N m"),
-    }
 
 
 def _limits(result: Design) -> Table:
@@ -92,7 +85,7 @@ def _limits(result: Design) -> Table:
             channel,
             number(getattr(result.drive.limits, channel), 3, unit),
             number(result.prediction.peaks[channel], 3, unit),
-            _case(f"{100 * extreme.value:.0f} %", extreme),
+            _of_drive(f"{100 * extreme.value:.0f} %", extreme),
         )
     return table
 
@@ -107,13 +100,6 @@ _APART = 0.2  # of the distance of two coefficients, between the inputs of one
 
 def charts(result: Design) -> tuple[Chart]:
     """Torque, positions, tones and predicted deviations."""
-    panels = (
-        _torque(result),
-        _positions(result),
-        _deflection(result),
-        _tones(result),
-        _deviations(result),
-    )
     peak = float(np.abs(result.run.torque).max())
     others = ", ".join(f"{one.name} {_worst(one)}" for one in result.references)
     says = (
@@ -121,6 +107,7 @@ def charts(result: Design) -> tuple[Chart]:
         f"{_worst(result.prediction)} at a peak torque of {peak:.3g} N m; "
         f"at the same peak, {others}."
     )
+    panels = (*_over_time(result), _tones(result), _deviations(result))
     return (Chart("design", "The design", says, panels, columns=2),)
 
 
@@ -130,30 +117,21 @@ def _worst(prediction: Prediction) -> str:
     return f"{100.0 * deviation:.2g} % ({name})"
 
 
-def _torque(result: Design) -> Panel:
-    played = (
-        "played"
-        if result.drive.experiment.kind == "multisine"
-        else "that the position loop asks for"
-    )
-    line = Line("torque", result.time, result.run.torque, "blue", 1.0)
-    return Panel(f"Torque {played}", Axis("time", "s"), Axis("torque", "N m"), (line,), span=2)
-
-
-def _positions(result: Design) -> Panel:
-    marks: list[Mark] = [Line("link", result.time, result.run.states[:, 0], "blue")]
+def _over_time(result: Design) -> Iterator[Panel]:
+    """Torque, position and deflection."""
+    x, time = result.run.states, Axis("time", "s")
+    position: list[Mark] = [Line("link", result.time, x[:, 0], "blue")]
+    played = "played"
     if result.drive.experiment.kind == "trajectory":
+        played = "that the position loop asks for"
         reference = result.command.reference[:, 0]
-        marks.append(Line("motor reference", result.time, reference, "orange", 1.0, "dashed"))
+        position.append(Line("motor reference", result.time, reference, "orange", 1.0, "dashed"))
+    torque = Line("torque", result.time, result.run.torque, "blue", 1.0)
+    yield Panel(f"Torque {played}", time, Axis("torque", "N m"), (torque,), span=2)
     title = "Link position, simulated with the assumed drive"
-    return Panel(title, Axis("time", "s"), Axis("position", "rad"), tuple(marks), span=2)
-
-
-def _deflection(result: Design) -> Panel:
-    x = result.run.states
-    line = Line("deflection", result.time, x[:, 0] - x[:, 2], "blue", 1.0)
-    y = Axis("deflection", "rad")
-    return Panel("Deflection", Axis("time", "s"), y, (line,), 0.7, span=2)
+    yield Panel(title, time, Axis("position", "rad"), tuple(position), span=2)
+    deflection = Line("deflection", result.time, x[:, 0] - x[:, 2], "blue", 1.0)
+    yield Panel("Deflection", time, Axis("deflection", "rad"), (deflection,), 0.7, span=2)
 
 
 def _tones(result: Design) -> Panel:

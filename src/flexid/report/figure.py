@@ -47,25 +47,18 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 
-INK, BLUE, ORANGE, GREEN, RED, GREY = (
-    "#1b1f24",
-    "#1f6fb4",
-    "#d9730d",
-    "#2e8b57",
-    "#c0392b",
-    "#8a939c",
-)
-GRID = "#e3e6e9"
-
 COLOURS: Mapping[Colour, str] = {
-    "ink": INK,
-    "blue": BLUE,
-    "orange": ORANGE,
-    "green": GREEN,
-    "red": RED,
-    "grey": GREY,
+    "ink": "#1b1f24",
+    "blue": "#1f6fb4",
+    "orange": "#d9730d",
+    "green": "#2e8b57",
+    "red": "#c0392b",
+    "grey": "#8a939c",
 }
 """The shade of each colour of a chart."""
+
+INK, BLUE, ORANGE, GREEN, RED, GREY = COLOURS.values()
+GRID = "#e3e6e9"
 
 STYLE: dict[RcKeyType, Any] = {
     "font.size": 9,
@@ -134,25 +127,11 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def draw(chart: Chart, width: float = WIDTH, ax: Axes | None = None) -> Figure:
-    """Draw a chart with Matplotlib: its title above, a legend of all panels below.
+    """A drawing: the title above, a legend of all panels below; or in the place of an axes.
 
     Panels of one column share their x axis if the chart is linked, and panels of one row share a y
     axis that is the same, limits and all; a shared axis is labelled once. The only mark of a panel
-    needs no entry in the legend.
-
-    Parameters
-    ----------
-    chart : Chart
-        What is drawn.
-    width : float, optional
-        In inches; a narrow figure has one panel in a row.
-    ax : Axes, optional
-        Of a figure, in whose place the panels are drawn.
-
-    Returns
-    -------
-    Figure
-        A Matplotlib figure that pyplot does not know, and that a notebook shows.
+    needs no entry in the legend. A narrow figure has one panel in a row.
     """
     if ax is not None:
         return _draw_in_place(ax, chart)
@@ -282,10 +261,12 @@ def _fill_grid(
 
 def _fill(ax: Axes, panel: Panel, beside: float, width: float) -> None:
     """Draw a panel of a figure that has room for so many of them in a row."""
-    ax.margins(0.0 if _runs_along(panel) else _MARGIN, _MARGIN)
+    lines = any(isinstance(mark, Line | Band) for mark in panel.marks)
+    ax.margins(0.0 if lines and not panel.y.categories else _MARGIN, _MARGIN)
     for mark in panel.marks:
         _draw(ax, thinned(mark, round(_SAMPLES * width)))
-    _set_axis(ax, "x", panel.x, _numbers(beside * WIDTH / width))
+    crowd = beside * WIDTH / width
+    _set_axis(ax, "x", panel.x, 9 if crowd < 1.5 else 5 if crowd < _FEW else 3)
     _set_axis(ax, "y", panel.y, 5)
     for mark in panel.marks:
         if isinstance(mark, Points) and mark.stems:  # now that the panel has a bottom
@@ -297,18 +278,6 @@ def _fill(ax: Axes, panel: Panel, beside: float, width: float) -> None:
     title = "\n".join(fill(line, letters) for line in panel.title.splitlines())
     colour = COLOURS[panel.colour]
     ax.set_title(title, color=colour, fontsize=10 if big else 8, parse_math=False, y=1.0)
-
-
-def _numbers(beside: float) -> int:
-    """How many numbers an x axis has room for."""
-    if beside < 1.5:
-        return 9
-    return 5 if beside < _FEW else 3
-
-
-def _runs_along(panel: Panel) -> bool:
-    """Whether the panel shows what runs along its x axis, rather than single points."""
-    return any(isinstance(mark, Line | Band) for mark in panel.marks) and not panel.y.categories
 
 
 def _draw(ax: Axes, mark: Mark) -> None:

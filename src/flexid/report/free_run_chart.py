@@ -93,13 +93,15 @@ def _says(validation: Validation, noise: Mapping[str, float]) -> str:
             f"On data not used for the fit the model does not follow the {listed(missed)}: trust "
             "it for short predictions at most."
         )
-    followed = listed([f"the {label} to {_percent(fit)}" for label, fit in fits.items()])
+    shown = {n: f"{f:.2f}" if 99.0 <= f < 99.995 else f"{f:.1f}" for n, f in fits.items()}
+    followed = listed([f"the {label} to {fit} %" for label, fit in shown.items()])
     over = {
         labels[name]: float(np.sqrt(np.mean(error**2))) / noise[name]
         for name, error in _errors(validation)
         if noise.get(name, 0.0) > 0.0
     }
-    times = [f"{_times(ratio)} times its noise in the {name}" for name, ratio in over.items()]
+    ratios = {name: f"{x:.1f}" if x < 10.0 else f"{x:.3g}" for name, x in over.items()}
+    times = [f"{ratio} times its noise in the {name}" for name, ratio in ratios.items()]
     said = f"; the residual is {listed(times)}" if times else ""
     return f"On data not used for the fit the model follows {followed}{said}."
 
@@ -107,8 +109,11 @@ def _says(validation: Validation, noise: Mapping[str, float]) -> str:
 def _errors(validation: Validation) -> Iterator[tuple[str, FloatArray]]:
     """What the runs leave of each channel."""
     for place, channel in enumerate(validation.fit_percent):
-        found = [run.measured[:, place] - run.simulated[:, place] for run in validation.runs]
-        yield channel, np.concatenate(found)
+        yield channel, np.concatenate([_error(run, place) for run in validation.runs])
+
+
+def _error(run: FreeRun, place: int) -> FloatArray:
+    return run.measured[:, place] - run.simulated[:, place]
 
 
 def _largest(error: FloatArray) -> float:
@@ -117,15 +122,6 @@ def _largest(error: FloatArray) -> float:
 
 def _finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, np.nan)
-
-
-def _percent(fit: float) -> str:
-    """A fit with the digits in which good ones differ."""
-    return f"{fit:.2f} %" if 99.0 <= fit < 99.995 else f"{fit:.1f} %"
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.1f}" if ratio < 10.0 else f"{ratio:.3g}"
 
 
 _LONGEST_LAG = 0.1  # of the longest run
@@ -139,12 +135,12 @@ def residual_chart(validation: Validation) -> Chart:
     for place, channel in enumerate(validation.fit_percent):
         label = channel.replace("_", " ")
         lines = [
-            Line("residual", run.time, _residual(run, place), "blue", 0.7)
+            Line("residual", run.time, _finite(_error(run, place)), "blue", 0.7)
             for run in validation.runs
         ]
         time, below = Axis("time", "s"), Axis("residual", "rad")
         panels.append(Panel(label, time, below, tuple(lines)))
-        repeated, share = _autocorrelation_panel(label, longest.time, _residual(longest, place))
+        repeated, share = _autocorrelation_panel(label, longest.time, _error(longest, place))
         panels.append(repeated)
         if np.isfinite(share):
             outside.append(f"{100.0 * share:.0f} % of the {label}'s")
@@ -193,15 +189,8 @@ def autocorrelation(values: FloatArray) -> FloatArray:
     return products / products[0]
 
 
-def _residual(run: FreeRun, place: int) -> FloatArray:
-    residual = run.measured[:, place] - run.simulated[:, place]
-    return np.where(np.isfinite(residual), residual, np.nan)
-
-
 def log_chart(log: Log) -> Chart:
     """Positions, deflection and input of a log over time, cut where the log has gaps."""
-    import numpy as np
-
     first = log.recordings[0]
     gap = np.array([np.nan])
 

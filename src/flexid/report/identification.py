@@ -217,14 +217,11 @@ def _terms(choices: Choices) -> Table:
         kept = "yes" if e.kept else "no"
         std = number(e.std, 2) if isfinite(e.std) else "unknown"
         value, _ = value_cells(e.value, e.value - e.std, e.value + e.std)
-        table.add(e.name, value, std, _probability(e.probability), kept)
+        p = f"{e.probability:.2g}" if isfinite(e.probability) else "unknown"
+        if e.probability < _LEAST_PROBABILITY:
+            p = f"< {_LEAST_PROBABILITY:g}"
+        table.add(e.name, value, std, p, kept)
     return table
-
-
-def _probability(probability: float) -> str:
-    if probability < _LEAST_PROBABILITY:
-        return f"< {_LEAST_PROBABILITY:g}"
-    return f"{probability:.2g}" if isfinite(probability) else "unknown"
 
 
 def _segments(choices: Choices) -> Table:

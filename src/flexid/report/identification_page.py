@@ -62,11 +62,6 @@ def identification_command(result: Identification) -> str:
     return _command("identify", result, ["--stream"] if "stream" in result.provenance else [])
 
 
-def excitation_command(result: Identification) -> str:
-    """The command that says what motion to add, with the same logs and settings."""
-    return _command("excitation", result, [])
-
-
 def _command(name: str, result: Identification, more: list[str]) -> str:
     logs = result.provenance.get("inputs", ())
     files = [str(source.get("file") or "LOG") for source in logs] or ["LOG"]
@@ -258,16 +253,11 @@ def _judged(result: Identification) -> tuple[str, Tone]:
     if result.verdict == "undetermined":
         usable = any(p.verdict != "undetermined" for p in result.parameters.values())
         return ("Not all of them" if usable else "No"), "bad"
-    if _lost(result):
+    if any(fit < 0.0 for fit in result.validation.fit_percent.values()):  # worse than the mean
         return "With care, and not for long predictions", "bad"
     if result.verdict == "weak" or result.warnings:
         return "With care", "fair"
     return "Yes", "good"
-
-
-def _lost(result: Identification) -> bool:
-    """Whether a free run is further off than the mean of the data is."""
-    return any(fit < 0.0 for fit in result.validation.fit_percent.values())
 
 
 def _lacking(result: Identification) -> list[ValueEstimate]:
@@ -285,17 +275,14 @@ def _counted(result: Identification) -> str:
     every, determined, weak = len(verdicts), verdicts.count("determined"), verdicts.count("weak")
     if determined == every:
         beneath = _named([c.name for c in _lacking(result)])
-        return f"{_all(every)} determined" + (f", but not {beneath}." if beneath else ".")
+        every_one = "The only one is" if every == 1 else f"All {every} are"
+        return f"{every_one} determined" + (f", but not {beneath}." if beneath else ".")
     if determined + weak == 0:
         return (
             "The only one is not determined." if every == 1 else f"None of {every} is determined."
         )
     parts = {"determined": determined, "weak": weak, "undetermined": every - determined - weak}
     return f"Of {every}: {', '.join(f'{count} {name}' for name, count in parts.items() if count)}."
-
-
-def _all(every: int) -> str:
-    return "The only one is" if every == 1 else f"All {every} are"
 
 
 def _named(names: Sequence[str]) -> str:
@@ -339,7 +326,9 @@ def next_step(result: Identification, estimate: str, advice: Sequence[str] = ())
     if advice:
         told = [Text(advice[0]), Link("What to record next", "next")]
         return Answer(question, word, "", [said, *told])
-    return Answer(question, word, "", [said, Text(asked), Command(excitation_command(result))])
+    return Answer(
+        question, word, "", [said, Text(asked), Command(_command("excitation", result, []))]
+    )
 
 
 def _confounded(result: Identification) -> Iterator[str]:

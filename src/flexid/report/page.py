@@ -169,17 +169,12 @@ def page_html(page: Page) -> str:
     """
     from markupsafe import Markup
 
-    style = _page_style()
-    return (
-        _environment()
-        .get_template("page.html")
-        .render(
-            page=page,
-            version=flexid.__version__,
-            style=Markup(style),
-            style_hash=Markup(_content_hash(style)),
-        )
-    )
+    own = (_HERE / "page.css").read_text(encoding="utf-8")
+    style = f"{drawing_style()}\n{own}"
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    template = _environment().get_template("page.html")
+    content = {"style": Markup(style), "style_hash": Markup(f"'sha256-{digest}'")}
+    return template.render(page=page, version=flexid.__version__, **content)
 
 
 def save_page(page: Page, directory: Path) -> None:
@@ -230,16 +225,3 @@ def breakable(name: str) -> Any:
 def drawing_style() -> str:
     """The style sheet of figures, with the colours by day and by night."""
     return (_HERE / "chart.css").read_text(encoding="utf-8")
-
-
-@cache
-def _page_style() -> str:
-    """The style sheet of a page."""
-    page = (_HERE / "page.css").read_text(encoding="utf-8")
-    return f"{drawing_style()}\n{page}"
-
-
-def _content_hash(text: str) -> str:
-    """How a Content-Security-Policy names a script or a style sheet within a page."""
-    digest = hashlib.sha256(text.encode()).digest()
-    return f"'sha256-{base64.b64encode(digest).decode()}'"

@@ -60,24 +60,17 @@ def _readings(result: Reproduction) -> Table:
     title = f"Readings (a,b,c) of the gains k^a JlM/kem, k^b, k^c JrM, with k = {ATTENUATION:g}"
     table = Table(title, columns)
     for reading in result.readings.values():
-        stable = reading.rightmost.real < 0
+        pole, run = reading.rightmost, reading.simulated
         table.add(
             f"({reading.name})",
             reading.meaning,
-            Cell((_pole(reading.rightmost),), "green" if stable else "red"),
+            Cell(
+                (f"{pole.real:+.3g} ± {abs(pole.imag):.3g}j",), "green" if pole.real < 0 else "red"
+            ),
             number(reading.early_tracking_error, 4),
-            _steady_error(reading),
+            number(run.max_tracking_error, 4) if run else "not simulated",
         )
     return table
-
-
-def _pole(pole: complex) -> str:
-    return f"{pole.real:+.3g} ± {abs(pole.imag):.3g}j"
-
-
-def _steady_error(reading: Reading) -> Cell | str:
-    run = reading.simulated
-    return number(run.max_tracking_error, 4) if run else "not simulated"
 
 
 def _parameter_errors(result: Reproduction) -> Table:
@@ -212,16 +205,13 @@ def _excitation_document(rows: dict[str, Excitation]) -> dict[str, Any]:
 
 
 def _claim_document(claim: Claim) -> dict[str, Any]:
-    return {
-        "key": claim.key,
-        "source": claim.source,
-        "statement": claim.statement,
-        "verdict": claim.verdict,
-        "findings": [plain(finding) | {"holds": finding.holds} for finding in claim.findings],
-    }
+    findings = [plain(finding) | {"holds": finding.holds} for finding in claim.findings]
+    return plain(claim) | {"verdict": claim.verdict, "findings": findings}
 
 
 def _case_document(case: TheoremCase) -> dict[str, Any]:
+    limits = {limit.coefficient: plain(limit) for limit in case.monitor.limits}
+    numbers = ("first", "last", "drift", "largest_rate")
     return {
         "name": case.name,
         "reference": case.reference,
@@ -229,15 +219,7 @@ def _case_document(case: TheoremCase) -> dict[str, Any]:
         "judged_rows": case.judged,
         "settled": case.settled,
         "vanished": case.vanished,
-        "limits": {
-            limit.coefficient: {
-                "first": limit.first,
-                "last": limit.last,
-                "drift": limit.drift,
-                "largest_rate": limit.largest_rate,
-            }
-            for limit in case.monitor.limits
-        },
+        "limits": {name: {n: limit[n] for n in numbers} for name, limit in limits.items()},
         "excitation": _excitation_document(case.excitation),
         "rise_in_tolerances": case.monitor.rise_in_tolerances,
     }

@@ -151,7 +151,8 @@ def tracking_chart(runs: Mapping[str, SteadyRun]) -> Chart:
         at_end = Axis("time", "s", limits=(DURATION - _LAST, DURATION))
         panels.append(Panel("last half second", at_end, y, (last,)))
     found = ", ".join(f"{_number(run.max_tracking_error)} rad" for run in runs.values())
-    says = f"Over the last ten seconds the readings {_names(runs)} track to {found}."
+    names = " and ".join(f"({name})" for name in runs)
+    says = f"Over the last ten seconds the readings {names} track to {found}."
     return Chart("figure1", "Figure 1: tracking error", says, tuple(panels), columns=4)
 
 
@@ -188,10 +189,6 @@ def error_chart(runs: Mapping[str, SteadyRun], coefficient: str, number: int) ->
     title = f"Figure {number}: error of {symbol}"
     says = f"After 30 s the error of {symbol} in {unit} is {at_end}."
     return Chart(f"figure{number}", title, says, panels)
-
-
-def _names(runs: Mapping[str, SteadyRun]) -> str:
-    return " and ".join(f"({name})" for name in runs)
 
 
 def _number(value: float) -> str:

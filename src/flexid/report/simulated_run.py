@@ -31,7 +31,8 @@ from flexid.simulation.run import Run
 def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     length = f"{run.time[-1]:g} s {experiment.mode}"
-    yield Text(f"{experiment.name}: {length}, {_statistics(run)}")
+    spent = (f"{count} {name.replace('_', ' ')}" for name, count in run.statistics.items())
+    yield Text(f"{experiment.name}: {length}, {', '.join(spent)}")
     yield estimates_table(experiment, run, measures)
     yield from map(Text, run_lines(run, measures))
 
@@ -58,25 +59,17 @@ def estimates_table(experiment: Experiment, run: Run, measures: Measures) -> Tab
     columns = (Column("coefficient"), *numbers(*headings), Column("unit"))
     table = Table("Estimates of the observer", columns)
     for place, (name, error) in enumerate(measures.final_errors.items()):
-        true = experiment.loop.coefficients[name]
+        true, settled = experiment.loop.coefficients[name], measures.settling_times[name]
         table.add(
             name,
             number(true, 6),
             number(experiment.loop.initial_estimates.get(name, 0.0), 6),
             number(float(run.estimates[-1, place]), 6),
             number(100 * error / true, 3, "%") if true else number(error, 3),
-            _settled(measures.settling_times[name]),
+            f"from {settled:.3g} s" if isfinite(settled) else "never",
             coefficient_unit(run, name),
         )
     return table
-
-
-def _settled(time: float) -> str:
-    return f"from {time:.3g} s" if isfinite(time) else "never"
-
-
-def _statistics(run: Run) -> str:
-    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in run.statistics.items())
 
 
 _COLOURS: tuple[Colour, ...] = ("blue", "orange", "green", "red", "grey")  # of the inputs
@@ -102,7 +95,12 @@ def motion_chart(name: str, run: Run) -> Chart:
     )
     error = (Line("tracking error", run.time, run.tracking_error, "orange"),)
     drive = tuple(
-        Line("motor torque" if joint else symbol, run.time, run.inputs[:, i], _colour(i))
+        Line(
+            "motor torque" if joint else symbol,
+            run.time,
+            run.inputs[:, i],
+            _COLOURS[i % len(_COLOURS)],
+        )
         for i, symbol in enumerate(run.loop.system.inputs)
     )
     kept, away = _frame(run.tracking_error)
@@ -138,21 +136,10 @@ def observer_chart(name: str, run: Run) -> Chart:
         )
         y = Axis("estimate", coefficient_unit(run, coefficient))
         panels.append(Panel(coefficient, Axis("time", "s"), y, marks))
-    says = (
-        f"At the end {_in_band(run)} of {len(panels)} estimates are in the band of the true value."
-    )
-    return Chart("estimates", name, says, tuple(panels), columns=2 if len(panels) > 1 else 1)
-
-
-def _in_band(run: Run) -> int:
-    """How many estimates end within the band of their true values."""
     true = run.loop.coefficients
-    errors = run.final_errors()
-    return sum(abs(error) <= SETTLED * abs(true[name]) for name, error in errors.items())
-
-
-def _colour(place: int) -> Colour:
-    return _COLOURS[place % len(_COLOURS)]
+    kept = sum(abs(error) <= SETTLED * abs(true[n]) for n, error in run.final_errors().items())
+    says = f"At the end {kept} of {len(panels)} estimates are in the band of the true value."
+    return Chart("estimates", name, says, tuple(panels), columns=2 if len(panels) > 1 else 1)
 
 
 def _frame(values: FloatArray) -> tuple[tuple[float, float] | None, str]:

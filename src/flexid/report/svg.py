@@ -47,7 +47,8 @@ def chart_svg(chart: Chart, width: float = WIDTH) -> str:
     title.set_visible(True)
     figure.set_canvas(canvas)
     text = _TAG.sub(_compact, _LEFT_OUT.sub("", text[text.index("<svg") :]))
-    return _MARKERS.sub(_together, text)
+    # A group of alike markers says their look once
+    return _MARKERS.sub(lambda m: f"<g{m[1]}{m[3]}>{m[2].replace(m[3], '')}</g>", text)
 
 
 _WIDTHS = {"wide": WIDTH, "narrow": NARROW}
@@ -90,20 +91,14 @@ def _compact(tag: re.Match[str]) -> str:
         name, value = found.groups()
         if name == "style":
             return _attributes(value)
-        return f' {name}="{_path(rounded(value)) if name == "d" else rounded(value)}"'
+        value = rounded(value)
+        if name == "d":
+            value = _COMMAND.sub(r"\1", value)
+            if not {"C", "Q"} & {*value}:
+                value = value.replace("L", " ")  # a point ends a line
+        return f' {name}="{value}"'
 
     return _ATTRIBUTE.sub(attribute, text)
-
-
-def _together(markers: re.Match[str]) -> str:
-    """A group of alike markers, whose look is said once."""
-    place, uses, look = markers.groups()
-    return f"<g{place}{look}>{uses.replace(look, '')}</g>"
-
-
-def _path(commands: str) -> str:
-    text = _COMMAND.sub(r"\1", commands)
-    return text if {"C", "Q"} & {*text} else text.replace("L", " ")  # a point ends a line
 
 
 def _attributes(style: str) -> str:

@@ -196,15 +196,11 @@ Part = Table | Text
 
 def number(value: float, digits: int, unit: str = "") -> Cell:
     """A number with so many significant digits, or fewer, but three, where there is no room."""
-    texts = (_significant(value, d) for d in range(digits, min(digits, 3) - 1, -1))
+    texts = [f"{value:.{d}g}" for d in range(digits, min(digits, 3) - 1, -1)]
+    if abs(value) < 1e6:  # no power of ten for what has at most six digits before the point
+        texts = [f"{float(text):.0f}" if "e+0" in text else text for text in texts]
     cell = Cell(tuple(dict.fromkeys(texts)))
     return cell.with_unit(unit) if unit else cell
-
-
-def _significant(value: float, digits: int) -> str:
-    """So many significant digits, and no power of ten for what has at most six before the point."""
-    short = f"{value:.{digits}g}"
-    return f"{float(short):.0f}" if "e+0" in short and abs(value) < 1e6 else short
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:
@@ -229,15 +225,11 @@ def print_parts(parts: Iterable[Part]) -> None:
     lines = list(laid_out(parts, width))
     if not encodable("".join(line.plain for line in lines)):  # what is spelled takes more room
         narrower = (list(laid_out(parts, width - spare)) for spare in range(width // 4))
-        fitting = (page for page in narrower if max(map(_spelled_width, page)) <= width)
+        fitting = (page for page in narrower if max(len(spelled(t.plain)) for t in page) <= width)
         lines = next(fitting, lines)
     for line in lines:
         console.print(line, soft_wrap=True)
     sys.stdout.flush()  # what cannot be written fails here, and not when Python ends
-
-
-def _spelled_width(line: Text) -> int:
-    return len(spelled(line.plain))
 
 
 class _Console(Console):
@@ -286,12 +278,12 @@ def spelled(text: str) -> str:
     >>> spelled("θ₁ ≤ 5 ± 0.1 1/s²")
     'theta1 <= 5 +- 0.1 1/s2'
     """
-    return "".join(c if c.isascii() else _SPELLED.get(c) or _decomposed(c) for c in text)
 
+    def ascii_of(character: str) -> str:
+        bare = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+        return _SPELLED.get(character) or bare or "?"
 
-def _decomposed(character: str) -> str:
-    found = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
-    return found or "?"
+    return "".join(c if c.isascii() else ascii_of(c) for c in text)
 
 
 def _longest_word(text: str) -> int:
@@ -355,15 +347,12 @@ def format_with_interval(
 
 def _rounded(numbers: Sequence[float], place: int) -> tuple[str, ...]:
     """Numbers rounded to a power of ten: as usual, or all scientific where that is shorter."""
-    usual = tuple(_usual(x, place) for x in numbers)
     scientific = tuple(_scientific(x, place) for x in numbers)
+    usual = tuple(
+        f"{x:.{max(0, -_own_place(x, place))}f}" if place <= 0 or x == 0.0 else f"{float(text):.0f}"
+        for x, text in zip(numbers, scientific, strict=True)
+    )
     return min(usual, scientific, key=lambda texts: max(map(len, texts)))
-
-
-def _usual(x: float, place: int) -> str:
-    if place <= 0 or x == 0.0:
-        return f"{x:.{max(0, -_own_place(x, place))}f}"
-    return f"{float(_scientific(x, place)):.0f}"
 
 
 def _scientific(x: float, place: int) -> str:

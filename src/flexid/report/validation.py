@@ -49,7 +49,7 @@ def errors_parts(result: EstimateValidation) -> Iterator[Part]:
     table = Table("Prediction error by horizon (rad, RMS)", columns)
     for channel, noise in result.noise.items():
         off = (found[channel] for found in result.residuals.values())
-        table.add(channel, number(noise, 3), *map(_residual, off))
+        table.add(channel, number(noise, 3), *(number(x, 3) if isfinite(x) else "–" for x in off))
     yield table
     worst, fit = _worst(result)
     if worst and not fit >= WEAK_FIT:
@@ -78,10 +78,6 @@ def _fit(fit: float) -> str | Cell:
     if not isfinite(fit):
         return "diverges"
     return f"{fit:.2f}" if fit > -1000.0 else number(fit, 3)
-
-
-def _residual(residual: float) -> str | Cell:
-    return number(residual, 3) if isfinite(residual) else "–"
 
 
 def page(

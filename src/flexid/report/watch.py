@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.text import Text
 
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.parameter_kinds import ANGLES, difference
 from flexid.report.identification import estimates_table, negligible
 from flexid.report.page import Presenter
@@ -68,7 +69,9 @@ def _columns(
     def change(name: str) -> Cell | str:
         if name not in reference:
             return ""
-        shown = _change(name, reference[name][0], found[name].value)
+        was, now = reference[name][0], found[name].value
+        angle = name in ANGLES
+        shown = f"{difference(name, was, now):+.3g} rad" if angle else f"{now / was - 1.0:+.1%}"
         return Cell((shown,), "red" if name in gone else "")
 
     columns: dict[Column, Callable[[str], Cell | str]] = {}
@@ -79,13 +82,6 @@ def _columns(
     if sparks is not None:
         columns[Column("lately", spare=1)] = lambda name: sparks.line(name, found[name].value)
     return columns
-
-
-def _change(name: str, was: float, now: float) -> str:
-    """What is between an estimate and the stream: in rad of an angle, else relative."""
-    if name in ANGLES:
-        return f"{difference(name, was, now):+.3g} rad"
-    return f"{now / was - 1.0:+.1%}"
 
 
 class Sparks:
@@ -143,23 +139,16 @@ def document(session: Session) -> dict[str, Any]:
         "samples": asdict(session.counts),
         "changes": [asdict(change) for change in session.changes],
         "departures": [
-            {"name": d.name, "unit": d.unit, "was": d.was, "now": d.now, "change": d.change}
-            for d in session.departures
+            {key: getattr(departure, key) for key in ("name", "unit", "was", "now", "change")}
+            for departure in session.departures
         ],
         "options": session.options.document,
     }
 
 
-def _values(found: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        name: {
-            "value": estimate.value,
-            "interval": list(estimate.interval),
-            "unit": estimate.unit,
-            "verdict": estimate.verdict,
-        }
-        for name, estimate in found.items()
-    }
+def _values(found: Mapping[str, ValueEstimate]) -> dict[str, Any]:
+    said = ("value", "interval", "unit", "verdict")
+    return {name: {key: getattr(e, key) for key in said} for name, e in found.items()}
 
 
 PRESENTER = Presenter(parts, document)
