@@ -19,7 +19,7 @@ UNTAKEN = {
     "missing": (call("identify"), "logs is missing"),
     "progress": (call("identify", "a.csv", progress=3), "progress is an int.*print"),
     "exported": (call("export", 3, to="mjcf", out="b"), "export: what is an int.*an estimate"),
-    "one too many": (call("identify", "a.csv", "b.csv"), "columns="),
+    "one too many": (call("identify", "a.csv", "b.csv"), "takes logs; write options by name"),
     "twice": (call("identify", "a.csv", logs="b.csv"), "logs"),
     "no names": (call("reproduce", 3), "nothing"),
     "hold": (call("identify", "a.csv", hold=0), "an int.*'zero'"),

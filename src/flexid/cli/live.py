@@ -14,7 +14,7 @@ import typer
 from flexid.cli.generated import Command, ExitStatus, Options, as_typed, output, print_warnings
 from flexid.errors import RecordingError, SettingError
 from flexid.files import shown
-from flexid.library.arguments import in_one_thread
+from flexid.library.arguments import one_thread
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,7 +26,7 @@ _SAVED_EVERY = 60.0  # s
 _DRAWN_EVERY = 0.2  # s
 
 
-@in_one_thread
+@one_thread()
 def watch(command: Command, options: Options, flags: Options) -> None:
     """Follow the source to its end, or to an interruption; then save and report."""
     from rich.console import Console

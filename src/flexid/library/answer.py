@@ -138,8 +138,13 @@ class Answer:
                 console.print(line, soft_wrap=True)
             text = console.export_html(inline_styles=True, code_format="<pre>{code}</pre>")
         warnings = (f"<p>Warning: {escape(warning)}</p>" for warning in self.warnings)
-        figure = self._leading_figure()
-        return "".join((text, *warnings, "" if figure is None else _html_figure(figure)))
+        shown = ""
+        if (figure := self._leading_figure()) is not None:
+            with io.BytesIO() as file:
+                figure.savefig(file, format="png", dpi=figure.dpi)
+                encoded = base64.b64encode(file.getvalue()).decode()
+            shown = f'<img src="data:image/png;base64,{encoded}"/>'
+        return "".join((text, *warnings, shown))
 
     def _leading_figure(self) -> "Figure | None":
         """The figure that a notebook shows."""
@@ -208,14 +213,6 @@ def as_text(parts: "Iterable[Part]") -> str:
     from flexid.report.terminal import laid_out
 
     return "\n".join(line.plain for line in laid_out(parts, _WIDTH))
-
-
-def _html_figure(figure: "Figure") -> str:
-    """A figure within a page."""
-    with io.BytesIO() as file:
-        figure.savefig(file, format="png", dpi=figure.dpi)
-        encoded = base64.b64encode(file.getvalue()).decode()
-    return f'<img src="data:image/png;base64,{encoded}"/>'
 
 
 def data_frame(columns: Mapping[str, Any], backend: str) -> Any:

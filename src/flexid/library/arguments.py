@@ -88,16 +88,9 @@ def _refused(name: str, signature: inspect.Signature, given: int, reason: str) -
     parameters = signature.parameters.values()
     positional = [p.name for p in parameters if p.kind is not inspect.Parameter.KEYWORD_ONLY]
     if given > len(positional):
-        options = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
         taken = " and ".join(positional) or "nothing"
-        return ArgumentError(
-            name,
-            "arguments",
-            f"there are {given} without a name, and it takes {taken}; write options by name, "
-            f"such as {options[0]}=..."
-            if options
-            else f"there are {given}, and it takes {taken}",
-        )
+        said = f"there are {given} without a name, and it takes {taken}; write options by name"
+        return ArgumentError(name, "arguments", said)
     missing = reason.removeprefix("missing a required argument: ")
     if missing != reason:
         return ArgumentError(name, missing.strip("'"), "is missing: give it")
@@ -128,31 +121,12 @@ _limits: "threadpool_limits | None" = None
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread.
+    """Keep linear algebra to one thread, in a ``with`` or as a decorator of a function.
 
     Our matrices are small: threads that share them wait for each other longer than they compute.
     The limit holds for the process, so of several calls at once the first sets it and the last one
     takes it back; no call finds what another has set and takes it for the user's.
     """
-    _enter()
-    try:
-        yield
-    finally:
-        _leave()
-
-
-def in_one_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """A function that works with one thread for linear algebra."""
-
-    @wraps(function)
-    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
-        with one_thread():
-            return function(*args, **kwargs)
-
-    return limited
-
-
-def _enter() -> None:
     global _active, _limits
     with _LOCK:
         if not _active:
@@ -161,15 +135,14 @@ def _enter() -> None:
 
             _limits = threadpool_limits(limits=1, user_api="blas")
         _active += 1
-
-
-def _leave() -> None:
-    global _active, _limits
-    with _LOCK:
-        _active -= 1
-        if not _active and _limits is not None:
-            _limits.restore_original_limits()
-            _limits = None
+    try:
+        yield
+    finally:
+        with _LOCK:
+            _active -= 1
+            if not _active and _limits is not None:
+                _limits.restore_original_limits()
+                _limits = None
 
 
 _SECTION = re.compile(

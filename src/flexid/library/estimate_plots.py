@@ -34,12 +34,12 @@ class EstimatePlots:
 
     def fit(self, ax: Axes | None = None) -> Figure:
         """Free run of the model over the data that were kept out of the fit."""
-        self._need_series(bool(self._result.validation.runs))
+        _need_series(bool(self._result.validation.runs))
         return draw(fit_chart(self._result), ax=ax)
 
     def residuals(self, ax: Axes | None = None) -> Figure:
         """What is between measured and predicted held-out data, and how it correlates in time."""
-        self._need_series(bool(self._result.validation.runs))
+        _need_series(bool(self._result.validation.runs))
         return draw(residual_chart(self._result.validation), ax=ax)
 
     def regions(self, *, level: float = CONFIDENCE, ax: Axes | None = None) -> Figure:
@@ -51,7 +51,7 @@ class EstimatePlots:
 
     def estimates(self, ax: Axes | None = None) -> Figure:
         """The paper's observer over time, with the estimates and their intervals."""
-        self._need_series(len(self._result.observer.time) > 0)
+        _need_series(len(self._result.observer.time) > 0)
         return draw(estimates_chart(self._result), ax=ax)
 
     def excitation(self, ax: Axes | None = None) -> Figure:
@@ -76,13 +76,14 @@ class EstimatePlots:
         response = frequency_response(self._result, given, position=position, level=level)
         return draw(bode_chart(response), ax=ax)
 
-    def _need_series(self, there: bool) -> None:
-        if not there:
-            raise SettingError(
-                "plot",
-                "an estimate that was loaded holds no time series: draw those of a log by "
-                "estimate.validate(log).plot",
-            )
+
+def _need_series(there: bool) -> None:
+    if not there:
+        raise SettingError(
+            "plot",
+            "an estimate that was loaded holds no time series: draw those of a log by "
+            "estimate.validate(log).plot",
+        )
 
 
 class ValidationPlots:

@@ -11,9 +11,9 @@ from flexid.library.arguments import (
     as_number,
     as_path,
     entrance,
-    in_one_thread,
     joint_settings,
     kind_of,
+    one_thread,
     options_of,
 )
 from flexid.library.identify import estimated, identify
@@ -74,7 +74,7 @@ class LogExcitation(PlottedAnswer):
 
 
 @entrance
-@in_one_thread
+@one_thread()
 @options_of(identify, "stream", "thresholds")
 def excitation(
     logs: "Logs",
@@ -148,7 +148,7 @@ class ExperimentDesign(TabularAnswer, PlottedAnswer):
 
 
 @entrance
-@in_one_thread
+@one_thread()
 def design(
     drive: "str | PathLike[str]",
     *,

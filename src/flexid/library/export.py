@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from flexid.errors import ArgumentError, SettingError, did_you_mean
-from flexid.library.arguments import as_names, as_path, entrance, in_one_thread, kind_of
+from flexid.library.arguments import as_names, as_path, entrance, kind_of, one_thread
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class ExportedFiles(NamedTuple):
 
 
 @entrance
-@in_one_thread
+@one_thread()
 def export(
     what: "JointEstimate | ParametricSystem | str | PathLike[str]",
     *,
@@ -219,25 +219,22 @@ def what_is_meant(
     from flexid.library.identify import estimated
     from flexid.library.joint_estimate import JointEstimate
 
-    is_path = isinstance(what, str | PathLike) and what != _SHIPPED
-    if isinstance(what, JointEstimate) or (is_path and _names_an_estimate(what)):
+    path = None
+    if isinstance(what, str | PathLike) and what != _SHIPPED:
+        path = as_path("export", "what", what)
+    stored = path is not None and (path.suffix.lower() == ".json" or path.is_dir())
+    if isinstance(what, JointEstimate) or stored:
         found = estimated("export", "what", what)
         if arms and found.result.model == "arm":
             return found.result
         return request_of_identification(found.of_joint, with_memory=with_memory)
-    if not is_path and what != _SHIPPED and not isinstance(what, ParametricSystem):
+    if path is None and what != _SHIPPED and not isinstance(what, ParametricSystem):
         raise ArgumentError(
             "export",
             "what",
             f"is {kind_of(what)}: give an estimate, a model, or the path of one",
         )
     return ExportRequest(declared(what, terms, unknown_input_gain=what == _SHIPPED))
-
-
-def _names_an_estimate(what: str | PathLike[str]) -> bool:
-    """Whether a path is that of an estimate, or of a folder, which may hold one."""
-    path = as_path("export", "what", what)
-    return path.suffix.lower() == ".json" or path.is_dir()
 
 
 def estimator_settings(

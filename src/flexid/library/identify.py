@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import ReportedAnswer
-from flexid.library.arguments import as_path, entrance, in_one_thread, joint_settings, kind_of
+from flexid.library.arguments import as_path, entrance, joint_settings, kind_of, one_thread
 
 if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @entrance
-@in_one_thread
+@one_thread()
 def identify(
     logs: "Logs",
     *,
@@ -208,7 +208,7 @@ class ArmEstimate(ReportedAnswer):
         return estimate_document(self.result)
 
 
-@in_one_thread
+@one_thread()
 def identify_arm(
     log: Path, arm: Path, columns: Path | None = None, progress: Progress = silent
 ) -> ArmEstimate:

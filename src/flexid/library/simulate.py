@@ -14,8 +14,8 @@ from flexid.library.arguments import (
     as_number,
     as_path,
     entrance,
-    in_one_thread,
     kind_of,
+    one_thread,
 )
 
 if TYPE_CHECKING:
@@ -235,7 +235,7 @@ class PaperReproduction(ReportedAnswer):
 
 
 @entrance
-@in_one_thread
+@one_thread()
 def reproduce(*, progress: Progress = silent) -> PaperReproduction:
     """Reproduce the paper, and check its claims.
 

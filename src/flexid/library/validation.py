@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.library.answer import PlottedAnswer, ReportedAnswer, TabularAnswer, data_frame
-from flexid.library.arguments import as_path, entrance, in_one_thread
+from flexid.library.arguments import as_path, entrance, one_thread
 from flexid.library.identify import estimated
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class EstimateValidation(ReportedAnswer, TabularAnswer):
 
 
 @entrance
-@in_one_thread
+@one_thread()
 def validate(
     estimate: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
     logs: "Logs",
