@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import sin
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,11 +20,10 @@ from flexid.report.page import Answer as PageAnswer
 from flexid.report.page import Bullets, Command, Link
 from flexid.report.terminal import Table
 from flexid.studio import jobs
-from flexid.studio.jobs import Answer, JobError, Workers
-from flexid.studio.play import PlayRoom
+from flexid.studio.jobs import Found, JobError, Workers
 from flexid.studio.window import Offer, Rooms, Window, fragment
 
-NOTHING = Answer((), Table("", ()), Table("", ()), {}, (), ("careful",), (), "zero", (), 1e-3)
+NOTHING = Found("", (), 1e-3)
 
 
 class Here(Workers):
@@ -52,7 +52,7 @@ class Here(Workers):
             patch.chdir(folder)
             return job(said, *arguments)
 
-    async def _identify(self, into: Path, log: Path) -> Answer:
+    async def _identify(self, into: Path, log: Path) -> Found:
         assert log.exists()
         self.runs += 1
         (into / jobs.ESTIMATE).write_text(f"run {self.runs}")
@@ -73,10 +73,14 @@ class Opened:
         offer = Offer(None, self.workers, self.workers, self.workers)
         self.window = Window(offer, self._send)
         self.rooms = Rooms(self.window)
-        self.room = self.rooms._identify
+        self.room = self.rooms.identify
 
     async def _send(self, message: dict[str, Any]) -> None:
         self.sent.append(message)
+
+    async def ask(self, kind: str, values: object = None, target: object = None) -> None:
+        """Ask as the page does."""
+        await self.rooms.handle({"kind": kind, "values": values, "target": target})
 
     async def idle(self) -> None:
         """Wait until nothing is under way."""
@@ -95,7 +99,7 @@ class Opened:
         """Send a log, and have it identified."""
         path = self.upload(name)
         await self.idle()
-        await self.room.run({})
+        await self.ask("run", {})
         await self.idle()
         return path
 
@@ -118,13 +122,13 @@ async def studio() -> AsyncIterator[Opened]:
 async def test_a_result_replaces_another_with_its_exports(studio: Opened):
     """Assert that after an export the next result is shown, and offers its own files alone."""
     await studio.identify("a.csv")
-    studio.room.export("mjcf")
+    await studio.ask("export", target="mjcf")
     await studio.idle()
-    studio.room.export("c99")
+    await studio.ask("export", target="c99")
     await studio.idle()
     assert {"mjcf.zip", "c99.zip"} <= {*studio.window.files}
     assert all(f">{name}.zip<" in studio.shown("export-state") for name in ("mjcf", "c99"))
-    await studio.room.run({})
+    await studio.ask("run", {})
     await studio.idle()
     assert "Done in" in studio.shown("run-state")
     assert sorted(studio.window.files) == ["estimate.json", "report.html"]
@@ -137,12 +141,12 @@ async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
     """Assert that files and exports stay those of the result on the page."""
     await studio.identify("a.csv")
     studio.workers.hold = asyncio.Event()
-    await studio.room.run({})
+    await studio.ask("run", {})
     while studio.workers.runs < 2:
         await asyncio.sleep(0)
-    await studio.room.cancel()
+    await studio.ask("cancel")
     await asyncio.gather(*studio.window._alive, return_exceptions=True)
-    studio.room.export("mjcf")
+    await studio.ask("export", target="mjcf")
     await studio.idle()
     files = studio.window.files
     assert {path.read_text() for path in files.values()} == {"run 1"}
@@ -169,31 +173,30 @@ async def test_a_result_says_that_something_else_was_chosen(
     The log is not checked again: the form would be, under the hands that fill it in.
     """
     await studio.identify("a.csv")
-    await studio.rooms.handle({"kind": "settings", "values": values})
+    await studio.ask("settings", values)
     await studio.idle()
     assert ("has been chosen since" in studio.shown("result-state")) is other
     assert studio.workers.checks == 1
-    await studio.room.run(values)
+    await studio.ask("run", values)
     await studio.idle()
     assert studio.shown("result-state") == ""
 
 
-def test_the_answers_are_those_of_the_report():
-    """Assert that word and tone are kept, and what they rest on, in the report's order."""
+def test_a_result_is_that_of_the_report():
+    """Assert that words, tones, values, and why one is not determined are the report's."""
     content = [Text("All are."), Link("2 warnings", "warnings"), Bullets(["a", "b"]), Command("c")]
-    found = replace(NOTHING, answers=(PageAnswer("Can I?", "With care", "fair", content),))
-    page = fragment("result.html", window="", files=[], exports={}, found=found)
+    weak = CoefficientEstimate("alpha_coulomb", "", 2.0, 0.5, (1.0, 3.0), "weak", "it is wide")
+    page = fragment(
+        "found.html",
+        answers=[PageAnswer("Can I?", "With care", "fair", content)],
+        parameters=Table("", ()),
+        coefficients=estimates_table("Coefficients", {weak.name: weak}),
+        reasons={weak.name: weak.reason},
+        result=SimpleNamespace(warnings=["w"], summary=["s"]),
+    )
     assert 'class="word tone fair">With care<' in page
     said = re.findall(r"<p>(?:<code>)?([^<]*)", page)
     assert said[:4] == ["All are.", "a", "b", "c"]
-
-
-def test_values_are_those_of_the_report():
-    """Assert that the table has value, interval and verdict, and why one is not determined."""
-    weak = CoefficientEstimate("alpha_coulomb", "", 2.0, 0.5, (1.0, 3.0), "weak", "it is wide")
-    table = estimates_table("Coefficients", {weak.name: weak})
-    found = replace(NOTHING, coefficients=table, reasons={weak.name: weak.reason})
-    page = fragment("result.html", window="", files=[], exports={}, found=found)
     row = page[page.index("alpha_<wbr>coulomb") :]
     assert "[1.0, 3.0]" in row
     assert '<span class="tone fair">weak</span> <span class="muted">it is wide<' in row
@@ -206,10 +209,10 @@ async def test_a_question_of_the_columns_is_asked_once(studio: Opened):
     assert "do not say it all" in studio.shown("columns")
     assert studio.workers.checks == 0
     values = {"column.motor_position": "motor_position", "column.link_position": "other"}
-    await studio.room.choose(values)
+    await studio.ask("columns", values)
     await studio.idle()
     assert "This cannot be used" in studio.shown("check")
-    await studio.room.choose({**values, "column.time": "stamp"})
+    await studio.ask("columns", {**values, "column.time": "stamp"})
     await studio.idle()
     assert "Check before you run" in studio.shown("check")
     assert "chosen below" in studio.shown("columns-state")
@@ -221,10 +224,10 @@ async def test_what_is_chosen_during_a_run_is_marked_after_it(studio: Opened):
     studio.upload("a.csv")
     await studio.idle()
     studio.workers.hold = asyncio.Event()
-    await studio.room.run({})
+    await studio.ask("run", {})
     while not studio.workers.runs:
         await asyncio.sleep(0)
-    await studio.rooms.handle({"kind": "settings", "values": {"hold": "zero"}})
+    await studio.ask("settings", {"hold": "zero"})
     studio.workers.hold.set()
     await studio.idle()
     assert "has been chosen since" in studio.shown("result-state")
@@ -243,14 +246,14 @@ async def test_other_columns_do_not_change_what_was_found(studio: Opened):
     await studio.identify("a.csv")
     names = "time", "motor_position", "link_position"
     columns = {f"column.{name}": name for name in names}
-    await studio.room.choose({**columns, "scale.time": "10"})
+    await studio.ask("columns", {**columns, "scale.time": "10"})
     await studio.idle()
     assert "100 Hz" in studio.shown("check")
     assert "has been chosen since" in studio.shown("result-state")
-    studio.room.export("c99")
+    await studio.ask("export", target="c99")
     await studio.idle()
     assert studio.workers.exported == [1e-3]
-    await studio.room.choose({})
+    await studio.ask("columns", {})
     assert studio.shown("result-state") == ""
 
 
@@ -313,7 +316,7 @@ async def test_play_goes_on_after_an_error(studio: Opened, values: dict[str, str
             raise JobError("the work ended early")
 
     studio.window.offer = Offer(None, *[Broken(0)] * 3)
-    await PlayRoom(studio.window).change(values)
+    await studio.ask("play", values)
     await studio.idle()
     assert "problem" in studio.shown("play-problem")
     assert {"kind": "played"} in studio.sent

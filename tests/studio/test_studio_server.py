@@ -6,15 +6,17 @@ import asyncio
 import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from urllib.request import Request, urlopen
 
 import pytest
 
+from flexid import studio
 from flexid.studio import guard, server
 from flexid.studio.guard import COOKIE, Guard, UploadError, is_loopback, safe_name, save
 from flexid.studio.jobs import Workers
-from flexid.studio.window import Offer, Window
+from flexid.studio.window import Offer
 
 HERE = "127.0.0.1:8765"
 TOKEN = "a-long-secret"
@@ -189,7 +191,7 @@ def test_size_is_bounded(
 
 def test_without_the_package(flexid, monkeypatch: pytest.MonkeyPatch):
     """Assert that the sentence names the extra."""
-    monkeypatch.setattr(server, "find_spec", lambda _: None)
+    monkeypatch.setattr(studio, "find_spec", lambda _: None)
     outcome = flexid("studio", "--no-browser")
     assert outcome.status == 2
     assert "pip install 'flexid[studio]'" in outcome.stderr
@@ -234,9 +236,9 @@ def test_one_window_too_many_is_told():
         async def iter_text(self) -> AsyncIterator[str]:
             yield '{"kind": "open"}'
 
-    windows: dict[str, Any] = dict.fromkeys(map(str, range(server.MOST_WINDOWS)))
-    socket: Any = Socket()
-    asyncio.run(server._window(Offer(None, *[Workers(0)] * 3), windows)(socket))
+    full = server.Studio(Offer(None, *[Workers(0)] * 3))
+    full.windows = cast("Any", dict.fromkeys(map(str, range(server.MOST_WINDOWS))))
+    asyncio.run(full.window(cast("Any", Socket())))
     assert "close one and reload" in sent.pop()["text"]
     assert sent == []
 
@@ -258,24 +260,20 @@ def test_a_log_that_comes_too_late_is_refused(
     """Assert that nothing begins where the window was closed while its log was sent."""
 
     class Room:
-        window = Window
-
-        def uploaded(self, _: Path) -> None:
-            raise AssertionError("a job was begun")
+        window = SimpleNamespace(folder=tmp_path)
 
     async def save(*_: object) -> Path:
-        windows.clear()
+        late.windows.clear()
         if gone:
             raise FileNotFoundError(2, "gone")
         path = tmp_path / "a.csv"
         path.touch()
         return path
 
-    room: Any = Room()
-    room.window = type("", (), {"folder": tmp_path})
-    windows: dict[str, Any] = {"a": room}
-    monkeypatch.setattr(guard, "save", save)
-    answer = asyncio.run(server._upload(windows)(Sent()))
+    late = server.Studio(Offer(None, *[Workers(0)] * 3))
+    late.windows = cast("Any", {"a": Room})
+    monkeypatch.setattr(server, "save", save)
+    answer = asyncio.run(late.upload(cast("Any", Sent())))
     assert answer.status_code == 404
     assert b"reload the page" in answer.body
     assert not [*tmp_path.iterdir()]

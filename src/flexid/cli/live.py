@@ -169,6 +169,9 @@ def studio(
         raise RecordingError(
             shown(log), "", "there is no such file: check the spelling, or give the path of a log"
         )
+    from flexid.studio import need_packages
+
+    need_packages()
     from flexid.studio.server import serve
 
     def announce(address: str) -> None:

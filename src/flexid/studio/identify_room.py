@@ -50,22 +50,6 @@ class IdentifyRoom:
         self._log: Path | None = None
         self._overview: FileOverview | None = None
         self._shown: _Shown | None = None
-        self._problem = ""
-
-    @property
-    def problem(self) -> str:
-        """Why the log cannot be read as it is chosen; empty where it can, or nobody tried."""
-        return self._problem
-
-    @property
-    def log(self) -> Path | None:
-        """The log of the window."""
-        return self._log
-
-    @property
-    def choices(self) -> Choices:
-        """What is chosen of it."""
-        return self._choices
 
     async def open(self, values: object) -> None:
         """Begin with what an address holds, and with the log of the command line."""
@@ -86,28 +70,28 @@ class IdentifyRoom:
         """Show the room."""
         await self._window.address(ROOM, self._choices.query)
 
-    async def choose(self, values: object) -> None:
+    async def on_columns(self, values: object, _target: object) -> None:
         """Take what stands in the forms, and check the log again."""
         await self._set(values)
         if self._log is not None:
             self._window.start("check", self._check(), "check")
 
-    async def settle(self, values: object) -> None:
+    async def on_settings(self, values: object, _target: object) -> None:
         """Take what stands in the forms, where the log is read as before."""
         await self._set(values)
 
-    async def run(self, values: object) -> None:
+    async def on_run(self, values: object, _target: object) -> None:
         """Identify."""
         await self._set(values)
         if self._log is not None:
             self._window.start("run", self._run(), "run-state")
 
-    async def cancel(self) -> None:
+    async def on_cancel(self, _values: object, _target: object) -> None:
         """Leave off identifying."""
         if self._window.cancel("run"):
             await self._window.show("run-state", "run_state.html", text="Cancelled.", busy=False)
 
-    def export(self, target: object) -> None:
+    async def on_export(self, _values: object, target: object) -> None:
         """Write what was found for another tool."""
         if isinstance(target, str) and target in EXPORTS and self._shown is not None:
             self._window.start("export", self._export(target, self._shown), "export-state")
@@ -135,7 +119,6 @@ class IdentifyRoom:
         for name in ("check", "run", "export"):
             self._window.cancel(name)
         before, self._log, self._overview = self._log, path, None
-        self._problem = ""
         if before not in (None, path, self._window.offer.log):
             before.unlink(missing_ok=True)  # it was sent
         self._keep(None, [])
@@ -196,12 +179,10 @@ class IdentifyRoom:
                 jobs.check, log.name, self._choices, folder=log.parent, said=window.saying("check")
             )
         except FlexidError as error:
-            self._problem = str(error)
             await window.show("check-charts", "nothing.html")
             await window.show("run", "nothing.html")
-            await window.show("check", "unread.html", text=self._problem)
+            await window.show("check", "unread.html", text=str(error))
             return
-        self._problem = ""
         await window.show(
             "columns-state", "columns_state.html", found=self._overview,
             by_name=not self._choices.sources, open_question="",
@@ -222,7 +203,7 @@ class IdentifyRoom:
         await window.show("run-state", "run_state.html", text="Starting ...", busy=True)
         folder = Path(tempfile.mkdtemp(prefix="run-", dir=window.folder))
         try:
-            found: jobs.Answer = await window.offer.long.run(
+            found: jobs.Found = await window.offer.long.run(
                 jobs.identify, log.name, choices, str(folder),
                 folder=log.parent, said=window.saying("run-line"),
             )  # fmt: skip

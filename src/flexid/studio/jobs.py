@@ -16,20 +16,17 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 from flexid.errors import FlexidError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from multiprocessing.connection import Connection
 
     from flexid.identification.vocabulary.progress import Progress
     from flexid.recording.overview import FileOverview
     from flexid.recording.survey import LogSurvey
-    from flexid.report.page import Answer as PageAnswer
     from flexid.report.svg import Drawn
-    from flexid.report.terminal import Table
     from flexid.studio.choices import Choices
 
 
@@ -190,18 +187,10 @@ class Checked:
     kinds_of: dict[str, str]  # by term, the kinds of joint that have it
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What an identification found, for the page."""
+class Found(NamedTuple):
+    """What an identification found."""
 
-    answers: Sequence[PageAnswer]  # to what one asks first, as the report has them
-    parameters: Table
-    coefficients: Table
-    reasons: dict[str, str]  # why something is not determined, by name
-    summary: tuple[str, ...]  # sentences
-    warnings: tuple[str, ...]  # sentences
-    terms: tuple[str, ...]  # terms of the model
-    hold: str  # the input between samples
+    html: str  # answers, tables and sentences
     figures: tuple[Drawn, ...]  # what the report has too
     sample_time: float  # of the log, in s
 
@@ -231,7 +220,7 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
     return Checked(survey(log), log.warnings, origins, drawn(log_chart(log)), kinds_of)
 
 
-def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answer:
+def identify(progress: Progress, name: str, choices: Choices, into: str) -> Found:
     """Identify a log, and leave estimate and report in a folder."""
     from flexid.files import write_document
     from flexid.library.identify import identify as run
@@ -241,6 +230,7 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     from flexid.report.identification_page import identification_page
     from flexid.report.page import page_html
     from flexid.report.svg import drawn
+    from flexid.studio.window import fragment
 
     progress("reading the log (the first run on a machine compiles for up to a minute)")
     log = read_log(Path(name), choices.column_map)
@@ -252,18 +242,15 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     charts = identification_charts(result)
     page = identification_page(result, charts)
     write_document(Path(into) / REPORT, page_html(page))
-    return Answer(
-        page.answers,
-        parameters_table(result),
-        coefficients_table(result),
-        {name: e.reason for name, e in estimates.items() if e.interval[0] != e.interval[1]},
-        result.summary,
-        result.warnings,
-        result.choices.terms,
-        result.choices.hold,
-        tuple(map(drawn, charts)),
-        log.recordings[0].sample_time,
+    html = fragment(
+        "found.html",
+        answers=page.answers,
+        parameters=parameters_table(result),
+        coefficients=coefficients_table(result),
+        reasons={name: e.reason for name, e in estimates.items() if e.interval[0] != e.interval[1]},
+        result=result,
     )
+    return Found(html, tuple(map(drawn, charts)), log.recordings[0].sample_time)
 
 
 def export(_: Progress, to: str, sample_time: float, folder: str) -> str:

@@ -190,7 +190,9 @@ def play(
     problems = []
     for choices, which in ((chosen, "This run"), (pinned, "The pinned run")):
         try:
-            runs.append(None if choices is None else _played(choices))
+            runs.append(
+                None if choices is None else _remembered(tuple(sorted(choices.pairs.items())))
+            )
         except SimulationError as error:
             runs.append(None)
             why = error.reason.partition(":")[0]  # what it advises is not to be had here
@@ -200,15 +202,9 @@ def play(
     return PlayedRuns(_rows(run, pin), tuple(problems), figure, perf_counter() - begun)
 
 
-def _played(choices: PlayChoices) -> Played:
-    """A run, from what was played before if it was."""
-    pairs = tuple(sorted(choices.pairs.items()))
-    return _remembered(pairs)
-
-
 @lru_cache(maxsize=32)
 def _remembered(pairs: tuple[tuple[str, str], ...]) -> Played:
-
+    """A run, from what was played before if it was."""
     choices = read_play(dict(pairs))
     sampling = choices.sampling
     if sampling is None:
@@ -326,7 +322,7 @@ class PlayRoom:
         self._is_open = False
         self._refused = ""  # why an address cannot be used; stands until something is chosen
 
-    async def open(self, values: Mapping[str, object]) -> None:
+    def open(self, values: Mapping[str, object]) -> None:
         """Begin with what an address holds."""
         try:
             chosen = read_play(values)
@@ -343,7 +339,7 @@ class PlayRoom:
             await self._show_controls()
         await self._start()
 
-    async def change(self, values: object) -> None:
+    async def on_play(self, values: object, _target: object) -> None:
         """Play what the sliders stand at."""
         self._refused = ""
         try:
@@ -351,20 +347,20 @@ class PlayRoom:
         except FlexidError as error:
             await self._window.show("play-problem", "problem.html", text=str(error))
             await self._window.played()
-            return
-        await self._start()
+        else:
+            await self._start()
 
-    async def pin(self) -> None:
+    async def on_pin(self, _values: object, _target: object) -> None:
         """Keep the present run to compare with."""
         self._pinned = self._chosen
         await self._start()
 
-    async def unpin(self) -> None:
+    async def on_unpin(self, _values: object, _target: object) -> None:
         """Show the present run alone."""
         self._pinned = None
         await self._start()
 
-    async def reset(self) -> None:
+    async def on_reset(self, _values: object, _target: object) -> None:
         """Go back to Table I."""
         self._refused = ""
         self._chosen = self._pinned = TABLE1

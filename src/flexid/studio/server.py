@@ -5,172 +5,134 @@ from __future__ import annotations
 import json
 import secrets
 import socket
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
 from flexid.errors import SettingError
 from flexid.readers.formats import kinds, suffixes
-from flexid.studio.window import assets, fragment
+from flexid.studio.guard import Guard, UploadError, is_loopback, save
+from flexid.studio.jobs import Workers
+from flexid.studio.window import Offer, Rooms, Window, assets, fragment
 
 if TYPE_CHECKING:
-    from starlette.requests import Request
-    from starlette.responses import Response
     from starlette.types import ASGIApp
-    from starlette.websockets import WebSocket
-
-    from flexid.studio.window import Offer, Rooms
 
 MOST_WINDOWS = 40
 _LONG, _SHORT, _PLAY = 2, 1, 1  # processes
 
 
-def need_packages() -> None:
-    """Raise `SettingError` unless the packages of the extra are installed."""
-    for package in ("starlette", "uvicorn", "websockets"):
-        if find_spec(package) is None:
-            raise SettingError(
-                "studio",
-                f"it needs {package}, which is not installed: pip install 'flexid[studio]'",
-            )
+class Studio:
+    """The windows that are open, and what the server answers them."""
 
+    def __init__(self, offer: Offer) -> None:
+        self._offer = offer
+        self.windows: dict[str, Rooms] = {}
 
-def studio(log: Path | None, host: str, token: str) -> ASGIApp:
-    """The studio as an ASGI application; each window opens with the log, if there is one."""
-    from starlette.applications import Starlette
-    from starlette.routing import Route, WebSocketRoute
+    def application(self) -> Starlette:
+        """All routes; its end is that of all processes."""
 
-    from flexid.studio.guard import Guard
-    from flexid.studio.jobs import Workers
-    from flexid.studio.window import Offer
+        @asynccontextmanager
+        async def lifespan(_: Starlette) -> AsyncIterator[None]:
+            yield
+            for workers in (self._offer.long, self._offer.short, self._offer.play):
+                workers.end()
 
-    log = log and log.absolute()  # each process changes its folder from job to job
-    processes = [Workers(most) for most in (_LONG, _SHORT, _PLAY)]
-    windows: dict[str, Rooms] = {}
+        routes = [
+            Route("/", self.page),
+            Route("/assets/{name}", self.asset),
+            Route("/upload/{key}", self.upload, methods=["POST"]),
+            Route("/files/{key}/{name}", self.file),
+            WebSocketRoute("/socket", self.window),
+        ]
+        return Starlette(routes=routes, lifespan=lifespan)
 
-    @asynccontextmanager
-    async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        yield
-        for workers in processes:
-            workers.end()
+    async def window(self, socket: WebSocket) -> None:
+        """The end of a window's socket: it asks in JSON, and is sent what its page shows."""
 
-    routes = [
-        Route("/", _page),
-        Route("/assets/{name}", _asset),
-        Route("/upload/{key}", _upload(windows), methods=["POST"]),
-        Route("/files/{key}/{name}", _file(windows)),
-        WebSocketRoute("/socket", _window(Offer(log, *processes), windows)),
-    ]
-    return Guard(Starlette(routes=routes, lifespan=lifespan), host, token)
-
-
-def _window(
-    offer: Offer, windows: dict[str, Rooms]
-) -> Callable[[WebSocket], Coroutine[Any, Any, None]]:
-    """The end of a window's socket: it asks in JSON, and is sent what its page shows."""
-    from starlette.websockets import WebSocketDisconnect
-
-    from flexid.studio.window import Rooms, Window
-
-    async def window(socket: WebSocket) -> None:
         async def send(message: dict[str, Any]) -> None:
             with suppress(WebSocketDisconnect, RuntimeError):  # the page may be gone
                 await socket.send_json(message)
 
         await socket.accept()
-        if len(windows) >= MOST_WINDOWS:
+        if len(self.windows) >= MOST_WINDOWS:
             text = f"{MOST_WINDOWS} windows are open, the most there may be: close one and reload"
             await send({"kind": "say", "place": "log-state", "text": text})
             async for _ in socket.iter_text():
                 pass  # the page says why it stays empty until it is closed
             return
-        rooms = Rooms(Window(offer, send))
-        windows[rooms.window.key] = rooms
+        rooms = Rooms(Window(self._offer, send))
+        self.windows[rooms.window.key] = rooms
         try:
             async for text in socket.iter_text():
                 with suppress(ValueError):  # what is no JSON is not from our page
                     if isinstance(request := json.loads(text), dict):
                         await rooms.handle(request)
         finally:
-            await windows.pop(rooms.window.key).close()
+            await self.windows.pop(rooms.window.key).window.close()
 
-    return window
+    async def page(self, _: Request) -> Response:
+        """The page before it has a window."""
+        return HTMLResponse(fragment("studio.html", suffixes=",".join(suffixes()), kinds=kinds()))
 
+    async def asset(self, request: Request) -> Response:
+        """A script or a style sheet."""
+        content, kind = assets().get(request.path_params["name"], (None, ""))
+        return Response(status_code=404) if content is None else Response(content, media_type=kind)
 
-async def _page(_: Request) -> Response:
-    from starlette.responses import HTMLResponse
-
-    return HTMLResponse(fragment("studio.html", suffixes=",".join(suffixes()), kinds=kinds()))
-
-
-async def _asset(request: Request) -> Response:
-    from starlette.responses import Response
-
-    content, kind = assets().get(request.path_params["name"], (None, ""))
-    return Response(status_code=404) if content is None else Response(content, media_type=kind)
-
-
-def _upload(windows: dict[str, Rooms]) -> Callable[..., Any]:
-    """The way in for logs."""
-    from starlette.responses import JSONResponse
-
-    from flexid.studio.guard import UploadError, save
-
-    def ended() -> Response:
-        return JSONResponse({"problem": "this window has ended: reload the page"}, 404)
-
-    async def upload(request: Request) -> Response:
+    async def upload(self, request: Request) -> Response:
+        """The way in for logs."""
+        ended = JSONResponse({"problem": "this window has ended: reload the page"}, 404)
         key = request.path_params["key"]
-        rooms = windows.get(key)
+        rooms = self.windows.get(key)
         if rooms is None:
-            return ended()
+            return ended
         name = unquote(request.headers.get("x-file-name", ""))
         try:
             path = await save(request.stream(), name, rooms.window.folder)
         except UploadError as error:
             return JSONResponse({"problem": str(error)}, error.status)
         except OSError as error:
-            if key not in windows:  # its folder was deleted
-                return ended()
+            if key not in self.windows:  # its folder was deleted
+                return ended
             problem = f"the log cannot be kept ({error.strerror}): send it again"
             return JSONResponse({"problem": problem}, 507)
-        if key not in windows:
+        if key not in self.windows:
             path.unlink(missing_ok=True)
-            return ended()
-        rooms.uploaded(path)
+            return ended
+        rooms.identify.uploaded(path)
         return JSONResponse({"name": path.name})
 
-    return upload
-
-
-def _file(windows: dict[str, Rooms]) -> Callable[..., Any]:
-    """The way out for what was found."""
-    from starlette.responses import FileResponse, Response
-
-    async def file(request: Request) -> Response:
-        rooms = windows.get(request.path_params["key"])
+    async def file(self, request: Request) -> Response:
+        """The way out for what was found."""
+        rooms = self.windows.get(request.path_params["key"])
         path = rooms and rooms.window.files.get(request.path_params["name"])
         if path is None:
             return Response(status_code=404)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
 
-    return file
+
+def studio(log: Path | None, host: str, token: str) -> ASGIApp:
+    """The studio as an ASGI application; each window opens with the log, if there is one."""
+    log = log and log.absolute()  # each process changes its folder from job to job
+    offer = Offer(log, *(Workers(most) for most in (_LONG, _SHORT, _PLAY)))
+    return Guard(Studio(offer).application(), host, token)
 
 
 def serve(log: Path | None, host: str, port: int, announce: Callable[[str], None]) -> None:
     """Serve the studio until it is interrupted."""
-    need_packages()
-    import uvicorn
-
-    from flexid.studio.guard import is_loopback
-
     token = "" if is_loopback(host) else secrets.token_urlsafe(32)
     listening = _listening(host, port)
     port = listening.getsockname()[1]
-    app = studio(log, host, token)
 
     class Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -178,7 +140,7 @@ def serve(log: Path | None, host: str, port: int, announce: Callable[[str], None
             announce(_address(host, port, token))
 
     config = uvicorn.Config(
-        app,
+        studio(log, host, token),
         log_level="warning",
         ws_max_size=1_000_000,
         timeout_graceful_shutdown=2,

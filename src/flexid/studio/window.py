@@ -7,6 +7,7 @@ import secrets
 import shutil
 import tempfile
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -164,60 +165,28 @@ class Rooms:
 
     def __init__(self, window: Window) -> None:
         self.window = window
-        self._identify = IdentifyRoom(window)
-        self._play = PlayRoom(window)
+        self.identify, self.play = IdentifyRoom(window), PlayRoom(window)
 
     async def handle(self, request: Mapping[str, object]) -> None:
         """Do what the page asks for; what is not known is not done."""
-        values, target = request.get("values"), request.get("target")
         self.window.kind = "narrow" if request.get("narrow") is True else "wide"
-        try:
-            match request.get("kind"):
-                case "open":
-                    await self._open(values)
-                case "room":
-                    await self._enter(target)
-                case "columns":
-                    await self._identify.choose(values)
-                case "settings":
-                    await self._identify.settle(values)
-                case "run":
-                    await self._identify.run(values)
-                case "cancel":
-                    await self._identify.cancel()
-                case "export":
-                    self._identify.export(target)
-                case "play":
-                    await self._play.change(values)
-                case "pin":
-                    await self._play.pin()
-                case "unpin":
-                    await self._play.unpin()
-                case "reset":
-                    await self._play.reset()
-                case _:
-                    pass
-        except FlexidError:
-            pass  # it has been shown
+        name = f"on_{request.get('kind')}"
+        for room in (self, self.identify, self.play):
+            if (answer := getattr(room, name, None)) is not None:
+                with suppress(FlexidError):  # it has been shown
+                    await answer(request.get("values"), request.get("target"))
 
-    async def _open(self, values: object) -> None:
+    async def on_open(self, values: object, _target: object) -> None:
         """Begin with what an address holds; what cannot be used of it is said in its room."""
         await self.window.opened()
-        await self._identify.open(values)
+        await self.identify.open(values)
         room = values.get("room") if isinstance(values, Mapping) else None
         if isinstance(values, Mapping) and room == play.ROOM:
-            await self._play.open(values)
-        await self._enter(room)
+            self.play.open(values)
+        await self.on_room(None, room)
 
-    async def _enter(self, room: object) -> None:
+    async def on_room(self, _values: object, room: object) -> None:
+        """Enter a room."""
         known = play.ROOM if room == play.ROOM else identify_room.ROOM
         await self.window.enter(known)
-        await (self._play if known == play.ROOM else self._identify).enter()
-
-    def uploaded(self, path: Path) -> None:
-        """Go on with a log that was sent."""
-        self._identify.uploaded(path)
-
-    async def close(self) -> None:
-        """End what runs for the window, and forget what it holds."""
-        await self.window.close()
+        await (self.play if known == play.ROOM else self.identify).enter()
