@@ -126,7 +126,7 @@ def _descriptions() -> dict[str, Callable[[], Target]]:
     from flexid.recording.columns import read_channels
     from flexid.recording.table import Table
 
-    table = Table("log.csv", "line 1", 2, "line", pl.DataFrame(fuzz_files.log_columns()), "")
+    table = Table("log.csv", pl.DataFrame(fuzz_files.log_columns()), row_word="line")
 
     def of(pattern: str, read: Callable[[Path], object], *words: bytes) -> Target:
         files = tuple(path.read_bytes() for path in sorted(ROOT.glob(pattern)))

@@ -352,7 +352,7 @@ def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):
 def streamed(clock: Clock, *stamps: str) -> FloatArray:
     """Times of a part of a stream."""
     frame = pl.DataFrame({"time": stamps}, schema={"time": pl.String})
-    found = clock.stamped(Table("stream", "", 1, "line", frame, "", mark=""), "time")
+    found = clock.stamped(Table("stream", frame, row_word="line", mark=""), "time")
     assert found is not None
     return found
 

@@ -145,16 +145,14 @@ def _speed(log: Draft, name: str) -> FloatArray:
 
 
 def check_repeats(log: Draft, name: str) -> None:
-    """Warn of a sensor that is read in every so many samples only, and repeated in between.
-
-    Where a coarse encoder changes at even times, in a slow motion, all steps are alike.
-    """
+    """Warn of a sensor that is read in every so many samples only, and repeated in between."""
     steps = np.diff(log[name])
     places = np.flatnonzero(steps)
     if name in INPUTS or len(places) < _FEWEST_READINGS:
         return
     apart, sizes = np.diff(places), np.abs(steps[places])
     period = int(np.median(apart))
+    # Where a coarse encoder changes at even times, in a slow motion, all steps are alike.
     if period < 2 or np.mean(apart % period == 0) < _EVENLY or np.median(sizes) < 3.0 * sizes.min():
         return
     log.warn(
@@ -166,14 +164,11 @@ def check_repeats(log: Draft, name: str) -> None:
 
 
 def check_saturation(log: Draft, name: str) -> None:
-    """Warn of a channel that rests at its largest or smallest value again and again.
-
-    A sensor at its limit returns the limit exactly, much more often than the next value, and on
-    several occasions; an input that is switched between few levels is no fault.
-    """
+    """Warn of a channel that rests at its largest or smallest value again and again."""
     values = log[name]
     for level, sign in ((values.min(), -1.0), (values.max(), 1.0)):
         share = np.count_nonzero(values == level) / len(values)
+        # An input that is switched between few levels is no fault.
         if share > 0.01 and len(np.unique(values)) > 20 and _has_limit(sign * values):
             log.warn(
                 log.channels[name].place,
@@ -192,11 +187,7 @@ def _has_limit(values: FloatArray) -> bool:
 
 
 def check_two_encoders(log: Draft) -> None:
-    """Check that link and motor position are two angles at the same side of the gear.
-
-    A joint near its resonance moves one side several times as much as the other, so that only
-    clear cases are refused.
-    """
+    """Check that link and motor position are two angles at the same side of the gear."""
     link, motor = (log[name] for name in ENCODERS)
     link_part, motor_part = (values - values.mean() for values in (link, motor))
     link_size, motor_size = (float(np.sqrt(np.mean(part**2))) for part in (link_part, motor_part))
@@ -207,6 +198,7 @@ def check_two_encoders(log: Draft) -> None:
     remedy = f"scale the link position by {1.0 / factor:.3g}"
     if larger == "motor":
         remedy = "write the drive's gear_ratio"
+    # A joint near its resonance moves one side several times as much: only clear cases are refused.
     is_one_motion = abs(correlation) > 0.98
     faults = {
         "link and motor position are one and the same signal, so nothing is known of the spring: "

@@ -99,10 +99,7 @@ class _Form:
 
 
 class Clock:
-    """What the time of a log is counted from, the same in each of its parts.
-
-    Time stamps, and numbers that count from long ago, are counted from the first one.
-    """
+    """What the time of a log is counted from, the same in each of its parts."""
 
     def __init__(self, *, since_1970: bool = False) -> None:
         self._since_1970 = since_1970
@@ -116,19 +113,13 @@ class Clock:
         self._days = 0  # midnights since the first one
 
     def again(self, *, is_same: bool = False) -> Clock:
-        """A clock that goes on in another text, or in one without a header: it has the same form.
-
-        This one is not changed by that.
-        """
+        """A clock that goes on in another text; in one without a header its form is the same."""
         found = copy(self)
         found._is_known, found._keeps_form = is_same and self._form is None, is_same
         return found
 
     def stamped(self, table: Table, header: str) -> FloatArray | None:
-        """Seconds of a column of time stamps; None where it holds anything else.
-
-        Of a stream NaN stands where a cell is none.
-        """
+        """Seconds of a column of time stamps; None where it holds anything else."""
         import polars as pl
 
         column = table.frame[header]
@@ -233,10 +224,7 @@ def _first_form(column: polars.Series) -> _Form | None:
 
 
 def _usual_form(column: polars.Series) -> _Form | None:
-    """How most cells are written that are time stamps, if these are more than the numbers.
-
-    A stream may be joined in the midst of a stamp, or begin before its clock is set.
-    """
+    """How most cells are written that are time stamps, if these are more than the numbers."""
     cells = [cell for cell in column if cell is not None]
     forms = Counter(form for form in map(_Form.of, cells) if form is not None)
     is_stamped = forms.total() > sum(map(is_number, cells))

@@ -170,11 +170,7 @@ def _says(name: str, channel: str, factor: float) -> bool:
 
 
 def _canonical_columns(table: Table, named: set[str]) -> dict[str, _Column]:
-    """The columns that have canonical names, in whatever letters, by that name.
-
-    Channels of which a column map says where they come from, or that they are not read, are not
-    looked for.
-    """
+    """The columns that have canonical names, by these, but for those that a column map is about."""
     found: dict[str, _Column] = {}
     for header in table.names:
         bare, unit = split_header(table.short_name(header))
@@ -315,11 +311,7 @@ def _joint_of(table: Table, usual: Mapping[str, Usual], given: set[str]) -> str:
 
 
 def _require(table: Table, plan: _Plan) -> None:
-    """Raise unless time, the motor's position and one of link position and input are there.
-
-    Warn if there is no link position, or no input but a column that looks like one, unless a column
-    map says so.
-    """
+    """Raise unless there are time, motor position, and link position or input; warn of either."""
     choices = {
         "time": ("time",),
         "motor_position": ("motor_position",),

@@ -31,11 +31,7 @@ def is_frame(data: object) -> bool:
 
 
 def table_of_frame(frame: Any) -> Table:
-    """Columns of a data frame of pandas, Polars, PyArrow or another library that narwhals knows.
-
-    They are named as in a file, ``"link_position [deg]"``. An index is one, too, if it has a name
-    or holds dates or durations.
-    """
+    """Columns of a data frame of pandas, Polars, PyArrow or another library that narwhals knows."""
     import narwhals as nw
 
     if nw.dependencies.is_pandas_dataframe(frame):
@@ -150,7 +146,7 @@ def _table(file: str, columns: Mapping[str, Any]) -> Table:
             f"it has {frame.height} rows, more than the {MOST_ROWS} that are taken at once: write "
             f"it as a Parquet file and stream that",
         )
-    return Table(file, "", 0, "row", frame, _digest(frame))
+    return Table(file, frame, _digest(frame), first_row=0)
 
 
 def _digest(frame: polars.DataFrame) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from flexid.errors import RecordingError
 from flexid.recording.clock import is_stamp
 from flexid.recording.names import split_header
-from flexid.recording.table import EXAMPLE, is_number
+from flexid.recording.table import EXAMPLE, Table, is_number
 from flexid.recording.units import is_usual
 
 if TYPE_CHECKING:
@@ -40,6 +40,30 @@ class Layout:
     skipped: tuple[int, int] | tuple[()] = ()  # lines of a preamble that is no comment
     left_out: Mapping[int, str] = field(default_factory=dict)  # lines without a sample, and why
     twins: tuple[tuple[str, str], ...] = ()  # columns of one name: the first, and what another got
+
+    def table(self, file: str, frame: polars.DataFrame, mark: str | None = None) -> Table:
+        """Cells of rows as columns of a file."""
+        return Table(
+            file,
+            frame,
+            header=f"line {self.header_line}",
+            first_row=self.first_line,
+            row_word="line",
+            mark=mark,
+            left_out=self.left_out,
+        )
+
+    def without_twins(self, file: str, frame: polars.DataFrame) -> polars.DataFrame:
+        """Columns without those that stand there twice; raise where these hold something else."""
+        for name, other in self.twins:
+            if not frame[name].equals(frame[other]):
+                raise RecordingError(
+                    file,
+                    f"line {self.header_line}",
+                    f"the column {name!r} stands there twice, with other values: rename or remove "
+                    f"one",
+                )
+        return frame.drop([other for _, other in self.twins])
 
 
 @dataclass(frozen=True)
@@ -305,18 +329,6 @@ def _grouped(lines: list[_Line], header: _Line, names: list[str], separator: str
         groups.append(group)
     found = [f"{group} {name}".strip() for group, name in zip(groups, names, strict=True)]
     return names if _repeats(found) else found
-
-
-def without_twins(file: str, layout: Layout, frame: polars.DataFrame) -> polars.DataFrame:
-    """Columns without those that stand there once more; raise where these hold something else."""
-    for name, other in layout.twins:
-        if not frame[name].equals(frame[other]):
-            raise RecordingError(
-                file,
-                f"line {layout.header_line}",
-                f"the column {name!r} stands there twice, with other values: rename or remove one",
-            )
-    return frame.drop([other for _, other in layout.twins])
 
 
 def _with_unit(file: str, line: int, name: str, unit: str) -> str:

@@ -79,15 +79,13 @@ def _windows_without(lost: NDArray[np.int64]) -> int:
 
 
 def lost_by_the_clock(time: FloatArray) -> NDArray[np.int64]:
-    """How many samples are missing after each, shape (n - 1,), where they are few but often.
-
-    A cut loses no accuracy, interpolation a little: but a log in pieces shows no slow motion.
-    """
+    """How many samples are missing after each, shape (n - 1,), where they are few but often."""
     steps = np.diff(time) / np.median(np.diff(time))
     whole = np.rint(steps)
     is_loss = (whole >= 2) & (whole <= _MOST_LOST + 1) & (np.abs(steps - whole) <= MOST_JITTER)
     lost = np.where(is_loss, whole - 1, 0).astype(np.int64)
     places = np.count_nonzero(lost)
+    # A cut loses no accuracy, interpolation a little: but a log in pieces shows no slow motion.
     is_often = places >= FEWEST_PLACES and places * _SHORTEST_PART > time[-1] - time[0]
     return lost if is_often and np.mean(lost > 0) <= MOST_GAPS else np.zeros_like(lost)
 

@@ -25,10 +25,7 @@ _KNOWN = {
 
 
 def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
-    """Whether a measured velocity is the derivative of its position; a warning where it is not.
-
-    Both are averaged over windows in which the position moves far more than its noise.
-    """
+    """Whether a measured velocity is the derivative of its position; a warning where it is not."""
     means = [found for one in recordings if (found := _means(one, name)) is not None]
     if not means:
         return True  # it hardly moves, so nothing can be said

@@ -95,11 +95,7 @@ def on_one_clock(
 
 
 def drop_holes(log: Draft) -> None:
-    """Leave out rows with an empty cell where they are few, and velocities that lack many values.
-
-    Where they are many the channels were sampled at different rates, and each has the times at
-    which it has values.
-    """
+    """Leave out few rows with an empty cell; of many, each channel has a clock of its own."""
     there = {name: ~np.isnan(log[name]) for name in log.channels}
     unused = _sparse_velocities(there)
     if unused:

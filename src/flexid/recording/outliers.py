@@ -99,10 +99,7 @@ def _mend_spikes(log: Draft, name: str) -> None:
 
 
 def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> Iterator[tuple[int, float]]:
-    """Place and size of each sample that is off alone.
-
-    The second difference of a spike is as 1, -2, 1; that of a velocity that jumps has one sign.
-    """
+    """Place and size of each sample that is off alone."""
     off = np.zeros(len(values))
     off[2:-2] = np.convolve(values, _OFF, mode="valid")
     suspect = np.abs(off) > _SPIKE * position_noise(values)
@@ -112,6 +109,7 @@ def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> Iterator[tuple[int, 
     for place in np.flatnonzero(suspect[_AROUND:-_AROUND]) + _AROUND:
         bends = np.diff(values[place - _AROUND : place + _AROUND + 1], 2)
         bends = (bends - np.median(bends)) / abs(off[place])
+        # Of a spike they are as 1, -2, 1; of a velocity that jumps they have one sign.
         bends[middle - 1 : middle + 2] -= np.sign(off[place]) * np.array([1.0, -2.0, 1.0])
         if np.abs(bends).max() > _CALM or not even[place - 2 : place + 2].all():
             continue

@@ -16,10 +16,7 @@ if TYPE_CHECKING:
 
 
 class OwnTimes:
-    """A file of arrays of which each has the times that stand nearest to it: signals with clocks.
-
-    It is read as the file's `Reading` is.
-    """
+    """A file of arrays that each have the times nearest to them: signals with clocks."""
 
     def __init__(self, reading: Reading, times: Mapping[str, str]) -> None:
         self.file, self.sha256, self.format = reading.file, reading.sha256, reading.format

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -86,7 +87,7 @@ def names_of(reading: Reading | OwnTimes) -> Table:
     if reading.is_table:
         kinds = {one.path: _TEMPORAL.get(one.kind.partition("(")[0], "Float64") for one in series}
         frame = pl.DataFrame(schema={path: getattr(pl, kind) for path, kind in kinds.items()})
-        return Table(file, "", 1, "row", frame, reading.sha256)
+        return Table(file, frame, reading.sha256)
     short = shortest_ends(map(header_of, series))
     headers = list(short)
     if _is_clocked(reading):  # these are the time; a signal that is called so is not
@@ -97,7 +98,7 @@ def names_of(reading: Reading | OwnTimes) -> Table:
     kinds = {header_of(one): f"{one.kind}, {one.length} values" for one in series}
     frame = pl.DataFrame(schema=dict.fromkeys(headers, pl.Float64))
     kinds |= reading.others
-    return Table(file, "", 1, "row", frame, reading.sha256, (), short, kinds)
+    return Table(file, frame, reading.sha256, short=short, kinds=kinds)
 
 
 def tables_of(opened: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
@@ -124,10 +125,9 @@ def tables_of(opened: Reading, columns: MapSource | None, size: int | None) -> I
         )
     short = {header: wanted.names.short[header] for header in wanted.chosen if wanted.names.short}
     row = 1
-    kinds = wanted.names.kinds
     for frame, found in (_clocked if is_clocked else _together)(reading, wanted, size):
-        warnings = (*wanted.warnings, *found)
-        yield Table(file, "", row, "row", frame, reading.sha256, warnings, short, kinds)
+        names = replace(wanted.names, frame=frame, first_row=row)
+        yield replace(names, short=short, warnings=(*wanted.warnings, *found))
         row += frame.height
 
 
@@ -250,7 +250,7 @@ def _of_one_clock(
     signals = []
     for header, one in wanted.chosen.items():
         column = stamped[one.clock][1].select(pl.col(one.path).alias(header))
-        values = Table(file, "", 1, "row", column, "").numbers(header)
+        values = Table(file, column).numbers(header)
         signals.append(Signal(header, one.clock, values, header in inputs))
     clocks = {clock: times for clock, (times, _) in stamped.items()}
     times, columns, warnings = on_one_clock(file, clocks, signals)

@@ -37,10 +37,7 @@ def all_pass(fraction: float) -> FloatArray:
 
 
 def later(values: FloatArray, samples: float) -> FloatArray:
-    """A channel, moved to later times by so many samples of either sign, shape (n,).
-
-    Entry i is the channel at the time i - samples; `spoilt` counts entries that cannot be known.
-    """
+    """A channel later by so many samples of either sign, shape (n,); see `spoilt`."""
     whole = round(samples)
     fraction = samples - whole
     if fraction == 0.0:

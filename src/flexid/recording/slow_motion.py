@@ -98,10 +98,7 @@ def late_input(recording: Recording) -> Iterator[str]:
 
 
 def input_lateness(recording: Recording) -> float:
-    """How much later in s than it was logged an input acts, beyond what a fit finds; else 0.
-
-    The motor's balance takes the smoothed input, at each of many delays, by least squares.
-    """
+    """How much later in s than it was logged an input acts, beyond what a fit finds; else 0."""
     smoothed = _smoothing(recording)
     motor, link, acts = recording.motor_position, recording.link_position, recording.input
     reach = round(_LATEST / recording.sample_time)

@@ -45,10 +45,7 @@ def is_number(cell: str) -> bool:
 
 
 def decimal_mark(frame: polars.DataFrame) -> str:
-    """The decimal mark of cells that are text; empty where no number shows it.
-
-    A point decides, before any comma; a comma that may stand between thousands decides nothing.
-    """
+    """The decimal mark of cells that are text, a point before any comma; empty if none shows it."""
     points, commas = _marks(frame)
     return "." if points.any() else "," if commas.any() else ""
 
@@ -87,11 +84,11 @@ class Table:
     """Columns of a file, not yet numbers."""
 
     file: str  # as its path was given
-    header: str  # where the names of the columns stand, such as "line 1"
-    first_row: int  # number of the first row of values, as `row_word` counts
-    row_word: str  # "line" for a text file, else "row"
     frame: polars.DataFrame  # text columns of a text file, else typed ones
-    sha256: str  # digest of the file's bytes
+    sha256: str = ""  # digest of the file's bytes
+    header: str = ""  # where the names of the columns stand, such as "line 1"
+    first_row: int = 1  # number of the first row of values, as `row_word` counts
+    row_word: str = "row"  # "line" for a text file
     warnings: tuple[str, ...] = ()  # what was not read of it
     short: Mapping[str, str] = field(default_factory=dict)  # ends of paths that name a channel
     kinds: Mapping[str, str] = field(default_factory=dict)  # type and length of what it holds
@@ -124,13 +121,7 @@ class Table:
         return f"{self.row_word} {line_of(self.first_row, index, self.left_out)}, column {name!r}"
 
     def numbers(self, name: str, *, holes: bool = False) -> FloatArray:
-        """A column as finite numbers, shape (n,); raise with the first cell that is none.
-
-        With holes an empty cell is NaN, as is one that says so in a word.
-
-        Of a stream such a cell is NaN, or as it stands there: a few cells come at a time, for which
-        an operation of Polars takes longer than all else.
-        """
+        """A column as finite numbers, shape (n,); with holes, empty cells are NaN."""
         import polars as pl
 
         column = self.frame[name]
@@ -139,6 +130,7 @@ class Table:
         is_text = column.dtype == pl.String
         if self.row_word == "row" and not column.dtype.is_numeric():
             raise self._not_numeric(name, f"values of type {column.dtype}")
+        # Of a stream a few cells come at a time, for which an operation of Polars takes too long.
         if is_text and self.mark is not None:
             cells = [_plain(cell, self.mark) for cell in column]
             numbers = pl.Series(cells, dtype=pl.String).cast(pl.Float64, strict=False)

@@ -8,6 +8,7 @@ import io
 import os
 import re
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING
 from flexid.errors import RecordingError
 from flexid.files import read_bytes, shown
 from flexid.readers.formats import looks_like
-from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of, split, without_twins
+from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of, split
 from flexid.recording.limits import LARGEST_FILE, check_cells
 from flexid.recording.table import Table, line_of
 
@@ -64,35 +65,11 @@ def read_table(path: Path) -> Table:
     found = looks_like(raw)
     if found is not None:
         raise refuse(f"this is {found.what}: rename it so that it ends in {found.suffixes[0]}")
-    layout, frame = read_text(file, raw)
-    warnings: tuple[str, ...] = ()
-    if layout.skipped:
-        first, last = layout.skipped
-        lines = f"line {first} was" if first == last else f"lines {first} to {last} were"
-        warnings = (
-            f"{file}: {lines} not read, since the column names stand in line {layout.header_line}: "
-            f"check that they do",
-        )
-    if layout.left_out:
-        first, more = min(layout.left_out), len(layout.left_out) - 1
-        lines = f"line {first} and {more} more were" if more else f"line {first} was"
-        why = " or ".join(dict.fromkeys(layout.left_out.values()))
-        warnings += (f"{file}: {lines} left out, as {why}",)
-    header, digest = f"line {layout.header_line}", hashlib.sha256(raw).hexdigest()
-    return Table(
-        file,
-        header,
-        layout.first_line,
-        "line",
-        frame,
-        digest,
-        warnings,
-        left_out=layout.left_out,
-    )
+    return replace(read_text(file, raw), sha256=hashlib.sha256(raw).hexdigest())
 
 
-def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
-    """Layout and cells of a text in UTF-8, in UTF-16, or in Latin-1."""
+def read_text(file: str, raw: bytes) -> Table:
+    """A text in UTF-8, in UTF-16, or in Latin-1 as columns of text."""
     text = as_utf_8(file, raw)
     layout = layout_of(file, text)
     body = _rows(text[layout.start :])
@@ -104,12 +81,29 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
     if b"\n" + header in body:
         layout, body = _samples(layout, body, header)
     try:
-        return layout, _frame(file, layout, body)
+        frame = _frame(file, layout, body)
     except RecordingError:
         layout, body = _samples(layout, body, header)
         if not layout.left_out:
             raise
-    return layout, _frame(file, layout, body)
+        frame = _frame(file, layout, body)
+    return replace(layout.table(file, frame), warnings=tuple(_warnings(file, layout)))
+
+
+def _warnings(file: str, layout: Layout) -> Iterator[str]:
+    """What was not read of a text."""
+    if layout.skipped:
+        first, last = layout.skipped
+        lines = f"line {first} was" if first == last else f"lines {first} to {last} were"
+        yield (
+            f"{file}: {lines} not read, since the column names stand in line {layout.header_line}: "
+            f"check that they do"
+        )
+    if layout.left_out:
+        first, more = min(layout.left_out), len(layout.left_out) - 1
+        lines = f"line {first} and {more} more were" if more else f"line {first} was"
+        why = " or ".join(dict.fromkeys(layout.left_out.values()))
+        yield f"{file}: {lines} left out, as {why}"
 
 
 def _without_cut_row(layout: Layout, text: bytes, body: bytes) -> tuple[Layout, bytes]:
@@ -164,7 +158,7 @@ def _frame(file: str, layout: Layout, body: bytes) -> polars.DataFrame:
         fault = _ragged_row(file, layout, body)
         if fault is not None:
             raise fault
-    return without_twins(file, layout, frame)
+    return layout.without_twins(file, frame)
 
 
 def _rows(text: bytes) -> bytes:

@@ -184,11 +184,7 @@ def _accepted(si_units: tuple[str, ...]) -> str:
 
 
 def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
-    """A unit's factor and its root units as text.
-
-    Root units are compared rather than dimensions, because a radian has none: a count, a percentage
-    or a hertz would pass for an angle or an angular velocity.
-    """
+    """A unit's factor and its root units as text."""
     unknown = UnitError(
         f"the unit [{text}] is not known: write {_accepted(si_units)}, or the unit and a scale in "
         f"a column map"
@@ -207,6 +203,7 @@ def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
         quantity = registry.Quantity(1.0, registry.parse_units(spaced)).to_root_units()
     except Exception as error:  # Pint has no common root for what malformed text raises
         raise unknown from error
+    # Root units, not dimensions: a radian has none, so that a hertz would pass for a velocity.
     return float(quantity.magnitude), f"{quantity.units:D}"
 
 

@@ -72,11 +72,12 @@ def _unwrap(log: Draft, name: str) -> bool:
     return True
 
 
-def without_wraps(time: FloatArray, readings: FloatArray, turn: float) -> tuple[FloatArray, float]:
-    """Positions of a whole log's encoder, and what it wraps by in front of a gear, or 0.
-
-    A turn of the motor is `turn` in rad at the link's side; 0 where the encoder stands there.
-    """
+def without_wraps(
+    time: FloatArray,
+    readings: FloatArray,
+    turn: float,  # of the motor, in rad at the link's side; 0 where the encoder stands there
+) -> tuple[FloatArray, float]:
+    """Positions of a whole log's encoder, and what it wraps by in front of a gear, or 0."""
     from flexid.kernels.store import load_kernel  # few logs wrap
 
     kernel = load_kernel("encoder_turns", (), None, ["encoder_turns"])
@@ -89,10 +90,8 @@ def without_wraps(time: FloatArray, readings: FloatArray, turn: float) -> tuple[
 
 
 def _check_jumps(log: Draft, name: str) -> None:
-    """Warn of a position that jumps across its range, as a counter does that overflows.
-
-    A position may be another after a gap, and one of a few counts does not jump.
-    """
+    """Warn of a position that jumps across its range, as a counter does that overflows."""
+    # It may be another after a gap, and one of a few counts does not jump.
     values, clock = log[name], np.diff(log.time.values)
     steps = np.where(clock > GAP * np.median(clock), 0.0, np.abs(np.diff(values)))
     extent = float(np.ptp(values))

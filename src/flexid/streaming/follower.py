@@ -53,10 +53,7 @@ def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
 
 
 class ReadBefore:
-    """Leaves out what a session from a checkpoint has read of a file before.
-
-    Counted once more, as independent samples, it would narrow every interval.
-    """
+    """Leaves out what a session from a checkpoint has read: twice, it narrows intervals."""
 
     def __init__(self, session: Session) -> None:
         self._session = session

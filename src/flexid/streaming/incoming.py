@@ -136,10 +136,7 @@ class Pace:
 
 
 class Replay:
-    """A whole log, an MCAP file for example, whose samples come again when they came.
-
-    It is read in parts, where its format can be.
-    """
+    """A whole log, read in parts where it can be, whose samples come again when they came."""
 
     begins = False
 

@@ -110,11 +110,7 @@ class Learner:
 
 
 def _driven(rows: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
-    """Rows of the link with the motor's motion as its input, a sample late; and the last two.
-
-    The motor's velocity is half the difference over two samples, as the filter takes that of a
-    row of the model; where samples are missing beside it, there is none.
-    """
+    """Rows of the link with the motor's motion as its input, a sample late; and the last two."""
     known = np.vstack((before.reshape(2, 2), rows))
     link, motor = known.T
     velocity = (motor[2:] - motor[:-2]) / (2.0 * h)

@@ -192,10 +192,7 @@ def options_of_stream(
     sample_time: float,
     stated: Collection[str] = (),
 ) -> WatchOptions:
-    """What a user chooses, by the names of the fields; None and "auto": as in the estimate.
-
-    Coefficients that the user states are not taken from the estimate.
-    """
+    """What a user chooses, by the names of the fields; None and "auto": as in the estimate."""
     check_sample_time(sample_time)
     chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
     follows: dict[str, Any] = {"terms": USUAL_TERMS, "filter_rate": FILTER_RATE}

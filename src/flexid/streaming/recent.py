@@ -1,7 +1,4 @@
-"""The recent window: how well the latest samples could be used, and were predicted.
-
-It is counted in samples that came, so that how they are cut into blocks changes nothing.
-"""
+"""The recent window, counted in samples: how well the latest could be used, and were predicted."""
 
 from dataclasses import dataclass, field
 

@@ -167,11 +167,7 @@ class StandardInput:
 
 
 class Datagrams:
-    """Lines in UDP datagrams, one or more whole ones in each.
-
-    A thread takes them from the system, whose room is small, while the rest compiles, computes or
-    prints.
-    """
+    """Lines in UDP datagrams, which a thread takes from the system, whose room is small."""
 
     begins = False
 

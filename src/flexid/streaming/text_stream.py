@@ -7,7 +7,7 @@ is counted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -16,7 +16,6 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.channel import Channel
 from flexid.recording.clock import Clock, is_stamp
 from flexid.recording.columns import channels_of, read_channels, recipes_of
 from flexid.recording.layout import (
@@ -27,11 +26,10 @@ from flexid.recording.layout import (
     header_separator,
     layout_of,
     split,
-    without_twins,
 )
 from flexid.recording.sampling import GAP, check_typical
 from flexid.recording.si_channels import Recipe
-from flexid.recording.table import HOLE, Table, decimal_mark, first_mark, is_number
+from flexid.recording.table import HOLE, decimal_mark, first_mark, is_number
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
 
@@ -51,8 +49,22 @@ class _Rows:
 
     def __init__(self, source: str, layout: Layout, clock: Clock) -> None:
         self._source, self._layout, self._clock = source, layout, clock
-        self.mark = ""  # of decimals; empty until a number shows it, and then of what follows
-        self.recipes: dict[str, Recipe] = {}  # of the channels of a sample, in its order
+        self._mark = ""  # of decimals; empty until a number shows it, and then of what follows
+        self._recipes: dict[str, Recipe] = {}  # of the channels of a sample, in its order
+
+    def begin(
+        self, lines: list[bytes], column_map: MapSource | None, model: str
+    ) -> tuple[StreamChannels, FloatArray, bool]:
+        """What the columns are by the first lines, the samples of these, and if most are such."""
+        frame = self._layout.without_twins(self._source, self._frame(lines))
+        self._mark = decimal_mark(frame)
+        table = self._layout.table(self._source, frame, self._mark)
+        recipes, warnings = recipes_of(table, column_map)
+        channels = channels_of(table, recipes, self._clock)
+        names, meant = chosen_channels(self._source, channels, warnings, model)
+        self._recipes = {name: recipes[name] for name in names}
+        samples = np.column_stack([channels[name].values for name in names])
+        return meant, samples, self._most_are_rows(frame, samples)
 
     def again(self) -> _Rows:
         """What reads another text that is written in the same way."""
@@ -67,31 +79,26 @@ class _Rows:
 
     def samples(self, lines: list[bytes]) -> FloatArray:
         """Samples of lines that are not empty nor comments, shape (n, n_channels)."""
-        frame = self.frame(lines)
-        if not frame.height:
-            return np.empty((0, len(self.recipes)))
-        may_show = not self.mark and any(c and ("." in c or "," in c) for col in frame for c in col)
+        frame = self._frame(lines)
+        may_show = not self._mark and any(
+            c and ("." in c or "," in c) for col in frame for c in col
+        )
         row = first_mark(frame) if may_show else frame.height
-        before = self.stacked(self.channels(self.table(frame[:row])))
+        before = self._stacked(frame[:row])
         if row == frame.height:
             return before
-        self.mark = decimal_mark(frame[row : row + 1])
-        return np.concatenate((before, self.stacked(self.channels(self.table(frame[row:])))))
+        self._mark = decimal_mark(frame[row : row + 1])
+        return np.concatenate((before, self._stacked(frame[row:])))
 
-    def stacked(self, channels: Mapping[str, Channel]) -> FloatArray:
-        """Channels as samples."""
-        return np.column_stack([channels[name].values for name in self.recipes])
+    def _stacked(self, frame: polars.DataFrame) -> FloatArray:
+        """Samples of cells; NaN where a cell is no number."""
+        if not frame.height:
+            return np.empty((0, len(self._recipes)))
+        table = self._layout.table(self._source, frame, self._mark)
+        channels = channels_of(table, self._recipes, self._clock)
+        return np.column_stack([channel.values for channel in channels.values()])
 
-    def channels(self, table: Table) -> dict[str, Channel]:
-        """Channels of some cells; NaN where a cell is no number."""
-        return channels_of(table, self.recipes, self._clock)
-
-    def table(self, frame: polars.DataFrame) -> Table:
-        """Some cells, as columns of the stream."""
-        header, first = f"line {self._layout.header_line}", self._layout.first_line
-        return Table(self._source, header, first, "line", frame, "", mark=self.mark)
-
-    def frame(self, lines: list[bytes]) -> polars.DataFrame:
+    def _frame(self, lines: list[bytes]) -> polars.DataFrame:
         """Cells of lines that are not empty nor comments; a line that is no row has none."""
         import polars as pl
 
@@ -111,17 +118,14 @@ class _Rows:
             cells = text.split(None if separator == BLANK else separator)
         return cells if len(cells) == count else [None] * count
 
-    def most_are_rows(self, table: Table, channels: Mapping[str, Channel]) -> bool:
-        """Whether half of some lines or more have numbers, or nothing, in the columns that count.
-
-        Numbers that are not finite are such: something else is wrong there.
-        """
-        fitting = np.ones(table.frame.height, dtype=np.bool_)
-        for name, recipe in self.recipes.items():
-            cells = [table.frame[header] for header in recipe.weights]
-            empty = [cell.str.contains(HOLE).fill_null(False).to_numpy() for cell in cells]
-            fitting &= ~np.isnan(channels[name].values) | np.any(empty, axis=0)
-        return bool(2 * np.count_nonzero(fitting) >= len(fitting))
+    def _most_are_rows(self, frame: polars.DataFrame, samples: FloatArray) -> bool:
+        """Whether half of some lines or more have numbers, finite or not, or nothing in each."""
+        fitting = ~np.isnan(samples)
+        for place, recipe in enumerate(self._recipes.values()):
+            for header in recipe.weights:
+                is_empty = frame[header].str.contains(HOLE).fill_null(False).to_numpy()
+                fitting[:, place] |= is_empty
+        return bool(2 * np.count_nonzero(fitting.all(axis=1)) >= len(fitting))
 
 
 class TextStream:
@@ -163,10 +167,7 @@ class TextStream:
         )
 
     def samples(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
-        """Samples of complete lines, shape (n, n_values); None until the columns are known.
-
-        A text that follows another and ends too soon has none: see `left_out`.
-        """
+        """Samples of complete lines, shape (n, n_values); None until the columns are known."""
         if len(self.rest) > LONGEST_LINE:
             raise RecordingError(
                 self._source,
@@ -208,21 +209,15 @@ class TextStream:
         # The rest of them may come now or later: nothing may depend on that.
         head = b"\n".join(text.split(b"\n")[: self._fewest]) + b"\n"
         clock = Clock(since_1970=True) if self._before is None else self._before.clock
-        self.rows = rows = _Rows(self._source, layout, clock)
-        frame = without_twins(self._source, layout, rows.frame(head[layout.start :].split(b"\n")))
-        rows.mark = decimal_mark(frame)
-        table = rows.table(frame)
-        rows.recipes, warnings = recipes_of(table, self._map)
-        channels = rows.channels(table)
-        names, meant = chosen_channels(self._source, channels, warnings, self._model)
+        self.rows = _Rows(self._source, layout, clock)
+        meant, samples, are_rows = self.rows.begin(
+            head[layout.start :].split(b"\n"), self._map, self._model
+        )
         self._check_same(meant)
         self.channels = meant
-        rows.recipes = {name: rows.recipes[name] for name in names}
-        if not rows.most_are_rows(table, channels):
-            self._refuse(head)
-        return np.concatenate(
-            (rows.stacked(channels), rows.samples(text[len(head) :].split(b"\n")))
-        )
+        if not are_rows:  # as a log it is refused for the first that is none
+            read_channels(read_text(self._source, head), self._map)
+        return np.concatenate((samples, self.rows.samples(text[len(head) :].split(b"\n"))))
 
     def _check_own_header(self, header: str, first: bytes) -> None:
         """Raise where the stream begins with names, though others are given."""
@@ -247,12 +242,6 @@ class TextStream:
                 f"it was rewritten with {now.words} where there was {was.words}: watch it as "
                 f"another stream",
             )
-
-    def _refuse(self, head: bytes) -> None:
-        """Raise as for a log, as most of the first lines are no rows of numbers."""
-        layout, frame = read_text(self._source, head)
-        header = f"line {layout.header_line}"
-        read_channels(Table(self._source, header, layout.first_line, "line", frame, ""), self._map)
 
     def _goes_on(self, before: _Rows) -> bool:
         """Whether it begins with a row of the text before: with no names where numbers stood."""
