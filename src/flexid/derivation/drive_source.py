@@ -6,53 +6,65 @@ same order, so that both agree to rounding.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import sympy as sp
 
 from flexid.derivation.printing_code import RESERVED
-from flexid.derivation.regressor_classes import RegressorParts, split_regressor
+from flexid.derivation.regressor_classes import split_regressor
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
 MACROS = ("SIN", "COS", "TAN", "TANH", "EXP", "SQRT", "FABS", "POW")
-"""Functions that the printed source may call; the estimator defines them for its number type."""
+"""Functions that the printed source may call; who includes it defines them for its number type."""
 
 
 @dataclass(frozen=True)
-class DriveFunctions:
+class CFunctions:
     """A model in C99."""
 
     source: str
-    calls: frozenset[str]  # of MACROS
+    calls: frozenset[str]  # of MACROS, and sign_of
     names: dict[str, str]  # identifiers in C of states, inputs and coefficients
-    held: tuple[bool, ...]  # by signal (regressors, then known parts): an input occurs in it
+    held: tuple[bool, ...] = ()  # by signal (regressors, then known parts): an input occurs in it
 
 
-def drive_functions(system: ParametricSystem, positions_only: bool) -> DriveFunctions:
+def drive_functions(system: ParametricSystem, positions_only: bool) -> CFunctions:
     """Print what an estimator needs from a model."""
     symbolic = symbolic_system(system)
+    printer = _Printer(symbolic)
     labels = [*system.coefficients, *(f"known part of {row.name}" for row in system.rows)]
     texts = [text for row in system.rows for text in row.regressors.values()]
     texts += [row.known for row in system.rows]
+    comments = [comment(f"{label}: {text}") for label, text in zip(labels, texts, strict=True)]
     expressions = [r for row in symbolic.rows for r in row.regressor]
     expressions += [row.known for row in symbolic.rows]
     parts = [split_regressor(expression, symbolic) for expression in expressions]
-    printer = _printer(symbolic)
-    names = (*system.states, *system.inputs, *system.coefficients)
-    comments = [comment(f"{label}: {text}") for label, text in zip(labels, texts, strict=True)]
     if positions_only:
-        sampled = [part.memoryless + part.remainder for part in parts]
-        functions = [
-            _sampled_parts(printer, symbolic, system, sampled, comments),
-            _velocity_parts(printer, system, parts, comments),
+        expressions = [part.memoryless + part.remainder for part in parts]
+    sampled = [
+        (f"signal[{i}] =", expression, comment)
+        for i, (expression, comment) in enumerate(zip(expressions, comments, strict=True))
+    ]
+    arrays = {"states": symbolic.states, "inputs": symbolic.inputs}
+    functions = [printer.function("sampled_parts", arrays, "signal", sampled, system.constants)]
+    if positions_only:
+        velocities = [row.velocity for row in symbolic.rows]
+        linear = [
+            (f"signal[{i}] +=", factor * v, comment)
+            for i, (part, comment) in enumerate(zip(parts, comments, strict=True))
+            for factor, v in zip(part.velocity_factors, velocities, strict=True)
+            if factor != 0
         ]
-    else:
-        functions = [_sampled_parts(printer, symbolic, system, expressions, comments)]
-    return DriveFunctions(
+        functions.append(
+            printer.function(
+                "add_velocity_parts", {"velocities": velocities}, "signal", linear, system.constants
+            )
+        )
+    names = (*system.states, *system.inputs, *system.coefficients)
+    return CFunctions(
         "\n".join(functions),
         frozenset(printer.calls),
         {name: printer.name(name) for name in names},
@@ -60,17 +72,63 @@ def drive_functions(system: ParametricSystem, positions_only: bool) -> DriveFunc
     )
 
 
-class _DrivePrinter(ScalarPrinter):
+def plant_functions(system: ParametricSystem) -> CFunctions:
+    """Print ``rates`` for simulators; its constants are the coefficients, then the constants."""
+    symbolic = symbolic_system(system)
+    printer = _Printer(symbolic)
+    arrays = {
+        "state": symbolic.states,
+        "input": symbolic.inputs,
+        "constant": (*symbolic.coefficients, *symbolic.constants),
+    }
+    rates = zip(symbolic.states, symbolic.right_hand_side, strict=True)
+    lines = [(f"rate[{place}] =", rate, f"{x}'") for place, (x, rate) in enumerate(rates)]
+    source = printer.function("rates", arrays, "rate", lines)
+    return CFunctions(source, frozenset(printer.calls), {})
+
+
+class _Printer(ScalarPrinter):
     """The arithmetic of the compiled Python, in C and in one number type."""
 
-    def __init__(self, renamed: dict[str, str]) -> None:
+    def __init__(self, symbolic: SymbolicSystem) -> None:
         super().__init__({"fully_qualified_modules": False})
-        self._renamed = renamed
+        system = symbolic.system
+        self._own = (*system.states, *system.inputs, *system.coefficients, *system.constants)
+        self._renamed = _renamed(self._own)
         self.calls: set[str] = set()
 
     def name(self, name: str) -> str:
         """Identifier in C."""
         return self._renamed.get(name, name)
+
+    def function(
+        self,
+        name: str,
+        arrays: Mapping[str, Sequence[sp.Symbol]],
+        result: str,
+        lines: Sequence[tuple[str, sp.Expr, str]],  # target, value and comment
+        constants: Mapping[str, float] | None = None,
+    ) -> str:
+        """A function that reads symbols from arrays and fills another one."""
+        fresh = FreshNames([self.name(own) for own in self._own])
+        names = (fresh.take(f"e{number}") for number in range(10**6))
+        expressions = [expression for _, expression, _ in lines]
+        temporaries, reduced = sp.cse(expressions, symbols=names, optimizations="basic")
+        used = {str(s) for expression in expressions for s in expression.free_symbols}
+        unused = [array for array, group in arrays.items() if used.isdisjoint(map(str, group))]
+        values = {
+            str(s): f"{array}[{i}]" for array, g in arrays.items() for i, s in enumerate(g)
+        } | {c: self.real(value) for c, value in (constants or {}).items()}
+        known = {self.name(s): value for s, value in values.items() if s in used}
+        known |= {str(s): self.doprint(value) for s, value in temporaries}
+        body = [f"(void){array};" for array in [*unused, *([] if lines else [result])]]
+        body += [f"const flexid_real {s} = {value};" for s, value in known.items()]
+        for (target, _, comment), value in zip(lines, reduced, strict=True):
+            body.append(f"{target} {self.doprint(sp.sympify(value))}; /* {comment} */")
+        arguments = [*(f"const flexid_real {array}[]" for array in arrays)]
+        arguments.append(f"flexid_real {result}[]")
+        text = "\n    ".join(body)
+        return f"static void {name}({', '.join(arguments)})\n{{\n    {text}\n}}\n"
 
     def real(self, value: float) -> str:
         """A literal."""
@@ -98,7 +156,7 @@ class _DrivePrinter(ScalarPrinter):
     _print_exp = _print_Abs = _print_Function
 
     def _print_sign(self, e: sp.Function) -> str:
-        return f"sign_of({self._print(e.args[0])})"
+        return self.call("sign_of", e.args[0])
 
     def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:  # noqa: ARG002 - SymPy's
         base, exponent = expr.args
@@ -110,169 +168,27 @@ class _DrivePrinter(ScalarPrinter):
         return self.call("POW", base, exponent)
 
 
-class _PlantPrinter(_DrivePrinter):
-    """The same on doubles."""
+_TAKEN = re.compile(r"[A-Z][A-Z0-9_]+|flexid_\w+|\w+_t")
+"""Macros of the estimator and of the C library, and types."""
 
-    def real(self, value: float) -> str:
-        """A literal."""
-        return repr(value) if value >= 0.0 else f"({value!r})"
-
-    def call(self, function: str, *arguments: sp.Basic) -> str:
-        """A call of the C library."""
-        return super().call(function.lower(), *arguments)
-
-    def _print_sign(self, e: sp.Function) -> str:
-        argument = self._print(e.args[0])
-        return f"(({argument} == 0.0) ? 0.0 : copysign(1.0, {argument}))"
+_OWN_NAMES = {"states", "inputs", "signal", "velocities", "sign_of", "bool", "true", "false"}
 
 
-def plant_rates(system: ParametricSystem) -> str:
-    """Source of ``rates(x, u, p, dx)``, for simulators: p has coefficients, then constants."""
-    symbolic = symbolic_system(system)
-    groups = {
-        "x": symbolic.states,
-        "u": symbolic.inputs,
-        "p": (*symbolic.coefficients, *symbolic.constants),
-    }
-    printer = _PlantPrinter(
-        {s.name: f"{a}[{i}]" for a, g in groups.items() for i, s in enumerate(g)}
-    )
-    names = sp.numbered_symbols("e", real=True)
-    expressions = list(symbolic.right_hand_side)
-    temporaries, reduced = sp.cse(expressions, symbols=names, optimizations="basic")
-    used = set().union(*(e.free_symbols for e in expressions))
-    return _function(
-        "rates",
-        ("const double x[]", "const double u[]", "const double p[]", "double dx[]"),
-        [
-            *(f"const double {name} = {printer.doprint(value)};" for name, value in temporaries),
-            *(f"(void){array};" for array, group in groups.items() if used.isdisjoint(group)),
-        ],
-        [
-            f"dx[{place}] = {printer.doprint(value)}; /* {state}' */"
-            for place, (state, value) in enumerate(zip(symbolic.states, reduced, strict=True))
-        ],
-    )
-
-
-def _printer(symbolic: SymbolicSystem) -> _DrivePrinter:
-    """A printer that renames what is no identifier in C, or means something in the source."""
-    system = symbolic.system
-    names = [*system.states, *system.inputs, *system.coefficients, *system.constants]
-    fresh = FreshNames([*names, *RESERVED, *_OWN_NAMES])
+def _renamed(names: Sequence[str]) -> dict[str, str]:
+    """Other names for what is no identifier in C, or means something in the source."""
+    fresh = FreshNames([*names, *RESERVED, *_OWN_NAMES, *MACROS])
     renamed = {
         name: str(fresh.take(name if name.isascii() else "symbol"))
         for name in names
-        if name in RESERVED or name in _OWN_NAMES or not name.isascii()
+        if name in RESERVED | _OWN_NAMES or not name.isascii()
     }
-    renamed |= {
+    return renamed | {
         name: str(fresh.take(f"{name.lower()}_"))
         for name in names
         if name not in renamed and _TAKEN.fullmatch(name)
     }
-    return _DrivePrinter(renamed)
-
-
-_TAKEN = re.compile(r"[A-Z][A-Z0-9_]+|flexid_\w+|\w+_t")
-"""Macros of the estimator and of the C library, and types."""
-
-_OWN_NAMES = frozenset(
-    {
-        "states",
-        "inputs",
-        "signal",
-        "velocities",
-        "REAL",
-        "sign_of",
-        "bool",
-        "true",
-        "false",
-        *MACROS,
-    }
-)
 
 
 def comment(text: str) -> str:
     """A text that may stand in a comment of C, on one line."""
     return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
-
-
-def _sampled_parts(
-    printer: _DrivePrinter,
-    symbolic: SymbolicSystem,
-    system: ParametricSystem,
-    expressions: Sequence[sp.Expr],
-    comments: Sequence[str],
-) -> str:
-    fresh = FreshNames([printer.name(n) for n in (*system.variables, *system.coefficients)])
-    names = (fresh.take(f"e{number}") for number in range(10**6))
-    temporaries, reduced = sp.cse(list(expressions), symbols=names, optimizations="basic")
-    used = set().union(*(cast(sp.Expr, sp.sympify(e)).free_symbols for e in expressions))
-    lines = _reads(printer, symbolic.states, "states", used) + _reads(
-        printer, symbolic.inputs, "inputs", used
-    )
-    lines += _constants(printer, system, used)
-    lines += [f"const flexid_real {n} = {printer.doprint(value)};" for n, value in temporaries]
-    ignored = [a for a, group in _groups(symbolic) if used.isdisjoint(group)]
-    return _function(
-        "sampled_parts",
-        ("const flexid_real states[]", "const flexid_real inputs[]", "flexid_real signal[]"),
-        [*(f"(void){array};" for array in ignored), *lines],
-        [
-            f"signal[{i}] = {printer.doprint(sp.sympify(value))}; /* {comment} */"
-            for i, (value, comment) in enumerate(zip(reduced, comments, strict=True))
-        ],
-    )
-
-
-def _velocity_parts(
-    printer: _DrivePrinter,
-    system: ParametricSystem,
-    parts: Sequence[RegressorParts],
-    comments: Sequence[str],
-) -> str:
-    factors = [factor for part in parts for factor in part.velocity_factors]
-    used = set().union(*(factor.free_symbols for factor in factors))
-    body = [
-        f"signal[{i}] += {printer.doprint(factor)} * velocities[{j}]; /* {comment} */"
-        for i, (part, comment) in enumerate(zip(parts, comments, strict=True))
-        for j, factor in enumerate(part.velocity_factors)
-        if factor != 0
-    ]
-    ignored = [] if body else ["(void)velocities;", "(void)signal;"]
-    return _function(
-        "add_velocity_parts",
-        ("const flexid_real velocities[]", "flexid_real signal[]"),
-        [*ignored, *_constants(printer, system, used)],
-        body,
-    )
-
-
-def _groups(symbolic: SymbolicSystem) -> tuple[tuple[str, tuple[sp.Symbol, ...]], ...]:
-    return (("states", symbolic.states), ("inputs", symbolic.inputs))
-
-
-def _reads(
-    printer: _DrivePrinter, symbols: Sequence[sp.Symbol], array: str, used: set[sp.Basic]
-) -> list[str]:
-    return [
-        f"const flexid_real {printer.name(s.name)} = {array}[{i}];"
-        for i, s in enumerate(symbols)
-        if s in used
-    ]
-
-
-def _constants(printer: _DrivePrinter, system: ParametricSystem, used: set[sp.Basic]) -> list[str]:
-    names = {str(s) for s in used}
-    return [
-        f"const flexid_real {printer.name(name)} = {printer.real(value)};"
-        for name, value in system.constants.items()
-        if name in names
-    ]
-
-
-def _function(
-    name: str, arguments: Sequence[str], declarations: Sequence[str], body: Sequence[str]
-) -> str:
-    lines = "\n".join(f"    {line}" for line in (*declarations, *body))
-    return f"static void {name}({', '.join(arguments)})\n{{\n{lines}\n}}\n"

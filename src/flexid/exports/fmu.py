@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 
 import flexid
-from flexid.derivation.drive_source import plant_rates
+from flexid.derivation.drive_source import plant_functions
 from flexid.errors import SettingError
 from flexid.exports.c99 import DriveSource
 from flexid.exports.request import ExportRequest, rendered
@@ -156,7 +156,7 @@ def plant_model(request: ExportRequest) -> FmuModel:
         steps_per_second=STEPS_PER_TIME_CONSTANT * _fastest(system, values),
         bound=BOUND,
         variables=variables,
-        rates=plant_rates(system),
+        functions=plant_functions(system),
     )
     title = f"{system.name}: the plant, from its inputs to its states"
     return FmuModel("plant", title, variables, {"plant.c": text}, (), "", 1e-3, False)

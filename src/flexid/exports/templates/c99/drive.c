@@ -69,20 +69,8 @@
 %% endfor
 #endif
 
-%% if "sign_of(" in drive.functions.source
-static flexid_real sign_of(flexid_real number)
-{
-    flexid_real sign = REAL(0.0);
-    if (number > REAL(0.0)) {
-        sign = REAL(1.0);
-    } else if (number < REAL(0.0)) {
-        sign = -REAL(1.0);
-    } else {
-        /* 0 */
-    }
-    return sign;
-}
-
+%% if "sign_of" in drive.functions.calls
+%% include "c99/sign_of.c"
 %% endif
 {{ drive.functions.source }}
 /* Whether a number is one, and of a size that squares do not overflow at; false for NaN. */

@@ -8,6 +8,11 @@
 #include <math.h>
 #include <stddef.h>
 
+typedef double flexid_real;
+#define REAL(number) number
+%% for name in functions.calls | sort if name != "sign_of"
+#define {{ name }} {{ name | lower }}
+%% endfor
 #define STEPS_PER_SECOND {{ steps_per_second }}
 #define MOST_STEPS 1000000.0
 #define BOUND {{ bound }} /* of a state that has not diverged, in its unit */
@@ -18,7 +23,10 @@ static const double START[FLEXID_REALS] = {
 %% endfor
 };
 
-{{ rates }}
+%% if "sign_of" in functions.calls
+%% include "c99/sign_of.c"
+%% endif
+{{ functions.source }}
 void flexid_begin(flexid_model *model)
 {
     for (int i = 0; i < FLEXID_REALS; i++) {
