@@ -3,43 +3,18 @@
 from types import ModuleType
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
+from flexid.derivation.source import IMPORTS, assignments, function, unpack
+from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.kernels.store import load_kernel, template
 
-HEAD = """
-from math import cos, exp, sin, sqrt
-
-import numpy as np
-from numba import njit
-
-SIZE = {size}
-
-
-@njit(cache=True, error_model="numpy")
-def rates(t, z, p, dz):
-{rates}
-
-
-@njit(cache=True, error_model="numpy")
-def rates_and_jacobian(t, z, p, dz, jacobian, slope):
-    rates(t, z, p, dz)
-{jacobian}
-
-
-@njit(cache=True, error_model="numpy")
-def observe(t, weight, z, p, totals):
-    totals[0] += weight * z[0] ** 2
-
-"""
-
-# The same as every lane of the explicit integrator wants it; nothing is measured.
+# As every lane of the explicit integrator wants rates; nothing is measured.
 LANES = """
-
 LANES = 2
 N_PARAMETERS = 1
-N_MEASURES = 0
-N_OBSERVED = 0
+N_MEASURES = N_OBSERVED = 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -62,53 +37,20 @@ def lane_rates_and_outputs(w):
 @njit(cache=True, error_model="numpy")
 def lane_measures(w):
     pass
-
 """
+
+Problem = tuple[str, ...]
+"""Rates of z0, z1 ... at a time t, with a parameter p0."""
 
 # z = (exp(sin t), cos(t) / (1 + t/2)): nonlinear, coupled and driven by time.
 SMOOTH = (
-    """
-    dz[0] = cos(t) * z[0] + z[1] ** 2 - cos(t) ** 2 / (1.0 + 0.5 * t) ** 2
-    dz[1] = -sin(t) / (1.0 + 0.5 * t) - 0.5 * z[1] / (1.0 + 0.5 * t) + z[0] ** 2 - exp(2.0 * sin(t))
-""",
-    """
-    a = 1.0 + 0.5 * t
-    jacobian[0, 0] = cos(t)
-    jacobian[0, 1] = 2.0 * z[1]
-    jacobian[1, 0] = 2.0 * z[0]
-    jacobian[1, 1] = -0.5 / a
-    slope[0] = -sin(t) * z[0] + 2.0 * cos(t) * sin(t) / a**2 + cos(t) ** 2 / a**3
-    slope[1] = (-cos(t) / a + 0.5 * sin(t) / a**2 + 0.25 * z[1] / a**2
-                - 2.0 * cos(t) * exp(2.0 * sin(t)))
-""",
+    "cos(t)*z0 + z1**2 - cos(t)**2/(1 + t/2)**2",
+    "-sin(t)/(1 + t/2) - z1/2/(1 + t/2) + z0**2 - exp(2*sin(t))",
 )
-
-# Prothero and Robinson: z = sin t whatever the stiffness p[0].
-PROTHERO_ROBINSON = (
-    "    dz[0] = -p[0] * (z[0] - sin(t)) + cos(t)",
-    "    jacobian[0, 0] = -p[0]\n    slope[0] = p[0] * cos(t) - sin(t)",
-)
-
-# Van der Pol's oscillator in its slow time, stiffness p[0].
-VAN_DER_POL = (
-    "    dz[0] = z[1]\n    dz[1] = p[0] * ((1.0 - z[0] ** 2) * z[1] - z[0])",
-    """
-    jacobian[0, 0] = 0.0
-    jacobian[0, 1] = 1.0
-    jacobian[1, 0] = p[0] * (-2.0 * z[0] * z[1] - 1.0)
-    jacobian[1, 1] = p[0] * (1.0 - z[0] ** 2)
-    slope[:] = 0.0
-""",
-)
-
-# z' = z², which leaves every bound at t = 1/z(0).
-EXPLOSION = ("    dz[0] = z[0] ** 2", "    jacobian[0, 0] = 2.0 * z[0]\n    slope[0] = 0.0")
-
-# Has no finite rate beyond t = 1.
-WALL = (
-    "    dz[0] = sqrt(1.0 - t)",
-    "    jacobian[0, 0] = 0.0\n    slope[0] = -0.5 / sqrt(1.0 - t)",
-)
+PROTHERO_ROBINSON = ("-p0*(z0 - sin(t)) + cos(t)",)  # z = sin t whatever the stiffness p0
+VAN_DER_POL = ("z1", "p0*((1 - z0**2)*z1 - z0)")  # in its slow time, stiffness p0
+EXPLOSION = ("z0**2",)  # leaves every bound at t = 1/z(0)
+WALL = ("sqrt(1 - t)",)  # has no finite rate beyond t = 1
 
 
 def smooth_solution(t: float | NDArray[np.float64]) -> NDArray[np.float64]:
@@ -116,14 +58,34 @@ def smooth_solution(t: float | NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([np.exp(np.sin(t)), np.cos(t) / (1.0 + 0.5 * np.asarray(t))])
 
 
-def integrator(problem: tuple[str, str], size: int, method: str = "rodas5p") -> ModuleType:
+def integrator(problem: Problem, method: str = "rodas5p") -> ModuleType:
     """Compile the integrator for a problem."""
-    source = HEAD.format(size=size, rates=problem[0], jacobian=problem[1])
-    templates = ["run_status", method]
-    if method == "dopri5":
-        source += LANES
-        templates.insert(1, "lanes")
-    text = "\n\n".join((source, *map(template, templates)))
+    z, t = [symbol(f"z{i}") for i in range(len(problem))], symbol("t")
+    rates = [to_sympy(rate, {"t", "p0", *map(str, z)}) for rate in problem]
+    given = unpack("z", z) + "\n    p0 = p[0]"
+    of_rates = {f"dz[{i}]": rate for i, rate in enumerate(rates)}
+    slopes = {f"slope[{i}]": sp.diff(rate, t) for i, rate in enumerate(rates)}
+    slopes |= {
+        f"jacobian[{i}, {j}]": sp.diff(rate, by)
+        for i, rate in enumerate(rates)
+        for j, by in enumerate(z)
+    }
+    both = of_rates | slopes
+    source = [
+        f"{IMPORTS}\nimport numpy as np\nfrom numba import njit\n\nSIZE = {len(z)}\n",
+        function("rates(t, z, p, dz)", "Rates.", given, assignments([*of_rates], rates)),
+        function(
+            "rates_and_jacobian(t, z, p, dz, jacobian, slope)",
+            "The same, and their derivatives.",
+            given,
+            assignments([*both], [*both.values()]),
+        ),
+        function(
+            "observe(t, weight, z, p, totals)", "A mean.", "    totals[0] += weight * z[0]**2"
+        ),
+    ]
+    lanes = [LANES, template("lanes")] if method == "dopri5" else []
+    text = "\n\n".join((*source, template("run_status"), *lanes, template(method)))
     return load_kernel("test_problem", [text], lambda: text)
 
 

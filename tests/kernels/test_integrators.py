@@ -31,7 +31,7 @@ def slope(steps: np.ndarray, errors: list[float]) -> float:
 )
 def test_order_is_five(method: str, least: float, first: int) -> None:
     """Assert that the error at the end falls with the fifth power of the step."""
-    kernel = integrator(SMOOTH, 2, method)
+    kernel = integrator(SMOOTH, method)
     errors = []
     for step in STEPS[first:]:
         _, _, z, _, counts = integrate(kernel, 1.0, [1.0, 1.0], 0.0, FIXED, longest_step=step)
@@ -43,7 +43,7 @@ def test_order_is_five(method: str, least: float, first: int) -> None:
 @both
 def test_order_of_dense_output_is_four(method: str) -> None:
     """Assert that between the steps the error falls with the fourth power of the step, at least."""
-    kernel = integrator(SMOOTH, 2, method)
+    kernel = integrator(SMOOTH, method)
     errors = []
     times = np.arange(1001) / 1000.0
     for step in STEPS:
@@ -57,7 +57,7 @@ def test_order_of_dense_output_is_four(method: str) -> None:
 @both
 def test_tolerance_is_met(method: str) -> None:
     """Assert that the error stays near the tolerance and falls with it."""
-    kernel = integrator(SMOOTH, 2, method)
+    kernel = integrator(SMOOTH, method)
     for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
         z = integrate(kernel, 1.0, [1.0, 1.0], 0.0, tolerance, tolerance)[2]
         assert np.max(np.abs(z - smooth_solution(1.0))) < 10.0 * tolerance
@@ -65,7 +65,7 @@ def test_tolerance_is_met(method: str) -> None:
 
 def test_a_step_is_that_of_scipy() -> None:
     """Assert that step and dense output are SciPy's, to rounding and to its order."""
-    kernel = integrator(SMOOTH, 2, "dopri5")
+    kernel = integrator(SMOOTH, "dopri5")
 
     def rates(t: float, z: np.ndarray) -> np.ndarray:
         dz = np.empty(2)
@@ -85,7 +85,7 @@ def test_a_step_is_that_of_scipy() -> None:
 @pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e8])
 def test_no_order_reduction_that_hurts(stiffness: float) -> None:
     """Assert that Prothero and Robinson's problem is solved in few steps however stiff it is."""
-    kernel = integrator(PROTHERO_ROBINSON, 1)
+    kernel = integrator(PROTHERO_ROBINSON)
     status, _, z, _, counts = integrate(kernel, 10.0, [0.0], stiffness)
     assert status == kernel.FINISHED
     assert abs(z[0] - np.sin(10.0)) < 1e-5
@@ -94,7 +94,7 @@ def test_no_order_reduction_that_hurts(stiffness: float) -> None:
 
 def test_van_der_pol_as_scipy_has_it() -> None:
     """Assert that a relaxation oscillation agrees with SciPy's Radau, also between the steps."""
-    kernel = integrator(VAN_DER_POL, 2)
+    kernel = integrator(VAN_DER_POL)
     stiffness, times = 1e3, np.linspace(0.0, 2.0, 201)
     samples = integrate(
         kernel, 2.0, [2.0, 0.0], stiffness, 1e-8, 1e-10, sample_time=0.01, samples=201
@@ -110,7 +110,7 @@ def test_van_der_pol_as_scipy_has_it() -> None:
 
 def test_explosion_is_reported() -> None:
     """Assert that a solution that leaves every bound ends with a status at the right time."""
-    kernel = integrator(EXPLOSION, 1)
+    kernel = integrator(EXPLOSION)
     status, reached, *_ = integrate(kernel, 2.0, [1.0])
     assert status == kernel.DIVERGED
     assert reached == pytest.approx(1.0, abs=1e-4)
@@ -118,7 +118,7 @@ def test_explosion_is_reported() -> None:
 
 def test_too_many_steps_are_reported() -> None:
     """Assert that the number of steps is bounded, rejected ones included."""
-    kernel = integrator(SMOOTH, 2)
+    kernel = integrator(SMOOTH)
     status, reached, _, _, counts = integrate(kernel, 1.0, [1.0, 1.0], 0.0, 1e-12, 1e-14, 1.0, 20)
     assert status == kernel.TOO_MANY_STEPS
     assert counts[0] + counts[1] == 20
@@ -128,7 +128,7 @@ def test_too_many_steps_are_reported() -> None:
 @both
 def test_no_way_on_is_reported(method: str) -> None:
     """Assert that equations without a value end the run where they lose it."""
-    kernel = integrator(WALL, 1, method)
+    kernel = integrator(WALL, method)
     status, reached, *_ = integrate(kernel, 2.0, [0.0])
     assert status in (kernel.NOT_FINITE, kernel.STEP_TOO_SMALL)
     assert reached == pytest.approx(1.0, abs=1e-3)
@@ -136,7 +136,7 @@ def test_no_way_on_is_reported(method: str) -> None:
 
 def test_samples_fall_on_both_ends() -> None:
     """Assert that the first sample is the start and the last the end, exactly."""
-    kernel = integrator(SMOOTH, 2)
+    kernel = integrator(SMOOTH)
     _, _, z, samples, counts = integrate(
         kernel, 3 * 0.1, [1.0, 1.0], sample_time=0.1, samples=4
     )  # fmt: skip

@@ -103,49 +103,20 @@ def equations() -> None:
         problem.equations(Point(np.array(sought), start), by)
 
 
-LEAST_SQUARES = {"compiled", "arrays", "status", "block_scores"}
-LEAST_SQUARES |= {"least_squares_rows", "least_squares"}
-LOOP = {"run_status", "loop_measures", "loop_outputs"}
+ROOTS = ("sin_cos", "free_run", "sampled_loop", "rodas5p", "dopri5", "prediction_error", "model")
+ROOTS += ("parametric_observer", "least_squares", "stream_guard")
 
-CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
-    "free run": (
-        lambda: free_run(JOINT, TRUE, np.full(4, 0.1), TORQUE[:, None], H),
-        {"compiled", "bound", "runge_kutta", "free_run"},
-    ),
-    "played run": (
-        lambda: play(JOINT, TRUE, np.zeros(4), COMMAND, H),
-        {"compiled", "bound", "runge_kutta", "free_run"},
-    ),
-    "sampled loop": (
-        lambda: simulate_sampled(loop(), 0.1, Sampling(H, 5.0, 1e-4, 1e-4, 1e-2)),
-        {"sin_cos", "bound", "run_status", "loop_measures", "sampled_loop"},
-    ),
-    "stiff loop": (lambda: simulate(loop(robust=True), 0.01), LOOP | {"rodas5p"}),
-    "loops side by side": (
-        lambda: simulate_ensemble([loop()], 0.02, stiff=False),
-        LOOP | {"sin_cos", "lanes", "lane_measures", "dopri5"},
-    ),
-    "segments": (
-        equations,
-        {"bound", "compiled", "dry_motion", "prediction_error"}
-        | {"sin_cos", "runge_kutta", "arrays", "model"},
-    ),
-    "observer": (
-        lambda: estimate(parametric_observer(JOINT, {"link": 1.0, "motor": 1.0}, H)),
-        {"sin_cos", "status", "parametric_observer"},
-    ),
-    "recursive least squares": (
-        lambda: estimate(recursive_least_squares(JOINT, H)),
-        LEAST_SQUARES,
-    ),
-    "least-squares observer": (
-        lambda: estimate(recursive_least_squares(JOINT, H, velocities=True)),
-        LEAST_SQUARES,
-    ),
-    "guard of a stream": (
-        watch_a_stream,
-        {"compiled", "arrays", "encoder_turns", "limits", "stream_guard"},
-    ),
+CASES: dict[str, Callable[[], Any]] = {
+    "free run": lambda: free_run(JOINT, TRUE, np.full(4, 0.1), TORQUE[:, None], H),
+    "played run": lambda: play(JOINT, TRUE, np.zeros(4), COMMAND, H),
+    "sampled loop": lambda: simulate_sampled(loop(), 0.1, Sampling(H, 5.0, 1e-4, 1e-4, 1e-2)),
+    "stiff loop": lambda: simulate(loop(robust=True), 0.01),
+    "loops side by side": lambda: simulate_ensemble([loop()], 0.02, stiff=False),
+    "segments": equations,
+    "observer": lambda: estimate(parametric_observer(JOINT, {"link": 1.0, "motor": 1.0}, H)),
+    "recursive least squares": lambda: estimate(recursive_least_squares(JOINT, H)),
+    "least-squares observer": lambda: estimate(recursive_least_squares(JOINT, H, velocities=True)),
+    "guard of a stream": watch_a_stream,
 }
 
 
@@ -206,7 +177,6 @@ def twice(
 @pytest.mark.parametrize("case", CASES)
 def test_uncompiled_is_compiled(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Assert that every function that is called gives the same in Python, from these templates."""
-    seen: set[str] = set()
     called: list[str] = []
     loaded: dict[str, SimpleNamespace] = {}
     models: dict[int, Callable[..., None]] = {}
@@ -216,7 +186,7 @@ def test_uncompiled_is_compiled(case: str, monkeypatch: pytest.MonkeyPatch) -> N
     ) -> SimpleNamespace:
         kernel = load_kernel(task, declarations, build, templates)
         if kernel.__name__ not in loaded:
-            seen.update(store.with_needed(templates))
+            assert {*templates} <= {*ROOTS}
             plain = uncompiled(kernel, models, monkeypatch)
             both = SimpleNamespace(**vars(kernel))
             for name, value in vars(kernel).items():
@@ -225,7 +195,6 @@ def test_uncompiled_is_compiled(case: str, monkeypatch: pytest.MonkeyPatch) -> N
             loaded[kernel.__name__] = both
         return loaded[kernel.__name__]
 
-    run, templates = CASES[case]
     for module in list(sys.modules.values()):
         # The record itself comes from a free run, which is a case of its own.
         own = module.__name__ == __name__ or (
@@ -233,15 +202,13 @@ def test_uncompiled_is_compiled(case: str, monkeypatch: pytest.MonkeyPatch) -> N
         )
         if getattr(module, "load_kernel", None) is load_kernel and not own:
             monkeypatch.setattr(module, "load_kernel", load)
-    run()
+    CASES[case]()
     assert called
-    assert seen == templates
 
 
 def test_every_template_runs_uncompiled() -> None:
     """Assert that no template is left out above."""
-    files = {path.stem for path in FOLDER.glob("*.py")} - {"__init__"}
-    assert set().union(*(templates for _, templates in CASES.values())) == files
+    assert {path.stem for path in FOLDER.glob("*.py")} - {"__init__"} == {*store.with_needed(ROOTS)}
 
 
 def test_stub_has_the_arguments_that_are_generated() -> None:
