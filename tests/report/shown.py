@@ -1,13 +1,16 @@
 """What an answer shows, as lines that stand in ``texts/``; ``pytest --update-golden`` writes it."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.text import Text
 
 import flexid
-from flexid.report.chart import Axis, Chart
+from flexid.arrays import FloatArray
+from flexid.report.chart import Axis, Chart, Level, Mark
 from flexid.report.page import Answer, Bullets, Command, Facts, Folded, Item, Link, Page, Warned
 from flexid.report.terminal import Table, laid_out
 
@@ -68,15 +71,37 @@ def item_lines(item: Item) -> Iterator[str]:
 
 
 def chart_lines(chart: Chart) -> Iterator[str]:
-    """A chart but for its numbers: words, axes, and the marks of each panel."""
+    """A chart: its words, axes, and the marks of each panel with what they span."""
     yield f"figure {chart.name}: {chart.title}"
     yield chart.says
     for panel in chart.panels:
-        yield f"| {' / '.join(panel.title.splitlines())} | {_axis(panel.x)} | {_axis(panel.y)}"
-        for mark in panel.marks:
-            yield f"|   {type(mark).__name__.lower()} {mark.colour}: {mark.label}".rstrip(": ")
+        yield f"| {' / '.join(panel.title.splitlines())} ({panel.colour})"
+        yield f"|   over {_axis(panel.x)}: {_axis(panel.y)}"
+        yield from (f"|   {_mark(mark)}" for mark in panel.marks)
 
 
 def _axis(axis: Axis) -> str:
-    logarithmic = ", logarithmic" if axis.logarithmic else ""
-    return f"{axis.label} ({axis.unit}){logarithmic}" + " ".join(axis.categories)
+    logarithmic = " logarithmic" if axis.logarithmic else ""
+    limits = "" if axis.limits is None else " {:.4g} to {:.4g}".format(*axis.limits)
+    return f"{axis.label} ({axis.unit}){logarithmic}{limits} {', '.join(axis.categories)}".strip()
+
+
+def _mark(mark: Mark) -> str:
+    said = f"{type(mark).__name__.lower()} {mark.colour} {getattr(mark, 'dash', '')}"
+    said += f" {mark.label!r}"
+    if isinstance(mark, Level):
+        return f"{said} {mark.along} = {mark.value:.4g}"
+    arrays = {f.name: getattr(mark, f.name) for f in fields(mark)}
+    spans = (_span(name, a) for name, a in arrays.items() if isinstance(a, np.ndarray))
+    flags = [name for name in ("filled", "faint", "stems") if arrays.get(name)]
+    return " ".join([said, *spans, *flags])
+
+
+def _span(name: str, values: FloatArray) -> str:
+    """Number of values, the first, the ends of all, and the last; and how many there are not."""
+    known = values[np.isfinite(values)]
+    lost = f", {len(values) - len(known)} lost" if len(known) < len(values) else ""
+    if not len(known):
+        return f"{name}[{len(values)}{lost}]"
+    several = np.round((known[0], known.min(), known.max(), known[-1]), 12) + 0.0
+    return f"{name}[{len(values)}{lost}] " + " ".join(f"{x:.4g}" for x in several)

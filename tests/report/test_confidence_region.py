@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.report.chart import Line, Points
 from flexid.report.identification_charts import (
     confidence_region,
-    confidence_regions_chart,
     most_correlated,
 )
-
-UNITS = {"a": "1/s^2", "b": "1/s", "c": "rad/s^2"}
 
 
 def made(
@@ -85,29 +81,3 @@ def test_the_most_correlated_pair():
     assert most_correlated(fit(), ("a", "b", "c")) == ("a", "b")
     assert most_correlated(fit(), ("c", "b")) == ("b", "c")
     assert most_correlated(fit(), ("c",)) is None
-
-
-def test_the_chart_holds_region_intervals_and_centre():
-    """Assert that what is drawn is the region as it was computed."""
-    chart = confidence_regions_chart("fit", fit(), [("a", "b")], UNITS, level=0.8)
-    region = confidence_region(fit(), ("a", "b"), 0.8)
-    assert region is not None
-    ellipse, around, centre = chart.panels[0].marks
-    assert isinstance(ellipse, Line)
-    assert ellipse.filled
-    assert isinstance(around, Line)
-    assert isinstance(centre, Points)
-    assert np.array_equal([ellipse.x, ellipse.y], region.boundary)
-    assert (around.x.min(), around.x.max()) == region.intervals[0]
-    assert (around.y.min(), around.y.max()) == region.intervals[1]
-    assert [*centre.x, *centre.y] == [*region.centre]
-    assert ellipse.label == "fit: joint 80 %"
-
-
-def test_what_is_free_is_said_in_the_chart():
-    """Assert that an empty panel says why it is empty."""
-    found = fit()
-    found.covariance[0, 0] = np.inf
-    (panel,) = confidence_regions_chart("least squares", found, [("a", "b")], UNITS).panels
-    assert panel.title == "a and b:\nthe log leaves one of the two free"
-    assert panel.marks == ()

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from made_result import VALIDATION, made_result
 
-from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
@@ -17,12 +16,10 @@ from flexid.identification.vocabulary.evidence import (
     ParameterEstimate,
     Validation,
 )
-from flexid.report.chart import Band, Level, Line, Panel, Points
-from flexid.report.free_run_chart import free_run_chart, residual_chart
+from flexid.report.chart import Band, Line, Panel
+from flexid.report.free_run_chart import residual_chart
 from flexid.report.identification_charts import (
     correlated_pairs,
-    estimates_chart,
-    excitation_chart,
     identification_charts,
     observer_histories,
     parameter_estimate,
@@ -68,51 +65,6 @@ def marks(panel: Panel, kind: type[M]) -> list[M]:
     return [mark for mark in panel.marks if isinstance(mark, kind)]
 
 
-def test_estimates_carry_names_values_and_units():
-    """Assert that each panel has its parameter, verdict, interval, unit and the observer."""
-    chart = estimates_chart(result())
-    stiffness, inertia = chart.panels
-    assert stiffness.title == "joint_stiffness, determined\n100.0 [98.0, 102.0]; start cut off"
-    assert [stiffness.y.unit, inertia.y.unit] == ["N m/rad", "kg m^2"]
-    assert [stiffness.colour, inertia.colour] == ["green", "orange"]
-    (history,), (interval,) = marks(stiffness, Line), marks(stiffness, Band)
-    assert np.array_equal(history.x, TIME)
-    assert history.y[[0, -1]] == pytest.approx([3000.0, 100.0])
-    assert [*interval.low, *interval.high] == [98.0, 98.0, 102.0, 102.0]
-    assert [level.value for level in marks(stiffness, Level)] == [100.0]
-    assert "Determined by the log: 1 of 2" in chart.says
-    assert "converges to 2 of these estimates" in chart.says
-
-
-def test_an_observer_that_does_not_arrive_takes_no_room():
-    """Assert that a curve that ends elsewhere is not drawn, that this is said, and 100 is seen."""
-    chart = estimates_chart(result(end=0.5, first=0.5))
-    panel = chart.panels[0]
-    assert marks(panel, Line) == []
-    assert panel.title.endswith("; observer ends elsewhere")
-    assert "converges to 0 of these estimates" in chart.says
-    assert panel.y.limits is not None
-    low, high = panel.y.limits
-    assert 80.0 < low < 98.0
-    assert 102.0 < high < 120.0
-
-
-def test_an_unlimited_interval_has_no_band():
-    """Assert that what is not determined is drawn without an interval, in a finite frame."""
-    found = result()
-    free = replace(
-        found.parameters["joint_stiffness"],
-        interval=(-np.inf, np.inf),
-        std=np.inf,
-        verdict="undetermined",
-    )
-    panel = estimates_chart(replace(found, parameters={"joint_stiffness": free})).panels[0]
-    assert marks(panel, Band) == []
-    assert panel.colour == "red"
-    assert panel.y.limits is not None
-    assert all(map(np.isfinite, panel.y.limits))
-
-
 def test_regions_are_of_stiffness_and_inertia():
     """Assert that the pair is physical, and its covariance that of the delta method."""
     found = parameter_estimate(result())
@@ -124,46 +76,6 @@ def test_regions_are_of_stiffness_and_inertia():
     assert [chart.panels[0].x.unit, chart.panels[0].y.unit] == ["N m/rad", "kg m^2"]
     assert chart.panels[0].marks[0].label == "prediction error: joint 90 %"
     assert regions_chart(made_result()) is None
-
-
-def validation(scale: float) -> Validation:
-    """Return a free run that is some times as large as the measured motion."""
-    measured = np.sin(TIME)[:, None]
-    with np.errstate(invalid="ignore"):
-        runs = (FreeRun(TIME, measured, scale * measured),)
-    return Validation({"motor_position": 99.0}, runs)
-
-
-@pytest.mark.parametrize(
-    ("scale", "said"),
-    [(1.01, ""), (3.0, "; beyond the frame, by up to 2 rad"), (np.inf, "; it diverges")],
-)
-def test_what_leaves_the_frame_is_said(scale, said):
-    """Assert that the title says by how much a prediction runs out of the picture."""
-    chart = free_run_chart("fit", "title", validation(scale), {}, "time")
-    motion, residual = chart.panels
-    assert motion.title == f"motor position: fit 99.0 %{said}"
-    assert motion.y.limits == pytest.approx((-1.29934, 1.29949), abs=2e-3)
-    assert (residual.y.limits is None) == (not said)
-    assert ("diverges from the measured motor position" in chart.says) == ("diverges" in said)
-
-
-def test_a_free_run_is_what_the_result_holds():
-    """Assert that each run of each channel has its measured and predicted values and residual."""
-    run = FreeRun(TIME, np.sin(TIME)[:, None], np.cos(TIME)[:, None])
-    later = FreeRun(TIME + 20.0, 2.0 * run.measured, 3.0 * run.simulated)
-    held = Validation({"motor_position": 99.0}, (run, later))
-    chart = free_run_chart("fit", "title", held, {"motor_position": 0.5}, "time")
-    motion, residual = chart.panels
-    assert [line.label for line in motion.marks] == 2 * ["measured", "free run of the model"]
-    for place, one in enumerate((run, later)):
-        seen, predicted = marks(motion, Line)[2 * place : 2 * place + 2]
-        left = marks(residual, Line)[place]
-        assert np.array_equal(seen.x, one.time)
-        assert np.array_equal(seen.y, one.measured[:, 0])
-        assert np.array_equal(predicted.y, one.simulated[:, 0])
-        assert np.array_equal(left.y, (one.measured - one.simulated)[:, 0])
-    assert [level.value for level in marks(residual, Level)] == [-1.0, 1.0]
 
 
 def test_residuals_that_repeat_leave_the_band():
@@ -187,20 +99,6 @@ def test_residuals_that_repeat_leave_the_band():
     diverged = (FreeRun(time, measured, np.full_like(measured, np.inf)),)
     lost = residual_chart(Validation({"link_position": -np.inf, "motor_position": 0.0}, diverged))
     assert not marks(lost.panels[1], Line)
-
-
-def test_excitation_shows_singular_values_over_the_largest():
-    """Assert that each row has its values, both limits, and the pair that correlates."""
-    chart = excitation_chart(made_result())
-    (panel,) = chart.panels
-    (points,) = marks(panel, Points)
-    assert points.y == pytest.approx([1.0, 0.7 / 1.3])
-    assert points.stems
-    assert panel.y.logarithmic
-    limits = [level.value for level in marks(panel, Level)]
-    assert limits == [1.0 / WEAK_CONDITION, 1.0 / LOST_CONDITION]
-    assert panel.title == "link row: condition number 1.86\ntheta1 and theta2 correlate by 0.30"
-    assert "theta1 and theta2 correlate by 0.30" in chart.says
 
 
 def test_a_loaded_estimate_has_the_charts_that_need_no_series():

@@ -17,9 +17,7 @@ from flexid.identification.vocabulary.evidence import FreeRun, ModelError
 from flexid.report import campaign, validation
 from flexid.report.comparison import page as comparison_page
 from flexid.report.comparison import parts as comparison_parts
-from flexid.report.free_run_chart import free_run_chart
 from flexid.report.identification import explanation, identification_parts
-from flexid.report.identification_charts import fit_chart
 from flexid.report.identification_page import identification_page, next_step, trust
 from flexid.report.terminal import USUAL, Part, laid_out
 from flexid.stored_estimates.validate_estimate import EstimateValidation
@@ -111,24 +109,6 @@ def typed():
     return page_lines(
         identification_page(result, (), "flexid identify a b --columns 'my map.toml'")
     )
-
-
-def fits():
-    """Words of the figure of fits: with channels at rest, without noise, and beyond the frame."""
-    still = replace(VALIDATION, fit_percent={"motor": nan})
-    yield from chart_lines(fit_chart(made_result()))
-    yield from chart_lines(fit_chart(replace(made_result(), model="link")))
-    yield from chart_lines(fit_chart(replace(made_result(), validation=still)))
-    time = np.linspace(0.0, 10.0, 101)
-    seen = np.sin(time)[:, None]
-    with np.errstate(invalid="ignore"):
-        predicted = (seen + 0.03, 3.0 * seen, inf * seen)
-    for found in predicted:
-        held = replace(
-            VALIDATION, fit_percent={"motor_position": 99.876}, runs=(FreeRun(time, seen, found),)
-        )
-        noise = {"motor_position": 0.01}
-        yield from chart_lines(free_run_chart("fit", "title", held, noise, "time"))
 
 
 def comparison():
@@ -234,7 +214,7 @@ def counts():
 
 
 ANSWERS = (
-    identification, exact_fit, negligible, trust_and_next_step, advised, typed, fits,
+    identification, exact_fit, negligible, trust_and_next_step, advised, typed,
     comparison, compared, comparison_on_a_page, campaigns, campaign_figures, validations, counts,
 )  # fmt: skip
 
