@@ -26,23 +26,15 @@ def folders(tmp_path):
     return {name: stored(tmp_path / name, exact(true, name)) for name, true in trues.items()}
 
 
-def test_no_change_is_status_0(flexid, folders):
-    """Assert that the same drive twice is no change, in words and in the exit status."""
-    outcome = flexid("compare", folders["before"], folders["again"])
-    assert outcome.status == 0, outcome.stdout
-    assert outcome.stderr == ""
-    said = " ".join(outcome.stdout.split())
-    assert "No change is seen in 5 numbers" in said
-    assert "nothing speaks against one and the same drive" in said
-
-
 def test_a_change_is_status_1(flexid, folders):
-    """Assert that a stiffer drive is named, with the change and its interval."""
+    """Assert that one drive twice exits 0, and that a stiffer one is named, with its change."""
+    outcome = flexid("compare", folders["before"], folders["again"])
+    assert (outcome.status, outcome.stderr) == (0, "")
+    assert "No change is seen in 5 numbers" in outcome.stdout
     files = [folders[name] / "estimate.json" for name in ("before", "after")]
     outcome = flexid("compare", *files)
     assert outcome.status == 1
     assert "Changed: joint_stiffness by 1" in outcome.stdout
-    assert "it is not the same drive" in " ".join(outcome.stdout.split())
 
 
 def test_what_is_not_determined_is_status_1(flexid, folders, tmp_path):
