@@ -192,7 +192,8 @@ def register(app: typer.Typer, command: Command) -> None:
     """Add a command to the command line."""
     documented = inspect.getdoc(command.function) or ""
     head, _, rest = documented.partition("\n\n")
-    said = [sentences(part) for part in _prose(rest)]
+    prose = re.split(r"\n[A-Z]\w+\n-{3,}", f"\n{rest}")[0]  # before the first section
+    said = [sentences(part) for part in prose.strip().split("\n\n")]
     body = [head, *said, command.notes, f"Exit status: {command.status}"]
     examples = ["\b", "Examples:", *(f"  flexid {example}" for example in command.examples)]
     app.command(
@@ -350,11 +351,6 @@ def _converted(command: Command, given: Options) -> dict[str, Any]:
             option = (OPTIONS if named else ARGUMENTS)[name]
             found[name] = option.convert(f"--{name.replace('_', '-')}", value)
     return found
-
-
-def _prose(text: str) -> Iterator[str]:
-    """Paragraphs of a docstring before its first section."""
-    yield from re.split(r"\n[A-Z]\w+\n-{3,}", f"\n{text}")[0].strip().split("\n\n")
 
 
 def _described(documented: str) -> dict[str, tuple[str, str]]:

@@ -1,5 +1,6 @@
 """Commands that go on until they are ended: `flexid watch` and `flexid studio`."""
 
+import json
 import os
 import signal
 import time
@@ -96,24 +97,19 @@ def _follow(
             warned = len(watched.warnings)
             now = time.monotonic()
             if due and as_json:
-                _print_line(watched)
+                typer.echo(json.dumps(watched.document))
             if terminal and now - drawn > _DRAWN_EVERY:
                 session = watched.session if watched.has_begun else None
                 live.update(live_view(session, sparks, errors.width), refresh=True)
                 drawn = now
             if checkpoint is not None and watched.has_begun and now - saved > _SAVED_EVERY:
-                _save_meanwhile(watched, checkpoint, errors)
+                try:
+                    watched.save_checkpoint(checkpoint)
+                except SettingError as error:  # there may be room again in a minute
+                    print_warnings((str(error),), errors)
                 saved = now
             if asked:
                 break
-
-
-def _save_meanwhile(watched: "Watch", checkpoint: Path, errors: "Console") -> None:
-    """Save, or warn: there may be room again in a minute, and the drive runs on."""
-    try:
-        watched.save_checkpoint(checkpoint)
-    except SettingError as error:
-        print_warnings((str(error),), errors)
 
 
 def _end(watched: "Watch", checkpoint: Path | None, *, as_json: bool) -> None:
@@ -125,15 +121,9 @@ def _end(watched: "Watch", checkpoint: Path | None, *, as_json: bool) -> None:
             watched.save_checkpoint(checkpoint)
     finally:  # a full disk must not cost the report
         if as_json:
-            _print_line(watched)
+            typer.echo(json.dumps(watched.document))
         else:
             print_parts(watched._parts())
-
-
-def _print_line(watched: "Watch") -> None:
-    import json
-
-    typer.echo(json.dumps(watched.document))
 
 
 def studio(

@@ -23,7 +23,7 @@ about the distribution of ν k / (ν - k + 1) times an F with k and ν - k + 1 d
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, inf, isfinite, log, nan
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.special import fdtrc, stdtr
@@ -105,7 +105,9 @@ def with_numbers(blank: Difference, logs: Sharing, unlike: str) -> Difference:
         return replace(blank, reason="each log has its own")
     for side, value in (("A", a), ("B", b)):
         if value.interval[0] == value.interval[1]:
-            return replace(blank, reason=f"in {side} it was not estimated: {_why_fixed(value)}")
+            known = value.reason in ("", "given")
+            why = "it follows from what was given" if known else value.reason
+            return replace(blank, reason=f"in {side} it was not estimated: {why}")
     for side, value in (("A", a), ("B", b)):
         if _open(value):
             return replace(
@@ -114,10 +116,6 @@ def with_numbers(blank: Difference, logs: Sharing, unlike: str) -> Difference:
     if a.logarithmic and b.logarithmic:
         return _by_ratio(blank, a, b, logs)
     return _by_difference(blank, a, b, logs)
-
-
-def _why_fixed(value: ValueEstimate) -> str:
-    return "it follows from what was given" if value.reason in ("", "given") else value.reason
 
 
 def _open(value: ValueEstimate) -> bool:
@@ -140,8 +138,7 @@ def _by_difference(
 ) -> Difference:
     """With an interval that is symmetrical about the difference."""
     value = difference(blank.name, a.value, b.value)
-    spread = _spread(a.std, b.std, a, b, logs)
-    reach = spread.reach
+    reach, chance = _spread(value, a.std, b.std, a, b, logs)
     scale = abs(a.value)
     apart_from_zero = scale > 0.0 and a.interval[0] * a.interval[1] > 0.0
     relative = apart_from_zero and blank.name not in ANGLES
@@ -152,7 +149,7 @@ def _by_difference(
         interval=(value - reach, value + reach),
         percent=percent * value,
         percent_interval=(percent * (value - reach), percent * (value + reach)),
-        probability=spread.probability(value),
+        probability=chance,
         outcome="no change",
     )
 
@@ -160,9 +157,9 @@ def _by_difference(
 def _by_ratio(blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing) -> Difference:
     """With an interval that is symmetrical about the logarithm of the ratio."""
     logarithm = log(b.value) - log(a.value)
-    spread = _spread(a.std / a.value, b.std / b.value, a, b, logs)
+    reach, chance = _spread(logarithm, a.std / a.value, b.std / b.value, a, b, logs)
     with np.errstate(over="ignore"):
-        low, high = np.expm1([logarithm - spread.reach, logarithm + spread.reach]).tolist()
+        low, high = np.expm1([logarithm - reach, logarithm + reach]).tolist()
     change = b.value / a.value - 1.0
     return replace(
         blank,
@@ -170,34 +167,21 @@ def _by_ratio(blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Shari
         interval=(a.value * low, a.value * high),
         percent=100.0 * change,
         percent_interval=(100.0 * low, 100.0 * high),
-        probability=spread.probability(logarithm),
+        probability=chance,
         outcome="no change",
     )
 
 
-class _Spread(NamedTuple):
-    """Standard deviation of a difference, and its degrees of freedom."""
-
-    std: float
-    degrees_of_freedom: float
-
-    @property
-    def reach(self) -> float:
-        """Half the width of the interval."""
-        return quantile(self.degrees_of_freedom) * self.std
-
-    def probability(self, value: float) -> float:
-        """Of a difference as large by chance."""
-        return float(2.0 * stdtr(self.degrees_of_freedom, -abs(value) / self.std))
-
-
 def _spread(
-    std_a: float, std_b: float, a: ValueEstimate, b: ValueEstimate, logs: Sharing
-) -> _Spread:
+    value: float, std_a: float, std_b: float, a: ValueEstimate, b: ValueEstimate, logs: Sharing
+) -> tuple[float, float]:
+    """Half the width of a difference's interval, and the chance of one as large as the value."""
     freedom = (a.degrees_of_freedom, b.degrees_of_freedom)
-    if logs != "different":
-        return _Spread(std_a + std_b, min(freedom))
-    return _Spread(hypot(std_a, std_b), welch((std_a, std_b), freedom))
+    if logs == "different":
+        std, nu = hypot(std_a, std_b), welch((std_a, std_b), freedom)
+    else:
+        std, nu = std_a + std_b, min(freedom)
+    return quantile(nu) * std, float(2.0 * stdtr(nu, -abs(value) / std))
 
 
 _MANY = 1e9  # degrees of freedom, as good as infinite

@@ -71,8 +71,8 @@ def doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
     """What limits a comparison, a sentence each."""
     if a.model != b.model:
         yield (
-            f"A is of {_joint(a)} and B of {_joint(b)}: only what has the same name, meaning and "
-            f"unit in both is compared"
+            f"A is of {_JOINTS[a.model]} and B of {_JOINTS[b.model]}: only what has the same "
+            f"name, meaning and unit in both is compared"
         )
     if logs == "some shared":
         yield (
@@ -101,19 +101,18 @@ def doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
         yield from (f"{side}: {warning}" for warning in estimate.warnings)
 
 
+_JOINTS = {
+    "flexible": "a flexible joint",
+    "link": "a link alone",
+    "rigid": "a rigid joint",
+    "arm": "an arm",
+}
+
+
 def _is_unexplained(estimate: Either) -> bool:
     if estimate.model == "arm":
         return estimate.disturbances is not None
     return estimate.model_error.share > 0.0
-
-
-def _joint(estimate: Either) -> str:
-    return {
-        "flexible": "a flexible joint",
-        "link": "a link alone",
-        "rigid": "a rigid joint",
-        "arm": "an arm",
-    }[estimate.model]
 
 
 def _facts(estimate: Either) -> dict[str, str]:
@@ -139,8 +138,11 @@ def _facts(estimate: Either) -> dict[str, str]:
         facts["amplifier's dead zone"] = f"{choices.amplifier.dead_zone:.4g} V"
     if choices.amplifier.limit is not None:
         facts["amplifier's limit"] = f"{choices.amplifier.limit:.4g} V"
-    for name, width in used_widths(estimate).items():
-        facts[name.replace("_", " ")] = f"{width:.4g} {CONSTANT_UNITS[name]}".removesuffix(" 1")
+    used = {shape for c, shape in _constants() if c in estimate.coefficients}
+    for name, width in choices.shapes.items():
+        if name in used:
+            unit = CONSTANT_UNITS[name]
+            facts[name.replace("_", " ")] = f"{width:.4g} {unit}".removesuffix(" 1")
     return facts | _columns(provenance)
 
 
@@ -174,17 +176,13 @@ def _columns(provenance: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _named_logs(provenance: Mapping[str, Any]) -> set[_Log]:
-    return {
-        _Log(str(log["sha256"]), frozenset(_position_columns(log)))
-        for log in provenance.get("inputs", ())
-        if log.get("sha256")
-    }
-
-
-def _position_columns(log: Mapping[str, Any]) -> Iterator[str]:
-    for channel, origin in log.get("columns", {}).items():
-        if channel in _POSITIONS:
-            yield from origin["columns"]
+    found = set()
+    for log in provenance.get("inputs", ()):
+        of_positions = (log.get("columns", {}).get(channel) for channel in _POSITIONS)
+        columns = frozenset(c for origin in of_positions if origin for c in origin["columns"])
+        if log.get("sha256"):
+            found.add(_Log(str(log["sha256"]), columns))
+    return found
 
 
 def _known(estimate: Either) -> Mapping[str, Any]:
@@ -217,12 +215,6 @@ def _constants() -> Sequence[tuple[str, str]]:
     """Coefficients that have a width, and the constant that it is."""
     regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
     return [(c, shape) for c, r in regressors for shape in SHAPES if shape in r]
-
-
-def used_widths(estimate: Identification) -> Mapping[str, float]:
-    """Constants of shapes that something in an estimate rests on, by name."""
-    used = {shape for c, shape in _constants() if c in estimate.coefficients}
-    return {name: width for name, width in estimate.choices.shapes.items() if name in used}
 
 
 def unlike_width(a: Identification, b: Identification) -> Mapping[tuple[str, str], str]:

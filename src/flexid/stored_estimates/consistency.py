@@ -24,9 +24,7 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="ignore", strict=True)
 
 
-class StoredOrigin(_Part):
-    """How a channel was computed from columns."""
-
+class _Origin(_Part):
     columns: dict[str, float]
     factor: float
     offset: float
@@ -34,17 +32,13 @@ class StoredOrigin(_Part):
     gear_ratio: float | None
 
 
-class StoredLog(_Part):
-    """A log."""
-
+class _Log(_Part):
     file: str | None = None
     sha256: str | None = None
-    columns: dict[str, StoredOrigin] = {}
+    columns: dict[str, _Origin] = {}
 
 
-class StoredSettings(_Part):
-    """What was asked for."""
-
+class _Asked(_Part):
     model: str = "auto"
     terms: str | list[str] = "auto"
     known: dict[str, float] = {}
@@ -59,9 +53,7 @@ class StoredSettings(_Part):
     validation_share: float = 1 / 3
 
 
-class StoredChoice(_Part):
-    """What was chosen."""
-
+class _Chosen(_Part):
     terms: list[str] | None = None
     hold: str | None = None
     estimator: str | None = None
@@ -72,12 +64,12 @@ class StoredChoice(_Part):
 
 
 class StoredProvenance(_Part):
-    """All of it; a part that nobody reads may be anything."""
+    """Logs, settings asked for and chosen; a part that nobody reads may be anything."""
 
     flexid_version: str = ""
-    settings: StoredSettings = StoredSettings()
-    chosen: StoredChoice = StoredChoice()
-    inputs: list[StoredLog] = []
+    settings: _Asked = _Asked()
+    chosen: _Chosen = _Chosen()
+    inputs: list[_Log] = []
 
 
 _LARGEST = 1e50  # of what a drive may be described by, in SI units

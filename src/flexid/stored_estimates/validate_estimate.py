@@ -62,7 +62,10 @@ def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> Estimate
     _check_unit(estimate.name, stored, logs)
     recordings = [stored.choices.amplifier.behind(recording) for recording in recordings]
     data = data_of(model.joint, recordings, [0] * len(recordings))
-    doubts = (*common_doubts(stored, stored.coefficients, logs), *_doubts(stored))
+    doubts = [*common_doubts(stored, stored.coefficients, logs)]
+    if offsets := dict.fromkeys(n.partition("[")[0] for n in stored.coefficients if "[" in n):
+        named = " and ".join(offsets)
+        doubts.append(f"the estimate has {named} log by log: for these logs the mean is taken")
     noise, warnings = _noise(model.joint, data), (*dropped, *cautions(Rank.MODEL, doubts))
     return _predicted(estimate, model.structure, model.by_coefficient, data, noise, logs, warnings)
 
@@ -213,14 +216,6 @@ def common_doubts(
         yield (
             f"the estimate leaves {', '.join(guessed)} undetermined: what it predicts rests on a "
             f"guess"
-        )
-
-
-def _doubts(stored: Identification) -> Iterator[str]:
-    offsets = dict.fromkeys(n.partition("[")[0] for n in stored.coefficients if "[" in n)
-    if offsets:
-        yield (
-            f"the estimate has {' and '.join(offsets)} log by log: for these logs the mean is taken"
         )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 from urllib.parse import urlencode
 
@@ -58,6 +58,13 @@ class Source:
     scale: float = 1.0  # in the unit
     offset: float = 0.0  # in the unit
 
+    @property
+    def stated(self) -> dict[str, Any]:
+        """What differs from the column as it is, by name."""
+        usual = Source("")
+        stated = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {name: value for name, value in stated.items() if value != getattr(usual, name)}
+
 
 @dataclass(frozen=True)
 class Choices:
@@ -84,15 +91,7 @@ class Choices:
         if not self.sources:
             return None
         entries: dict[str, Any] = dict.fromkeys(SI_UNITS, False)
-        for channel, source in self.sources.items():
-            entry: dict[str, Any] = {"column": source.column}
-            if source.unit:
-                entry["unit"] = source.unit
-            if source.scale != 1.0:
-                entry["scale"] = source.scale
-            if source.offset:
-                entry["offset"] = source.offset
-            entries[channel] = entry
+        entries |= {channel: source.stated for channel, source in self.sources.items()}
         return entries if self.gear_ratio is None else {**entries, "gear_ratio": self.gear_ratio}
 
     @property
@@ -109,13 +108,9 @@ class Choices:
         """The choices as the end of an address."""
         pairs: dict[str, str] = {}
         for channel, source in self.sources.items():
-            pairs[f"column.{channel}"] = source.column
-            if source.unit:
-                pairs[f"unit.{channel}"] = source.unit
-            if source.scale != 1.0:
-                pairs[f"scale.{channel}"] = f"{source.scale:.15g}"
-            if source.offset:
-                pairs[f"offset.{channel}"] = f"{source.offset:.15g}"
+            for name, value in source.stated.items():
+                text = f"{value:.15g}" if isinstance(value, float) else value
+                pairs[f"{name}.{channel}"] = text
         if self.gear_ratio is not None:
             pairs["gear_ratio"] = f"{self.gear_ratio:.15g}"
         for name in ("model", "hold"):
