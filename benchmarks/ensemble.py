@@ -76,13 +76,8 @@ def stiff_loop(plant: Plant) -> ClosedLoop:
 def with_plant(loop: ClosedLoop, plant: Plant) -> ClosedLoop:
     """The loop around another plant, as a campaign makes it."""
     return loop.with_values(
+        system=loop.system.with_constants({"beta1": plant.beta1}),
         coefficients=dict(zip(loop.coefficients, plant.true, strict=True)),
-        constants={"beta1": plant.beta1},
-        controller=loop.controller,
-        reference=loop.reference,
-        observer_gains=loop.observer_gains,
-        initial_estimates=loop.initial_estimates,
-        initial_state=loop.initial_state,
     )
 
 

@@ -264,6 +264,7 @@ def _loop(
     if isinstance(model, JointModel) and "coulomb_velocity" in system.constants:
         constants["coulomb_velocity"] = model.coulomb_velocity
     parts = {
+        "system": system.with_constants(constants),
         "coefficients": {name: values[name] for name in system.coefficients},
         "observer_gains": tables.observer,
         "initial_estimates": {name: guessed.get(name, 0.0) for name in system.coefficients},
@@ -272,9 +273,9 @@ def _loop(
         "controller": _controller(tables.controller, refuse),
     }
     if like is not None:
-        return like.with_values(constants=constants, **parts)
+        return like.with_values(**parts)
     try:
-        return ClosedLoop(system=system.with_constants(constants), **parts)
+        return ClosedLoop(**parts)
     except SettingError as error:
         raise refuse("observer", f"does not fit the model: {error.reason}") from None
     except (ModelError, ExpressionError) as error:

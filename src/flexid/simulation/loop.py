@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,46 +49,28 @@ class ClosedLoop:
         """The loop without its values."""
         return LoopDeclaration(self.system, self.controller, self.reference)
 
-    def with_values(
-        self,
-        *,
-        coefficients: Mapping[str, float],
-        constants: Mapping[str, float],
-        controller: Controller,
-        reference: Reference,
-        observer_gains: Mapping[str, float],
-        initial_estimates: Mapping[str, float],
-        initial_state: Sequence[float],
-    ) -> "ClosedLoop":
-        """Return the same loop with other values; the two share one declaration.
+    def with_values(self, **values: Any) -> "ClosedLoop":
+        """Return the same loop with other values of some fields; the two share one declaration.
 
         What only the names decide is not checked again, so that a loop costs some microseconds
         where thousands differ in their values alone.
         """
-        same = (
-            list(coefficients) == list(self.coefficients)
-            and list(observer_gains) == list(self.observer_gains)
-            and list(initial_estimates) == list(self.initial_estimates)
-            and len(initial_state) == len(self.initial_state)
-            and controller.digest == self.controller.digest
-            and reference.expression == self.reference.expression
-            and list(reference.parameters) == list(self.reference.parameters)
-        )
-        if not same:
-            raise SettingError("with_values", "other names than this loop's: build a new loop")
         changed = copy(self)  # with its declaration
-        values = {
-            "system": self.system.with_constants(constants),
-            "coefficients": coefficients,
-            "controller": controller,
-            "reference": reference,
-            "observer_gains": observer_gains,
-            "initial_estimates": initial_estimates,
-            "initial_state": tuple(map(float, initial_state)),
-        }
         for name, value in values.items():
             object.__setattr__(changed, name, value)
+        if changed._names() != self._names():
+            raise SettingError("with_values", "other names than this loop's: build a new loop")
         return changed
+
+    def _names(self) -> tuple[object, ...]:
+        """What is decided by names alone."""
+        tables = (self.system.constants, self.coefficients, self.observer_gains)
+        return (
+            *map(tuple, (*tables, self.initial_estimates, self.reference.parameters)),
+            len(self.initial_state),
+            self.controller.digest,
+            self.reference.expression,
+        )
 
     @property
     def true_coefficients(self) -> NDArray[np.float64]:
