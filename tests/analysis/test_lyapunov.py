@@ -44,6 +44,12 @@ def trapezoidal_error(watched: LyapunovMonitor) -> float:
     return step / 12.0 * np.abs(np.diff(watched.rate, 2)).sum() / watched.value[0]
 
 
+def imbalance(watched: LyapunovMonitor) -> float:
+    """Return |V(T) - V(0) - ∫V' dt| / V(0) by the trapezoidal rule."""
+    change = watched.value[-1] - watched.value[0]
+    return float(abs(change - np.trapezoid(watched.rate, watched.time)) / watched.value[0])
+
+
 def test_value_is_8(history):
     """Assert that V is half of the squared errors of all rows together."""
     both = watch(history, history)
@@ -59,7 +65,6 @@ def test_rate_is_the_derivative_of_the_value(history):
 
 def test_value_never_rises_along_7(history):
     """Assert that V does not rise above the integrator's error."""
-    assert not watch(history).rises
     assert watch(history).rise_in_tolerances < ALLOWED_RISE
 
 
@@ -67,18 +72,16 @@ def test_small_rises_are_seen(history):
     """Assert that a jump of a millionth, or a slow creep that adds up, is reported as a rise."""
     errors = history.errors.copy()
     errors[2001:] = errors[2000] * (1 + 1e-6)
-    watched = watch(replace(history, errors=errors))
-    assert watched.rises
-    assert watched.largest_rise == pytest.approx(2e-6 * watched.value[2000], rel=1e-3)
+    assert watch(replace(history, errors=errors)).rise_in_tolerances > ALLOWED_RISE
     errors = history.errors[0] * (1 + 1e-9 * np.arange(len(TIME)))[:, None]
-    assert watch(replace(history, errors=errors)).rises
+    assert watch(replace(history, errors=errors)).rise_in_tolerances > ALLOWED_RISE
 
 
 def test_dissipation_balances_the_fall_of_the_value(history):
     """Assert that the integral of V' is the change of V, but of a wrong gain in eq. (9)."""
     watched = watch(history)
-    assert watched.imbalance < trapezoidal_error(watched) < 1e-4
-    assert watch(replace(history, gain=0.8)).imbalance > 0.1
+    assert imbalance(watched) < trapezoidal_error(watched) < 1e-4
+    assert imbalance(watch(replace(history, gain=0.8))) > 0.1
 
 
 @pytest.mark.parametrize(
@@ -115,13 +118,13 @@ def test_dissipation_balances_along_a_closed_loop():
     """
     loop = table1_loop((1, 2, 3), reference=sine(0.1))
     run = simulate(loop, 5.0, 1e-4, 1e-8)
-    assert not monitor_run(run, 1.0).rises
+    assert monitor_run(run, 1.0).rise_in_tolerances <= ALLOWED_RISE
     rows = [
         replace(row, regressors=row.regressors[1:], errors=row.errors[1:])
         for row in row_histories(run)
     ]
     watched = monitor(run.time[1:], rows, 1.0, 1e-8, 1e-8)
-    assert watched.imbalance < trapezoidal_error(watched) < 1e-5
+    assert imbalance(watched) < trapezoidal_error(watched) < 1e-5
 
 
 def test_a_sampled_run_is_refused():

@@ -52,25 +52,9 @@ class LyapunovMonitor:
     value: FloatArray  # (n,), v = Σ |p̃|²/2, Huang (2003), eq. (8)
     rate: FloatArray  # (n,): V' = -Σ c (rᵀp̃)², per second, eq. (9)
     limits: tuple[Limit, ...]  # one per coefficient
-    largest_rise: float  # largest rise of V above its smallest value so far
-    # the same, each rise divided by the change of V that one step at the integrator's tolerance
-    # may cause
+    # largest rise of V above its smallest value so far, over the change of V that one step at the
+    # integrator's tolerance may cause
     rise_in_tolerances: float
-
-    @property
-    def rises(self) -> bool:
-        """Whether V rises by more than the integrator's error explains (`ALLOWED_RISE`)."""
-        return self.rise_in_tolerances > ALLOWED_RISE
-
-    @property
-    def imbalance(self) -> float:
-        """|V(T) - V(0) - ∫V' dt| / V(0) by the trapezoidal rule.
-
-        Small only where the samples resolve the motion; it checks (9) against (8), and that the
-        squared mismatches have the finite integral that Barbalat's lemma asks for.
-        """
-        change = self.value[-1] - self.value[0]
-        return float(abs(change - np.trapezoid(self.rate, self.time)) / self.value[0])
 
 
 def monitor_run(run: Run, window: float) -> LyapunovMonitor:
@@ -107,7 +91,6 @@ def monitor(
         value,
         -(mismatches**2) @ gains,
         tuple(limit for row in rows for limit in _limits(row, last)),
-        float(rise.max()),
         float(np.max(np.divide(rise, at_smallest, out=np.zeros_like(rise), where=rise > 0))),
     )
 
