@@ -28,14 +28,7 @@ def sampled() -> tuple[Measures, Ensemble]:
 
 def by_both(experiment: Experiment) -> tuple[Measures, Ensemble]:
     """Return both measures of a continuous experiment."""
-    ensemble = simulate_ensemble(
-        [experiment.loop],
-        experiment.settings.duration,
-        experiment.settings.sample_time,
-        experiment.settings.relative_tolerance,
-        experiment.settings.absolute_tolerance,
-        experiment.settings.maximum_steps,
-    )
+    ensemble = simulate_ensemble([experiment.loop], **experiment.settings.model_dump())
     return measure(experiment.run()), ensemble
 
 

@@ -166,15 +166,7 @@ def _ensemble(runs: Sequence[Experiment]) -> Ensemble:
     if runs[0].sampling is not None:
         samplings = [run.sampling for run in runs if run.sampling is not None]
         return simulate_sampled_ensemble(loops, settings.duration, samplings)
-    return simulate_ensemble(
-        loops,
-        settings.duration,
-        settings.sample_time,
-        settings.relative_tolerance,
-        settings.absolute_tolerance,
-        settings.maximum_steps,
-        settings.stiff,
-    )
+    return simulate_ensemble(loops, **settings.model_dump())
 
 
 def _text(error: Exception) -> str:

@@ -182,15 +182,7 @@ class Experiment:
         if self.sampling is not None:
             return simulate_sampled(self.loop, settings.duration, self.sampling)
         try:
-            return simulate(
-                self.loop,
-                settings.duration,
-                settings.sample_time,
-                settings.relative_tolerance,
-                settings.absolute_tolerance,
-                settings.maximum_steps,
-                stiff=settings.stiff,
-            )
+            return simulate(self.loop, **settings.model_dump())
         except AccelerationError as error:
             raise ExperimentError(
                 self.path,
