@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -16,12 +15,12 @@ from flexid.files import shown
 from flexid.recording.channel import GEARED, SI_UNITS
 from flexid.recording.limits import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.names import cut, did_you_mean
+from flexid.recording.si_channels import ARGUMENT, ColumnMap
 from flexid.toml_file import parse_toml, read_bytes
 
 MapSource: TypeAlias = Path | Mapping[str, object]
 """A TOML file that holds a column map, or the same keys and values in Python."""
 
-ARGUMENT = "columns"  # what messages call a map that is no file: the argument by which it is given
 REMEDY = (
     "write a column name, a table of column or sum, scale, offset, unit and side, or false for a "
     "channel that is not to be read"
@@ -94,29 +93,6 @@ class Entry(BaseModel):
 def _plain(value: object) -> object:
     """A mapping of whatever type as a dictionary."""
     return dict(value) if isinstance(value, Mapping) else value
-
-
-@dataclass(frozen=True)
-class ColumnMap:
-    """What a column map says."""
-
-    file: str  # its path, for messages; `ARGUMENT` where it is no file
-    entries: Mapping[str, Entry]  # by channel
-    gear_ratio: float | None  # turns of the motor per turn of the link; negative: opposite ones
-    sample_time: float | None = None  # s between rows, where no column holds the time
-    unread: frozenset[str] = frozenset()  # channels that are not read, whatever columns there are
-
-    @property
-    def described(self) -> str:
-        """What it is, for a message that says where to name a column."""
-        return self.file if self.file == ARGUMENT else f"the column map {self.file}"
-
-    def gear(self, channel: str) -> float | None:
-        """The gear ratio by which a channel is carried to the link's side; None if it is there."""
-        entry = self.entries.get(channel)
-        if channel not in GEARED or (entry is not None and entry.side == "link"):
-            return None
-        return self.gear_ratio
 
 
 def read_map(source: MapSource) -> ColumnMap:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isclose
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from flexid.errors import RecordingError
 from flexid.recording.channel import INPUTS, SI_UNITS, Channel
@@ -23,12 +23,19 @@ from flexid.recording.names import (
     split_header,
     usual_channel,
 )
-from flexid.recording.si_channels import Recipe, counted_time, made, recipe_of_map
+from flexid.recording.si_channels import (
+    ColumnMap,
+    Recipe,
+    counted_time,
+    made,
+    recipe_of_column,
+    recipe_of_map,
+)
 from flexid.recording.table import Table
 from flexid.recording.units import UnitError, is_relative, scale_to_si
 
 if TYPE_CHECKING:
-    from flexid.recording.column_map import ColumnMap, Entry, MapSource
+    from flexid.recording.column_map import MapSource
 
 _LINK = "link_position (or deflection)"
 _INPUT = "motor_torque (or motor_current, or motor_voltage)"
@@ -36,46 +43,21 @@ _OPTIONAL = (_LINK, _INPUT)
 _NANOSECONDS = re.compile(r"(.{0,200})(?:nano|n)(secs?|seconds)$")
 _MOST_CHANNELS = 64  # rows in which each channel of a log comes once, where a row holds one
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
-
-
-class _Column(NamedTuple):
-    """A column that is a channel by its name, and the unit that the name states."""
-
-    header: str
-    unit: str | None
-    nanoseconds: str = ""  # the column of them, where this one has a stamp's whole seconds
-
-    @property
-    def headers(self) -> tuple[str, ...]:
-        """All columns of the channel."""
-        return (self.header, self.nanoseconds) if self.nanoseconds else (self.header,)
-
-    @property
-    def shown(self) -> str:
-        """These, for a message."""
-        return " + ".join(map(repr, self.headers))
+_NO_MAP = ColumnMap("", {})
 
 
 @dataclass
 class _Plan:
     """Where each channel comes from: from the map, or from a column by its name."""
 
-    column_map: ColumnMap | None
-    found: dict[str, _Column]
+    column_map: ColumnMap
+    found: dict[str, Recipe]  # by the names of columns
     warnings: list[str] = field(default_factory=list)
 
     @property
-    def entries(self) -> Mapping[str, Entry]:
-        return {} if self.column_map is None else self.column_map.entries
-
-    @property
-    def unread(self) -> frozenset[str]:
-        return frozenset() if self.column_map is None else self.column_map.unread
-
-    @property
     def available(self) -> set[str]:
-        is_counted = self.column_map is not None and self.column_map.sample_time is not None
-        return set(self.found) | set(self.entries) | ({"time"} if is_counted else set())
+        counted = {"time"} if self.column_map.sample_time is not None else set()
+        return {*self.found, *self.column_map.entries, *counted}
 
 
 def read_channels(
@@ -91,43 +73,30 @@ def channels_of(table: Table, recipes: Mapping[str, Recipe], clock: Clock) -> di
     return {name: made(table, name, recipe, clock) for name, recipe in recipes.items()}
 
 
-def sources(
-    table: Table, columns: MapSource | None
-) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
-    """Headers that each channel is read from, and warnings, from the names alone."""
-    recipes, warnings = recipes_of(table, columns)
-    return {name: (*recipe.weights,) for name, recipe in recipes.items()}, warnings
-
-
 def recipes_of(
     table: Table, columns: MapSource | None
 ) -> tuple[dict[str, Recipe], tuple[str, ...]]:
     """How each channel that is read is made, and warnings."""
-    column_map = None
+    column_map = _NO_MAP
     if columns is not None:
         from flexid.recording.column_map import read_map
 
         column_map = read_map(columns)
-    named = set() if column_map is None else {*column_map.entries, *column_map.unread}
+    named = {*column_map.entries, *column_map.unread}
     plan = _Plan(column_map, _canonical_columns(table, named))
-    if column_map is None:
+    if column_map is _NO_MAP:
         _add_usual(table, plan)
     _require(table, plan)
     recipes = {}
     for name in sorted(_wanted(table, plan), key=[*SI_UNITS].index):
-        if column_map is not None and name in column_map.entries:
+        if name in column_map.entries:
             recipes[name] = recipe_of_map(table, name, column_map)
-            continue
-        if name == "time" and column_map is not None and column_map.sample_time is not None:
+        elif name == "time" and column_map.sample_time is not None:
             recipes[name] = counted_time(column_map)
-            continue
-        header, unit, nanoseconds = plan.found[name]
-        place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
-        gear = None if column_map is None else column_map.gear(name)
-        weights = {header: 1.0, **({nanoseconds: 1e-9} if nanoseconds else {})}
-        recipes[name] = Recipe(weights, table.file, place, gear, unit)
-    if column_map is None and not table.kinds:  # a bag holds much that no joint needs
-        taken = {header for column in plan.found.values() for header in column.headers}
+        else:
+            recipes[name] = plan.found[name]._replace(gear=column_map.gear(name))
+    if column_map is _NO_MAP and not table.kinds:  # a bag holds much that no joint needs
+        taken = {header for recipe in plan.found.values() for header in recipe.weights}
         unused = [name for name in table.names if name not in taken]
         if unused:
             plan.warnings.append(
@@ -169,9 +138,9 @@ def _says(name: str, channel: str, factor: float) -> bool:
         return False
 
 
-def _canonical_columns(table: Table, named: set[str]) -> dict[str, _Column]:
+def _canonical_columns(table: Table, named: set[str]) -> dict[str, Recipe]:
     """The columns that have canonical names, by these, but for those that a column map is about."""
-    found: dict[str, _Column] = {}
+    found: dict[str, Recipe] = {}
     for header in table.names:
         bare, unit = split_header(table.short_name(header))
         name = _BY_FOLDED.get(folded(bare).replace("_", ""))
@@ -184,14 +153,14 @@ def _canonical_columns(table: Table, named: set[str]) -> dict[str, _Column]:
                 f"the columns {found[name].header!r} and {header!r} are both {name}: rename or "
                 f"remove one of them",
             )
-        found[name] = _Column(header, unit)
+        found[name] = recipe_of_column(table, header, unit)
     return found
 
 
 def _add_usual(table: Table, plan: _Plan) -> None:
     """Add columns that have usual names where no column has the channel's own."""
     stamp = _stamp_of_two(table)
-    candidates = _candidates(table, plan, stamp.headers if stamp else ())
+    candidates = _candidates(table, plan, stamp.weights if stamp else ())
     if stamp and "time" not in candidates:
         candidates["time"] = [(stamp, Usual("time", "s"))]
     skipped = set(plan.found)
@@ -199,7 +168,7 @@ def _add_usual(table: Table, plan: _Plan) -> None:
         skipped |= set(INPUTS)
     if "deflection" in skipped:
         skipped.add("link_position")
-    added: dict[str, _Column] = {}
+    added: dict[str, Recipe] = {}
     commands = []
     for name in SI_UNITS:
         columns = [] if name in skipped else candidates.get(name, [])
@@ -215,12 +184,13 @@ def _add_usual(table: Table, plan: _Plan) -> None:
             commands += [added[name].header] if usual.is_command else []
     if "time" not in {*plan.found, *added}:
         stamped = [name for name in table.names if _has_stamps(table, name)]
-        added |= {"time": _Column(stamped[0], None)} if len(stamped) == 1 else {}
+        added |= {"time": recipe_of_column(table, stamped[0], None)} if len(stamped) == 1 else {}
     plan.found |= added
     if added:
         shown = ", ".join(
-            f"{column.shown} for {name} in {column.unit or SI_UNITS[name][0]}"
-            for name, column in added.items()
+            f"{' + '.join(map(repr, recipe.weights))} for {name} in "
+            f"{recipe.unit or SI_UNITS[name][0]}"
+            for name, recipe in added.items()
         )
         plan.warnings.append(
             f"{table.file}: by its name was taken {shown}: check it, or say in a column map what "
@@ -233,12 +203,12 @@ def _add_usual(table: Table, plan: _Plan) -> None:
         )
 
 
-def _stamp_of_two(table: Table) -> _Column | None:
+def _stamp_of_two(table: Table) -> Recipe | None:
     """A stamp's columns of whole seconds and of nanoseconds, as ROS writes it."""
     bare = {split_header(header)[0].lower(): header for header in table.names}
     parts = {header: match for name, header in bare.items() if (match := _NANOSECONDS.match(name))}
     found = [
-        _Column(bare[match[1] + match[2]], "s", header)
+        recipe_of_column(table, bare[match[1] + match[2]], "s", header)
         for header, match in parts.items()
         if match[1] + match[2] in bare
     ]
@@ -254,10 +224,10 @@ def _has_stamps(table: Table, name: str) -> bool:
     return bool(first) and isinstance(first[0], str) and is_stamp(first[0].strip())
 
 
-_Candidates = dict[str, list[tuple[_Column, Usual]]]
+_Candidates = dict[str, list[tuple[Recipe, Usual]]]
 
 
-def _candidates(table: Table, plan: _Plan, others: tuple[str, ...]) -> _Candidates:
+def _candidates(table: Table, plan: _Plan, others: Iterable[str]) -> _Candidates:
     """Columns by the channel that their usual names stand for, of one joint, but for some."""
     taken = {*others, *(column.header for column in plan.found.values())}
     names = {header: table.short_name(header) for header in table.names if header not in taken}
@@ -268,7 +238,9 @@ def _candidates(table: Table, plan: _Plan, others: tuple[str, ...]) -> _Candidat
     found: _Candidates = {}
     for header, one in usual.items():
         if one.joint in ("", joint):
-            found.setdefault(one.channel, []).append((_Column(header, one.unit), one))
+            found.setdefault(one.channel, []).append(
+                (recipe_of_column(table, header, one.unit), one)
+            )
     found = {name: _best(columns) for name, columns in found.items()}
     measured = [n for n in INPUTS if n in found and _is_plain(*found[n][0])]
     if measured:
@@ -283,12 +255,12 @@ def _candidates(table: Table, plan: _Plan, others: tuple[str, ...]) -> _Candidat
     return found
 
 
-def _best(columns: list[tuple[_Column, Usual]]) -> list[tuple[_Column, Usual]]:
+def _best(columns: list[tuple[Recipe, Usual]]) -> list[tuple[Recipe, Usual]]:
     """Of several columns those with a measured value in a unit that needs no scale."""
     return [one for one in columns if _is_plain(*one)] or columns
 
 
-def _is_plain(column: _Column, usual: Usual) -> bool:
+def _is_plain(column: Recipe, usual: Usual) -> bool:
     return not usual.is_command and not is_relative(column.unit or "")
 
 
@@ -321,15 +293,18 @@ def _require(table: Table, plan: _Plan) -> None:
     missing = [label for label, names in choices.items() if not plan.available & set(names)]
     if not missing:
         return
-    named = {
-        split_header(term.column)[0] for entry in plan.entries.values() for term in entry.terms
-    }
-    taken = named | {split_header(column.header)[0] for column in plan.found.values()}
+    taken = {term.column for e in plan.column_map.entries.values() for term in e.terms}
+    taken |= {recipe.header for recipe in plan.found.values()}
+    taken = {split_header(header)[0] for header in taken}
     bare = [name for name, _ in map(split_header, table.names) if name not in taken]
     hints = [did_you_mean(label.split(" ")[0], bare) for label in missing]
     labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
-    what = "a column map" if plan.column_map is None else plan.column_map.described
-    if len(missing) == 1 and plan.unread & set(choices[missing[0]]) and missing[0] in _OPTIONAL:
+    what = "a column map" if plan.column_map is _NO_MAP else plan.column_map.described
+    if (
+        len(missing) == 1
+        and plan.column_map.unread & set(choices[missing[0]])
+        and missing[0] in _OPTIONAL
+    ):
         return  # as the map says
     if missing == [_INPUT]:
         likely = [

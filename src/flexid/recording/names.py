@@ -32,7 +32,6 @@ class Usual(NamedTuple):
     unit: str | None  # in the name
     is_command: bool = False  # what is wanted of the drive, not what was measured
     joint: str = ""  # the number of the joint, where the name has one
-    is_of_joint: bool = False  # of the joint, as such and neither of its sides
 
 
 def split_header(header: str) -> tuple[str, str | None]:
@@ -159,10 +158,10 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
         # What a sensor in the joint measures is the spring's torque, not the motor's.
         is_apart = quantity == "torque" and (of_joint or "sensor" in words.all) and not number
         name = "torque" if is_apart else f"motor_{quantity}"
-        return Usual(name, unit, words.is_command, number, of_joint)
+        return Usual(name, unit, words.is_command, number)
     if words.is_command:
         return None
-    return Usual(f"{side}_{quantity}" if side else quantity, unit, False, number, of_joint)
+    return Usual(f"{side}_{quantity}" if side else quantity, unit, False, number)
 
 
 def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from flexid.errors import RecordingError
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
-from flexid.recording.columns import sources
+from flexid.recording.columns import recipes_of
 from flexid.recording.names import cut, split_header, usual_channel
 from flexid.recording.series import TIME, names_of, with_own_times
 from flexid.recording.table import Table
@@ -85,8 +85,8 @@ def _overview(table: Table, rows: int, cells: dict[str, tuple[str, ...]]) -> Fil
     )
     channels, unclear = {}, ""
     try:
-        found, _ = sources(table, None)
-        channels = {name: headers[0] for name, headers in found.items()}
+        recipes, _ = recipes_of(table, None)
+        channels = {name: recipe.header for name, recipe in recipes.items()}
     except RecordingError as error:
         unclear = error.reason
         for header in table.names:

@@ -13,7 +13,7 @@ from flexid.readers.contents import STAMPS, Series
 from flexid.readers.formats import PARQUET, format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS
-from flexid.recording.columns import sources
+from flexid.recording.columns import recipes_of
 from flexid.recording.limits import MOST_ROWS, check_cells
 from flexid.recording.names import (
     cut,
@@ -59,12 +59,13 @@ def with_own_times(reading: Reading, columns: MapSource | None) -> Reading | Own
         return reading
     own = OwnTimes(reading, times)
     with suppress(RecordingError):
-        found, _ = sources(names_of(reading), columns)
-        used = {time for of in found.values() for path in of if (time := nearest(path, times))}
-        if columns is not None or used <= {*found["time"]}:
+        found, _ = recipes_of(names_of(reading), columns)
+        paths = [path for recipe in found.values() for path in recipe.weights]
+        used = {time for path in paths if (time := nearest(path, times))}
+        if columns is not None or used <= {*found["time"].weights}:
             return reading
     with suppress(RecordingError):
-        sources(names_of(own), columns)
+        recipes_of(names_of(own), columns)
         return own
     return reading
 
@@ -142,9 +143,12 @@ class _Wanted(NamedTuple):
 
 def _wanted(reading: Reading | OwnTimes, columns: MapSource | None) -> _Wanted:
     names = names_of(reading)
-    found, warnings = sources(names, columns)
+    recipes, warnings = recipes_of(names, columns)
     time = TIME if _is_clocked(reading) else None
-    headers = {channel: [one for one in of if one != time] for channel, of in found.items()}
+    headers = {
+        channel: [header for header in recipe.weights if header != time]
+        for channel, recipe in recipes.items()
+    }
     used = {header for of in headers.values() for header in of}
     chosen = {header_of(one): one for one in reading.series if header_of(one) in used}
     return _Wanted(names, headers, chosen, warnings)

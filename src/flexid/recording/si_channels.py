@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,7 +16,33 @@ from flexid.recording.table import Table
 from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
-    from flexid.recording.column_map import ColumnMap
+    from flexid.recording.column_map import Entry
+
+
+ARGUMENT = "columns"  # what messages call a map that is no file: the argument by which it is given
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """What a column map says."""
+
+    file: str  # its path, for messages; `ARGUMENT` where it is no file
+    entries: Mapping[str, Entry]  # by channel
+    gear_ratio: float | None = None  # turns of the motor in one of the link; < 0: opposite ones
+    sample_time: float | None = None  # s between rows, where no column holds the time
+    unread: frozenset[str] = frozenset()  # channels that are not read, whatever columns there are
+
+    @property
+    def described(self) -> str:
+        """What it is, for a message that says where to name a column."""
+        return self.file if self.file == ARGUMENT else f"the column map {self.file}"
+
+    def gear(self, channel: str) -> float | None:
+        """The gear ratio by which a channel is carried to the link's side; None if it is there."""
+        entry = self.entries.get(channel)
+        if channel not in GEARED or (entry is not None and entry.side == "link"):
+            return None
+        return self.gear_ratio
 
 
 class Recipe(NamedTuple):
@@ -28,6 +56,18 @@ class Recipe(NamedTuple):
     scale: float = 1.0
     offset: float = 0.0
     is_mapped: bool = False  # whether a column map gives it, not a name
+
+    @property
+    def header(self) -> str:
+        """The first column."""
+        return next(iter(self.weights))
+
+
+def recipe_of_column(table: Table, header: str, unit: str | None, nanoseconds: str = "") -> Recipe:
+    """The recipe of a column by its name, with that of a stamp's nanoseconds, if there is one."""
+    place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
+    weights = {header: 1.0, **({nanoseconds: 1e-9} if nanoseconds else {})}
+    return Recipe(weights, table.file, place, unit=unit)
 
 
 def recipe_of_map(table: Table, name: str, column_map: ColumnMap) -> Recipe:

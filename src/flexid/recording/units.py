@@ -54,25 +54,9 @@ _SPELLED = {  # by a unit of Pint's, how else people write it, in small letters
 }
 _BY_SPELLING = {word: unit for unit, words in _SPELLED.items() for word in words.split("|")}
 _USUAL = {  # exactly so, what else stands in a row of units
-    *(
-        "s",
-        "V",
-        "A",
-        "ms",
-        "us",
-        "µs",
-        "μs",
-        "°",
-        "º",
-        "count",
-        "counts",
-        "inc",
-        "°/s",
-        "º/s",
-        "rad/s^2",
-    ),
-    *("rad/s2", "N m", "N*m", "N·m", "mN m", "mNm", "kNm", "mV", "mA", "Arms", "W"),
-    *("Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
+    *("s", "ms", "us", "µs", "μs", "V", "mV", "A", "mA", "Arms", "°", "º", "°/s", "º/s"),
+    *("rad/s^2", "rad/s2", "count", "counts", "inc", "N m", "N*m", "N·m", "mN m", "mNm", "kNm"),
+    *("W", "Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
 }
 _PER_SECOND = {"rads": "rad/s", "degs": "deg/s"}  # of a velocity
 _MILLI = ("ms", "mrad", "mdeg", "mN*m", "mV", "mA")  # whose first letter is small, as M is mega
