@@ -121,7 +121,7 @@ def _logs() -> dict[str, Callable[[], Target]]:
 
 def _descriptions() -> dict[str, Callable[[], Target]]:
     from flexid.experiment_design.drive import read_drive
-    from flexid.experiments.experiment_file import read_experiment
+    from flexid.experiments.experiment import read_experiment
     from flexid.models.model_file import read_model
     from flexid.recording.columns import read_channels
     from flexid.recording.table import Table

@@ -11,7 +11,7 @@ import pytest
 from flexid import files
 from flexid.errors import FlexidError
 from flexid.experiment_design.drive import read_drive
-from flexid.experiments.experiment_file import read_experiment
+from flexid.experiments.experiment import read_experiment
 from flexid.models.model_file import read_model
 from flexid.recording import read_log
 from flexid.recording.column_map import read_map

@@ -11,7 +11,7 @@ from filelock import FileLock
 from flexid.campaigns.plan import make_plan
 from flexid.campaigns.store import Manifest, find_store, open_store
 from flexid.errors import CampaignError
-from flexid.experiments.tables import Variation
+from flexid.experiments.variation import Variation
 
 INPUTS = {"controller.k": tuple(map(float, range(10, 17)))}
 PLAN = make_plan(Variation("grid", 7, 0, INPUTS, (), None), sampled=False)

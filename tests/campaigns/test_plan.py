@@ -8,7 +8,7 @@ from SALib.sample import sobol as salib_sobol
 
 from flexid.campaigns.plan import SEED, make_plan
 from flexid.errors import SettingError
-from flexid.experiments.tables import Distribution, Variation
+from flexid.experiments.variation import Distribution, Variation
 
 UNIFORM = Distribution("uniform", 10.0, 50.0)
 LOG_UNIFORM = Distribution("log_uniform", 1e-6, 1e-2)

@@ -8,8 +8,8 @@ from flexid.campaigns.plan import Plan, make_plan
 from flexid.campaigns.store import Manifest, open_store
 from flexid.campaigns.summary import rank_correlations, sobol_indices, summarise
 from flexid.errors import CampaignError
-from flexid.experiments.tables import Distribution, Variation
-from flexid.experiments.tables import Plan as Kind
+from flexid.experiments.variation import Distribution, Variation
+from flexid.experiments.variation import Plan as Kind
 
 ANGLE = Distribution("uniform", -np.pi, np.pi)
 

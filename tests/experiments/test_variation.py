@@ -8,7 +8,7 @@ from scipy import stats
 
 from flexid.errors import ExperimentError
 from flexid.experiments import read_experiment
-from flexid.experiments.tables import MEASURES, Distribution, Variation
+from flexid.experiments.variation import MEASURES, Distribution, Variation
 
 TEXT = (Path(__file__).parents[2] / "experiments" / "huang2003.toml").read_text(encoding="utf-8")
 

@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from flexid.errors import SettingError
-from flexid.experiments.tables import Distribution, Variation
+from flexid.experiments.variation import Distribution, Variation
 
 SEED = "sampling.seed"
 """Path of the seed of a run's noise; drawn for every run unless it is varied explicitly."""

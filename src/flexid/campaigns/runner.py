@@ -17,7 +17,7 @@ from flexid.campaigns.store import Manifest, Store, open_store
 from flexid.errors import CampaignError, ExperimentError, SettingError
 from flexid.estimators.threads import cores
 from flexid.experiments import Experiment
-from flexid.experiments.tables import Variation
+from flexid.experiments.variation import Variation
 from flexid.simulation.ensemble import SIDE_BY_SIDE
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flexid.campaigns.plan import Plan
 from flexid.errors import CampaignError
-from flexid.experiments.tables import MOST_RUNS
+from flexid.experiments.variation import MOST_RUNS
 from flexid.files import write_atomically
 from flexid.recording.write import write_parquet
 

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import isfinite
 from numbers import Integral
@@ -31,15 +31,15 @@ from flexid.experiments.tables import (
     Reference,
     SampledTables,
     Tables,
-    Variation,
 )
+from flexid.experiments.variation import Variation, read_variation
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import JOINT_PARAMETERS, joint_coefficients
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
 from flexid.simulation.sampled import Sampling, simulate_sampled
-from flexid.toml_file import Refuse, validated
+from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
 Values = Mapping[str, float]
 
@@ -190,6 +190,18 @@ class Experiment:
                 f"has a coefficient {error.coefficient!r} whose observer needs an acceleration in "
                 f"continuous time: drop its term, or sample the loop with a table [sampling]",
             ) from None
+
+
+def read_experiment(path: str | Path) -> Experiment:
+    """Read an experiment file with a table for each part, and perhaps one of a campaign."""
+    path = Path(path)
+    refuse = partial(ExperimentError, str(path))
+    content = parse_toml(read_bytes(path, "an experiment file in TOML", refuse), refuse)
+    campaign = content.pop("campaign", None)
+    experiment = declared_experiment(str(path), content)
+    if campaign is None:
+        return experiment
+    return replace(experiment, variation=read_variation(campaign, experiment))
 
 
 def declared_experiment(

@@ -1,46 +1,94 @@
-"""Experiment files: TOML in, a checked `Experiment` out, its ``[campaign]`` part tried out."""
+"""What varies over the runs of a campaign: the table ``[campaign]``, tried out when it is read."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from functools import partial
-from pathlib import Path
-from typing import Annotated, Any, get_args
+from dataclasses import dataclass
+from math import prod
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from flexid.errors import ExperimentError, did_you_mean
-from flexid.experiments.experiment import Experiment, declared_experiment
-from flexid.experiments.tables import (
-    MEASURES,
-    MOST_RUNS,
-    Distribution,
-    Input,
-    Kept,
-    Kind,
-    Number,
-    Plan,
-    Positive,
-    Table,
-    Variation,
-    Whole,
-    grid_size,
-)
-from flexid.toml_file import parse_toml, read_bytes, validated
+from flexid.experiments.tables import Number, Positive, Table, Whole
+from flexid.toml_file import validated
+
+if TYPE_CHECKING:
+    from flexid.experiments.experiment import Experiment
+
+Kept = Literal[
+    "final_errors",
+    "final_states",
+    "settling_time",
+    "tracking",
+    "excitation",
+    "peak_input",
+    "time_series",
+]
+"""What can be kept of each run in addition to its status, the time it reached and its steps."""
+
+MEASURES: tuple[Kept, ...] = tuple(name for name in get_args(Kept) if name != "time_series")
+"""All of it but the time series."""
+
+MOST_RUNS = 10_000_000
+"""Of one campaign."""
+
+Kind = Literal["uniform", "log_uniform", "normal", "integers"]
+Plan = Literal["grid", "latin-hypercube", "sobol", "sobol-indices"]
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution of one number.
+
+    Examples
+    --------
+    >>> Distribution("uniform", 10.0, 50.0).quantile([0.0, 0.5]).tolist()
+    [10.0, 30.0]
+    """
+
+    kind: Kind
+    first: float  # lower end, or the mean of a normal distribution
+    second: float  # upper end, included for integers, or the standard deviation
+
+    def quantile(self, shares: ArrayLike) -> NDArray[np.float64]:
+        """Values below which the given shares of all draws lie, each from 0 on and below 1."""
+        shares = np.asarray(shares, dtype=float)
+        first, second = self.first, self.second
+        if self.kind == "uniform":
+            return first + shares * (second - first)
+        if self.kind == "log_uniform":
+            return first * (second / first) ** shares
+        if self.kind == "normal":
+            from scipy.special import ndtri  # late, since no single run needs it
+
+            return first + second * ndtri(shares)
+        return np.floor(first + shares * (second - first + 1.0))
+
+
+Input = tuple[float, ...] | Distribution
+"""Values, each equally likely in draws, or a distribution of them."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """The ``[campaign]`` part of an experiment."""
+
+    kind: Plan  # every combination of the values, or draws; the last ones made for Sobol indices
+    runs: int  # number of runs; of a grid the product of the numbers of values
+    seed: int  # of the draws
+    inputs: Mapping[str, Input]  # by dotted path of the experiment's file
+    keep: tuple[Kept, ...]  # what is kept of each run
+    runs_per_part: int | None  # runs that share a file of the result; None: the campaign chooses
+
+
+def grid_size(inputs: Mapping[str, Input]) -> int:
+    """Number of combinations of all lists of values."""
+    return prod(len(values) for values in inputs.values() if isinstance(values, tuple))
+
 
 _LARGEST_WHOLE = 2**53  # up to which values, which are floats, keep every digit
 _INSIDE = 0.501  # share of the draws below the value inside a distribution that is tried
-
-
-def read_experiment(path: str | Path) -> Experiment:
-    """Read an experiment file with a table for each part, and perhaps one of a campaign."""
-    path = Path(path)
-    refuse = partial(ExperimentError, str(path))
-    content = parse_toml(read_bytes(path, "an experiment file in TOML", refuse), refuse)
-    campaign = content.pop("campaign", None)
-    experiment = declared_experiment(str(path), content)
-    if campaign is None:
-        return experiment
-    return replace(experiment, variation=_variation(campaign, experiment))
 
 
 class CampaignTable(Table):
@@ -78,7 +126,7 @@ class DistributionTable(Table):
         return given[0] if len(given) == 1 else None
 
 
-def _variation(campaign: Any, experiment: Experiment) -> Variation:
+def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
     """Check a campaign against the experiment that it varies."""
 
     def refuse(key: str, reason: str) -> ExperimentError:
@@ -107,7 +155,7 @@ def _variation(campaign: Any, experiment: Experiment) -> Variation:
     )
 
 
-def _flat(vary: Mapping[str, Any], experiment: Experiment, path: str = "") -> Iterator[Any]:
+def _flat(vary: Mapping[str, Any], experiment: "Experiment", path: str = "") -> Iterator[Any]:
     """Dotted paths with their values: TOML nests tables where dotted keys are not quoted."""
     for key, value in vary.items():
         here = f"{path}.{key}" if path else key
@@ -117,7 +165,7 @@ def _flat(vary: Mapping[str, Any], experiment: Experiment, path: str = "") -> It
             yield here, value
 
 
-def _input(experiment: Experiment, path: str, value: Any) -> Input:
+def _input(experiment: "Experiment", path: str, value: Any) -> Input:
     def refuse(key: str, reason: str) -> ExperimentError:
         place = f"campaign.vary.{path}" + (f".{key}" if key else "")
         return ExperimentError(experiment.path, place, reason)
