@@ -20,26 +20,7 @@ TEXT = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")
 SAMPLED = (FOLDER / "sampled_joint.toml").read_text(encoding="utf-8")
 CAMPAIGN = (FOLDER / "huang2003_campaign.toml").read_text(encoding="utf-8")
 
-PENDULUM = """
-[model]
-file = "pendulum.toml"
-[plant]
-gravity = 20.0
-viscous = 0.4
-drag = 0.1
-[controller]
-law = "expressions"
-tracked = "q"
-inputs = { u = "stiffness*(qd - q) - 0.5*v" }
-parameters = { stiffness = 2.0 }
-[reference]
-kind = "constant"
-value = 0.3
-[observer]
-arm = 5.0
-[run]
-duration = 2.0
-"""
+PENDULUM = Path(__file__).with_name("pendulum_loop.toml").read_text(encoding="utf-8")
 
 
 def write(folder: Path, text: str | bytes) -> Path:

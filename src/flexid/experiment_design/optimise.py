@@ -98,60 +98,27 @@ def _window(time: FloatArray, duration: float, ramp: float) -> tuple[FloatArray,
     return window, slope
 
 
-@dataclass(frozen=True, eq=False)
 class Search:
     """The search for the weights of the tones."""
 
-    drive: Drive
-    seed: int  # of the random starts and of the wrong drives
-
-    @property
-    def bandwidth(self) -> float:
-        """Of the position loop in rad/s; zero for a torque."""
-        if self.drive.experiment.kind == "multisine":
-            return 0.0
-        return self.drive.experiment.bandwidth or _BANDWIDTH * self.drive.resonance
-
-    @property
-    def gains(self) -> FloatArray:
-        """Gains of the position loop: critically damped for the motor alone; zero for a torque."""
-        inertia = self.drive.parameters.motor_inertia
-        return inertia * np.array([self.bandwidth**2, 2.0 * self.bandwidth])
-
-    @property
-    def step(self) -> float:
-        """Time between the samples of the search in s."""
-        return float(self.coarse.time[1])
-
-    @cached_property
-    def coarse(self) -> Waveform:
-        """Tones at the samples of the search."""
-        # The loop's derivative gain acts at twice its bandwidth.
-        fastest = max(self.drive.fastest, self.drive.resonance, 2.0 * self.bandwidth)
-        wanted = 1.0 / (_SAMPLES_PER_RADIAN * fastest)
-        count = max(1, int(wanted / self.drive.experiment.sample_time))
-        return self._waveform(count * self.drive.experiment.sample_time)
-
-    @cached_property
-    def fine(self) -> Waveform:
-        """Tones at the samples of the experiment."""
-        return self._waveform(self.drive.experiment.sample_time)
-
-    def _waveform(self, sample_time: float) -> Waveform:
-        wanted = self.drive.experiment
-        return waveform(
-            wanted.duration, sample_time, wanted.ramp, self.drive.fastest, wanted.harmonics
+    def __init__(self, drive: Drive, seed: int) -> None:
+        self.drive = drive
+        self.seed = seed  # of the random starts and of the wrong drives
+        wanted = drive.experiment
+        bandwidth = 0.0  # rad/s, of the position loop; a torque has none
+        if wanted.kind == "trajectory":
+            bandwidth = wanted.bandwidth or _BANDWIDTH * drive.resonance
+        # Critically damped for the motor alone; the derivative gain acts at twice the bandwidth.
+        self.gains = drive.parameters.motor_inertia * np.array([bandwidth**2, 2.0 * bandwidth])
+        fastest = max(drive.fastest, drive.resonance, 2.0 * bandwidth)
+        count = max(1, int(1.0 / (_SAMPLES_PER_RADIAN * fastest) / wanted.sample_time))
+        self.coarse, self.fine = (  # tones at the samples of the search, and of the experiment
+            waveform(wanted.duration, step, wanted.ramp, drive.fastest, wanted.harmonics)
+            for step in (count * wanted.sample_time, wanted.sample_time)
         )
-
-    @cached_property
-    def nominal(self) -> Case:
-        """The drive as it is believed to be."""
-        return self.drive.nominal
-
-    @cached_property
-    def cases(self) -> Sequence[Case]:
-        """Drives that are wrong."""
-        return tuple(self.drive.cases(self.seed))
+        self.step = float(self.coarse.time[1])  # s
+        self.nominal = drive.nominal
+        self.cases = tuple(drive.cases(seed))  # drives that are wrong
 
     @cached_property
     def _problem(self) -> SegmentedMotion:

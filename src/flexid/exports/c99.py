@@ -1,7 +1,6 @@
 """The target ``c99``: an estimator for a drive as C99, with an example and a test vector."""
 
 import hashlib
-from functools import cached_property
 from math import exp
 from pathlib import Path
 
@@ -41,50 +40,21 @@ class DriveSource:
         self.twin = self.settings.twin(self.system)
         self.functions = drive_functions(self.system, not self.settings.velocities)
         self._units = request.units
-
-    @property
-    def names(self) -> dict[str, str]:
-        """Identifier in C of each state, input and coefficient."""
-        return self.functions.names
-
-    @property
-    def sample_names(self) -> tuple[str, ...]:
-        """What a sample holds, in order."""
+        # For the templates: identifiers in C of states, inputs, coefficients; what a sample holds.
+        self.names = self.functions.names
         states = self.system.states
         measured = states if self.settings.velocities else states[::2]
-        return (*measured, *self.system.inputs)
-
-    @property
-    def constant(self) -> bool:
-        """Whether the gain is constant."""
-        return isinstance(self.twin, ParametricObserver)
-
-    @property
-    def counts(self) -> list[int]:
-        """Number of coefficients of each row."""
-        return [len(row.coefficients) for row in self.system.rows]
-
-    @property
-    def row_starts(self) -> list[int]:
-        """Where the coefficients of each row begin, and where the last ones end."""
-        return [0, *(part.stop for _, part in self.system.row_slices())]
-
-    @cached_property
-    def start(self) -> dict[str, float]:
-        """Each coefficient as the estimation begins."""
+        self.sample_names = (*measured, *self.system.inputs)
+        self.constant = isinstance(self.twin, ParametricObserver)  # the gain
+        # Numbers of coefficients, where those of each row begin, and what they are at first.
+        self.counts = [len(row.coefficients) for row in self.system.rows]
+        self.row_starts = [0, *(part.stop for _, part in self.system.row_slices())]
         begun = self.twin.coefficients(self.twin.init(self.settings.start)).tolist()
-        return dict(zip(self.system.coefficients, begun, strict=True))
-
-    @property
-    def calls(self) -> list[str]:
-        """Functions of math.h that the source calls, as macros."""
+        self.start = dict(zip(self.system.coefficients, begun, strict=True))
+        # The sample whose input acts until the next one, and functions of math.h, as macros.
+        self.held_input = "state->latest" if self.settings.hold == "zero" else "latest"
         used = self.functions.calls | {"FABS"} | (set() if self.constant else {"SQRT"})
-        return [name for name in MACROS if name in used]
-
-    @property
-    def held_input(self) -> str:
-        """The sample whose input acts until the next one."""
-        return "state->latest" if self.settings.hold == "zero" else "latest"
+        self.calls = [name for name in MACROS if name in used]
 
     @property
     def recent_weight(self) -> float:
