@@ -313,86 +313,66 @@ ROOM = "play"
 
 
 class PlayRoom:
-    """The room of one window."""
+    """The room of one window, whose page holds what is chosen and what is pinned."""
 
     def __init__(self, window: Window) -> None:
         self._window = window
-        self._chosen = TABLE1
-        self._pinned: PlayChoices | None = TABLE1
+        self._values: object = {}  # the latest of the page
         self._is_open = False
-        self._refused = ""  # why an address cannot be used; stands until something is chosen
 
     def open(self, values: Mapping[str, object]) -> None:
         """Begin with what an address holds."""
-        try:
-            chosen = read_play(values)
-            pinned = None if values.get("pin") == "none" else read_play(values, "pin.")
-        except FlexidError as error:
-            self._refused = str(error)
-        else:
-            self._chosen, self._pinned = chosen, pinned
+        self._values = values
 
     async def enter(self) -> None:
         """Show the room."""
-        if not self._is_open:
-            self._is_open = True
-            await self._show_controls()
-        await self._start()
+        begins, self._is_open = not self._is_open, True
+        await self._start(with_controls=begins)
 
     async def on_play(self, values: object, _target: object) -> None:
-        """Play what the sliders stand at."""
-        self._refused = ""
-        try:
-            self._chosen = read_play(values)
-        except FlexidError as error:
-            await self._window.show("play-problem", "problem.html", text=str(error))
-            await self._window.played()
-        else:
-            await self._start()
-
-    async def on_pin(self, _values: object, _target: object) -> None:
-        """Keep the present run to compare with."""
-        self._pinned = self._chosen
-        await self._start()
-
-    async def on_unpin(self, _values: object, _target: object) -> None:
-        """Show the present run alone."""
-        self._pinned = None
+        """Play what the sliders stand at, beside what is pinned."""
+        self._values = values
         await self._start()
 
     async def on_reset(self, _values: object, _target: object) -> None:
         """Go back to Table I."""
-        self._refused = ""
-        self._chosen = self._pinned = TABLE1
-        await self._show_controls()
-        await self._start()
+        self._values = {}
+        await self._start(with_controls=True)
 
-    async def _show_controls(self) -> None:
-        groups: dict[str, list[object]] = {}
-        for slider in SLIDERS:
-            groups.setdefault(slider.group, []).append(slider)
-        show, chosen = self._window.show, self._chosen
-        await show("play-readings", "play_readings.html", chosen=chosen, readings=READINGS)
-        await show("play-controls", "play_controls.html", chosen=chosen, groups=groups)
-
-    async def _start(self) -> None:
-        await self._window.address(ROOM, query_of(self._chosen, self._pinned))
-        self._window.start("play", self._play(), "play-problem")
-
-    async def _play(self) -> None:
+    async def _start(self, *, with_controls: bool = False) -> None:
+        window, values, refused = self._window, self._values, ""
         try:
-            await self._show_run()
-        except Exception:
-            await self._window.played()  # the page waits for it before it asks again
-            raise
-        await self._window.played()
+            chosen = read_play(values)
+            alone = isinstance(values, Mapping) and values.get("pin") == "none"
+            pinned = None if alone else read_play(values, "pin.")
+        except FlexidError as error:
+            refused = str(error)
+            if not with_controls:
+                await window.show("play-problem", "problem.html", text=refused)
+                await window.played()
+                return
+            chosen = pinned = TABLE1  # an address that cannot be used
+        if with_controls:
+            groups: dict[str, list[Slider]] = {}
+            for slider in SLIDERS:
+                groups.setdefault(slider.group, []).append(slider)
+            shown = {"chosen": chosen, "readings": READINGS, "groups": groups}
+            await window.show("play-readings", "play_readings.html", **shown)
+            await window.show("play-controls", "play_controls.html", **shown)
+        await window.address(ROOM, query_of(chosen, pinned))
+        window.start("play", self._play(chosen, pinned, refused), "play-problem")
 
-    async def _show_run(self) -> None:
+    async def _play(self, chosen: PlayChoices, pinned: PlayChoices | None, refused: str) -> None:
         window = self._window
-        found: PlayedRuns = await window.brief(
-            window.offer.play, play, self._chosen, self._pinned, window.kind, place="play-line"
-        )
-        problems = (self._refused, *found.problems) if self._refused else found.problems
-        await window.show("play-problem", "play_problems.html", problems=problems)
-        await window.show("play-figures", "play_figures.html", found=found)
-        await window.show("play-charts", "figures.html", figures=(found.figure,))
+        try:
+            found: PlayedRuns = await window.brief(
+                window.offer.play, play, chosen, pinned, window.kind, place="play-line"
+            )
+            problems = (refused, *found.problems) if refused else found.problems
+            await window.show("play-problem", "play_problems.html", problems=problems)
+            await window.show("play-figures", "play_figures.html", found=found)
+            await window.show("play-charts", "figures.html", figures=(found.figure,))
+        except Exception:
+            await window.played()  # the page waits for it before it asks again
+            raise
+        await window.played()

@@ -49,14 +49,26 @@
     slider.setAttribute("aria-valuetext", text);
   };
 
+  const standsAt = () => {
+    const found = Object.fromEntries(new FormData(place("play-form")));
+    for (const slider of document.querySelectorAll("#play-form input[type=range]"))
+      found[slider.name] = shown(slider);
+    return found;
+  };
+
+  // The pinned run, as an address names it; at first that of the page's address.
+  let pins = Object.fromEntries([...new URLSearchParams(location.search)].filter(([name]) => name.startsWith("pin")));
+  const pinned = {
+    pin: () => Object.fromEntries([["pin", "yes"], ...Object.entries(standsAt()).map(([name, value]) => [`pin.${name}`, value])]),
+    unpin: () => ({ pin: "none" }),
+    reset: () => ({}),
+  };
+
   const play = () => {
     waiting = playing;
     if (playing) return;
     playing = true;
-    const found = Object.fromEntries(new FormData(place("play-form")));
-    for (const slider of document.querySelectorAll("#play-form input[type=range]"))
-      found[slider.name] = shown(slider);
-    ask("play", { values: found });
+    ask("play", { values: { ...standsAt(), ...pins } });
   };
 
   const played = () => {
@@ -130,8 +142,10 @@
       if (event.target.id === "run-form") ask("run", { values: values() });
     });
     document.addEventListener("click", (event) => {
-      const button = event.target.closest("button[data-kind]");
-      if (button) ask(button.dataset.kind, { target: button.dataset.target });
+      const { kind, target } = event.target.closest("button[data-kind]")?.dataset ?? {};
+      if (kind in pinned) pins = pinned[kind]();
+      if (kind === "pin" || kind === "unpin") play();
+      else if (kind) ask(kind, { target });
     });
     place("play-form").addEventListener("input", (event) => {
       if (event.target.type === "range") label(event.target);
