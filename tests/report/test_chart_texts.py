@@ -64,7 +64,7 @@ def fits() -> Iterator[Chart]:
     for found, more in zip(predicted, ((later,), (), ()), strict=True):
         runs = (FreeRun(TIME, seen, found), *more)
         held = replace(VALIDATION, fit_percent={"motor_position": 99.876}, runs=runs)
-        yield free_run_chart("fit", "title", held, {"motor_position": 0.01}, "time")
+        yield free_run_chart("fit", "title", held, {"motor_position": 0.01})
 
 
 def compared() -> Iterator[Chart]:

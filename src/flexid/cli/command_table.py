@@ -128,33 +128,20 @@ def _kept(out: Path) -> str:
 def _progress_bar() -> Iterator[Callable[[int, int], None]]:
     """Share, rate and time left, on a terminal only."""
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import Progress
 
     console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+    with Progress(console=console, disable=not console.is_terminal) as bar:
         preparing = "preparing (the first run on a machine compiles)"
-        task = bar.add_task(preparing, total=None, rate="")
+        task = bar.add_task(preparing, total=None)
         reported: set[int] = set()
 
         def report(done: int, total: int) -> None:
             reported.add(done)
             speed = bar.tasks[0].speed
-            rate = f"{speed:.3g} runs/s" if speed else ""
-            running = "running" if len(reported) > 1 else preparing  # the first comes before a part
-            bar.update(task, completed=done, total=total, rate=rate, description=running)
+            rate = f", {speed:.3g} runs/s" if speed else ""
+            running = f"{done} of {total}{rate}" if len(reported) > 1 else preparing
+            bar.update(task, completed=done, total=total, description=running)
 
         yield report
 

@@ -27,21 +27,21 @@ _BELOW = 0.5  # height of a panel of residuals over that of the motion above it
 
 
 def free_run_chart(
-    name: str, title: str, validation: Validation, noise: Mapping[str, float], time_label: str
+    name: str, title: str, validation: Validation, noise: Mapping[str, float]
 ) -> Chart:
     """Free runs channel by channel, with the residual below each; what is cut off is said."""
-    time = Axis(time_label, "s")
     panels = []
     for place, (channel, fit) in enumerate(validation.fit_percent.items()):
         label = channel.replace("_", " ")
-        panels += _panels(label, fit, validation.runs, place, time, noise.get(channel))
+        panels += _panels(label, fit, validation.runs, place, noise.get(channel))
     return Chart(name, title, _says(validation, noise), tuple(panels))
 
 
 def _panels(
-    label: str, fit: float, runs: Sequence[FreeRun], place: int, time: Axis, noise: float | None
+    label: str, fit: float, runs: Sequence[FreeRun], place: int, noise: float | None
 ) -> tuple[Panel, Panel]:
     """A channel's motion, and the residual below."""
+    time = Axis("time", "s")
     measured = np.concatenate([run.measured[:, place] for run in runs])
     simulated = np.concatenate([run.simulated[:, place] for run in runs])
     span = float(np.ptp(measured))

@@ -19,7 +19,6 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate, slopes_of
 from flexid.identification.vocabulary.intervals import CONFIDENCE, interval
-from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.report.bode_chart import bode_chart
 from flexid.report.chart import (
     VERDICT_COLOURS,
@@ -72,10 +71,14 @@ def confidence_region(
         for j, i in enumerate(places)
     )
     # Cholesky's factor of the correlation, written out: it serves at a correlation of 1 too.
+    radius = np.sqrt(-2.0 * np.log(1.0 - level))  # in standard deviations
+    if np.isfinite(freedom):
+        left = freedom - 1.0
+        radius = np.sqrt(2.0 * freedom / left * float(fdtri(2.0, left, level)))
     circle = np.array([np.cos(_ANGLES), np.sin(_ANGLES)])
     across = np.sqrt(1.0 - correlation**2)
     unit = np.array([circle[0], correlation * circle[0] + across * circle[1]])
-    boundary = centre[:, None] + _radius(freedom, level) * deviations[:, None] * unit
+    boundary = centre[:, None] + radius * deviations[:, None] * unit
     return Region(centre, boundary, (first, second), correlation, level)
 
 
@@ -93,15 +96,6 @@ def most_correlated(fit: Estimate, among: Sequence[str]) -> tuple[str, str] | No
     np.fill_diagonal(correlations, -1.0)
     first, second = np.unravel_index(np.argmax(correlations), correlations.shape)
     return names[min(first, second)], names[max(first, second)]
-
-
-def _radius(degrees_of_freedom: float, level: float) -> float:
-    """Radius of the region of two values in standard deviations."""
-    if np.isinf(degrees_of_freedom):
-        return float(np.sqrt(-2.0 * np.log(1.0 - level)))
-    left = degrees_of_freedom - 1.0
-    fisher = float(fdtri(2.0, left, level))
-    return float(np.sqrt(2.0 * degrees_of_freedom / left * fisher))
 
 
 _REGION_MARGIN = 0.06  # of what is shown, on either side of it
@@ -220,18 +214,22 @@ def fit_chart(result: Identification) -> Chart:
     flexible = result.model == "flexible"  # a link's deflection has no noise of the motor's encoder
     noise = {"deflection": deviation} if flexible and 0.0 < deviation < np.inf else {}
     title = "Free run of the model over data kept out of the fit"
-    return free_run_chart("fit", title, result.validation, noise, "time")
+    return free_run_chart("fit", title, result.validation, noise)
 
 
 def excitation_chart(result: Identification) -> Chart:
     """Singular values of each row's normalised Gram matrix, and its condition number."""
     rows = [*result.excitation.values()]
     worst = max(rows, key=lambda row: row.condition_number)
+    pair = ""
+    if worst.correlated:
+        first, second = worst.correlated
+        pair = f", where {first} and {second} correlate by {worst.correlation:.2f}"
     says = (
         "Each point is a combination of a row's coefficients; its height is how well the motion "
         "excites it, relative to the best. Near the red line it is not determined. "
         f"The weakest is in the {worst.row} row, at {1.0 / worst.condition_number:.2g}"
-        f"{_pair(worst)}."
+        f"{pair}."
     )
     title = "Excitation: singular values of each row"
     return Chart(
@@ -259,14 +257,6 @@ def _excitation_panel(excitation: Excitation) -> Panel:
     )
 
 
-def _pair(excitation: Excitation) -> str:
-    """The confounded pair in words, where a row has one."""
-    if not excitation.correlated:
-        return ""
-    first, second = excitation.correlated
-    return f", where {first} and {second} correlate by {excitation.correlation:.2f}"
-
-
 _CONVERGED = 0.5  # relative distance from the estimate at the end, within which a curve is drawn
 _AROUND = 4.0  # half-widths of the interval that are shown to either side of an estimate
 _FIRST = 10  # part of the observer's time, one over this, in which it may swing anywhere
@@ -277,7 +267,12 @@ def estimates_chart(result: Identification) -> Chart:
     """Each physical parameter with its interval, and the paper's observer where it arrives."""
     parameters = result.parameters.values()
     histories = observer_histories(result)
-    arrived = {p.name: histories[p.name] for p in parameters if _arrives(p, histories)}
+    arrived = {
+        p.name: history
+        for p in parameters
+        if (history := histories.get(p.name)) is not None
+        and abs(history[-1] - p.value) <= _CONVERGED * abs(p.value)
+    }
     panels = [
         _estimate_panel(p, result.observer.time, arrived.get(p.name), histories) for p in parameters
     ]
@@ -288,13 +283,6 @@ def estimates_chart(result: Identification) -> Chart:
     )
     title = "Physical parameters, and the paper's observer over time"
     return Chart("estimates", title, says, tuple(panels), columns=2)
-
-
-def _arrives(parameter: ParameterEstimate, histories: Mapping[str, FloatArray]) -> bool:
-    history = histories.get(parameter.name)
-    if history is None:
-        return False
-    return bool(abs(history[-1] - parameter.value) <= _CONVERGED * abs(parameter.value))
 
 
 def _estimate_panel(
@@ -346,25 +334,15 @@ def _frame(
 def observer_histories(result: Identification) -> dict[str, FloatArray]:
     """Physical parameters as the observer has them, by name, those that its coefficients give."""
     observer = result.observer
-    fixed = {c.name: c.value for c in result.coefficients.values() if c.name not in observer.names}
-    columns = dict(zip(observer.names, observer.estimates.T, strict=True))
-    found = {}
-    for name, function in _functions(result).items():
-        if not {*function.coefficients} <= {*fixed, *columns}:
-            continue
-        values = [
-            function.value({**fixed, **{c: float(column[i]) for c, column in columns.items()}})
-            for i in range(len(observer.time))
-        ]
-        history = np.array(values)
-        if np.isfinite(history).any():
-            found[name] = np.where(np.isfinite(history), history, np.nan)
-    return {name: history for name, history in found.items() if np.isfinite(history[-1])}
-
-
-def _functions(result: Identification) -> Mapping[str, PhysicalParameter]:
-    """The function of the coefficients behind each parameter."""
-    values = {name: c.value for name, c in result.coefficients.items()}
+    values = {c.name: c.value for c in result.coefficients.values()}
+    fixed = {name: value for name, value in values.items() if name not in observer.names}
+    steps = [dict(zip(observer.names, row, strict=True)) for row in observer.estimates.tolist()]
     is_torque = result.input_unit == "N m"
-    made = joint_of(result.model).parameters(values, input_is_torque=is_torque)
-    return {function.name: function for function in made if function.name in result.parameters}
+    found = {}
+    for function in joint_of(result.model).parameters(values, input_is_torque=is_torque):
+        given = {*function.coefficients} <= {*fixed, *observer.names}
+        if function.name in result.parameters and given:
+            history = np.array([function.value({**fixed, **step}) for step in steps])
+            if np.isfinite(history[-1:]).any():
+                found[function.name] = np.where(np.isfinite(history), history, np.nan)
+    return found

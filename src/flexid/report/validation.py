@@ -149,7 +149,7 @@ def charts(result: EstimateValidation) -> tuple[Chart, Chart]:
 def fit_chart(result: EstimateValidation) -> Chart:
     """Free run over each log, channel by channel, with the residual below."""
     title = "Free run of the estimate over other logs"
-    return free_run_chart("validation", title, result, result.noise, "time")
+    return free_run_chart("validation", title, result, result.noise)
 
 
 def document(result: EstimateValidation) -> dict[str, Any]:
