@@ -225,7 +225,10 @@ def _spectrum(report: ExcitationReport) -> Panel:
     last = int(np.flatnonzero(amplitudes > _FLOOR * largest).max(initial=0)) + 1
     marks: list[Mark] = [Line("input of the log", rates[:last], amplitudes[:last], "blue")]
     ends = [rates[:last]]
-    tone = _tone(report)
+    advice = report.advice
+    tone = None if advice is None else advice.rule
+    if advice is not None and advice.sine is not None:
+        tone = advice.sine.amplitude, advice.sine.angular_frequency
     if tone is not None:
         size, rate = (np.array([value]) for value in tone)
         marks.append(Points("add this", rate, size, "ink", 7.0))
@@ -243,14 +246,6 @@ def _spectrum(report: ExcitationReport) -> Panel:
         tuple(marks),
         _HEIGHT,
     )
-
-
-def _tone(report: ExcitationReport) -> tuple[float, float] | None:
-    """Amplitude and angular frequency of what is advised, if a tone is."""
-    advice = report.advice
-    if advice is not None and advice.sine is not None:
-        return advice.sine.amplitude, advice.sine.angular_frequency
-    return None if advice is None else advice.rule
 
 
 def document(report: ExcitationReport) -> dict[str, Any]:
