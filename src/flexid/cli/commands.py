@@ -1,20 +1,189 @@
-"""All commands: registers each, and turns errors into one sentence and an exit status."""
+"""All commands: what each does besides calling the library, its words, and how it ends.
+
+Their words stand in ``commands.toml``. Errors become one sentence and an exit status.
+"""
 
 import os
 import sys
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flexid.cli.command_table import COMMANDS
 from flexid.cli.generated import (
+    Command,
     ExitStatus,
+    Options,
+    called,
     open_what_is_closed,
+    present,
+    print_document,
+    print_warnings,
     register,
+    show,
     spell_what_cannot_be_encoded,
+    working,
 )
-from flexid.errors import ConvergenceError, FlexidError, SimulationError
+from flexid.errors import ConvergenceError, FlexidError, SettingError, SimulationError
+from flexid.library.arguments import is_arm_file
+
+_OF_AN_ARM = ("logs", "model", "columns")
+
+
+def identify(command: Command, options: Options, flags: Options) -> None:
+    """Identify a joint or an arm, and hand the answer over."""
+    model = options.get("model", "")
+    if not is_arm_file(model):
+        present(command, options, flags)
+        return
+    given = [name for name in options if name not in _OF_AN_ARM]
+    if given or flags["explain"]:
+        name = (given or ["explain"])[0].replace("_", "-")
+        raise SettingError(name, "is for one joint, and --model names an arm: leave it out")
+    logs = options["logs"]
+    if len(logs) > 1:
+        raise SettingError("LOG", f"an arm takes one log, and {len(logs)} were given: give one")
+    from flexid.library.identify import identify_arm
+
+    show(
+        replace(command, more="--json"),
+        flags,
+        lambda progress: identify_arm(logs[0], Path(model), options.get("columns"), progress),
+    )
+
+
+def derive(command: Command, options: Options, flags: Options) -> None:
+    """Print the equations, and on standard error what to know of them."""
+    text = called(command, options, lambda _step: None)
+    for note in text.notes:
+        typer.echo(f"note: {note}", err=True)
+    if flags["json"]:
+        target = options.get("to", "latex")
+        print_document({"model": options["model"], "to": target, "text": text, "notes": text.notes})
+    else:
+        typer.echo(text, nl=False)
+
+
+def export(command: Command, options: Options, flags: Options) -> None:
+    """Write the files, and print their paths."""
+    from rich.console import Console
+
+    if "columns" in options and "log" not in options:
+        raise SettingError("--columns", "is for a log: name one with --log")
+    errors = Console(stderr=True)
+    with working(errors, command.doing):
+        files = called(command, options, lambda _step: None)
+    print_warnings(files.warnings, errors)
+    paths = [str(path) for path in files.paths]
+    if flags["json"]:
+        print_document({"files": paths, "warnings": files.warnings})
+    else:
+        typer.echo("\n".join(paths))
+
+
+def simulate(command: Command, options: Options, flags: Options) -> None:
+    """Simulate, and hand the answer over."""
+    if flags["csv"] and flags["out"] is None:
+        raise SettingError("--csv", "has nowhere to write: name a directory with --out")
+    present(command, options, flags)
+
+
+def campaign(command: Command, options: Options, flags: Options) -> None:
+    """Run a campaign and say how its runs ended; or summarise one, into its directory."""
+    if "summary" in options:
+        if len(options) > 1:
+            raise SettingError("--summary", "stands alone")
+        present(command, options, {**flags, "out": options["summary"]})
+        return
+    if "experiment" not in options:
+        raise SettingError("EXPERIMENT", "is missing: name an experiment file, or use --summary")
+    if "out" not in options:
+        raise SettingError("--out", "is missing: name the directory for the rows")
+    if "scheduler" in options and "workers" in options:
+        raise SettingError("--workers", "is for this machine: leave it out with --scheduler")
+    if flags["json"]:
+        raise SettingError("--json", "belongs to --summary")
+    out = options["out"]
+    try:
+        with _progress_bar() as report:
+            found = command.function(**options, progress=report)
+    except KeyboardInterrupt:
+        typer.echo(f"flexid: interrupted: {_kept(out)}; the same command goes on", err=True)
+        raise typer.Exit(ExitStatus.INTERRUPTED) from None
+    statuses = ", ".join(f"{name} {count}" for name, count in found.statuses.items())
+    typer.echo(f"{sum(found.statuses.values())} runs in {out}: {statuses}")
+    typer.echo(f"Summary: flexid campaign --summary {out}")
+
+
+def _kept(out: Path) -> str:
+    from flexid.campaigns.store import find_store
+    from flexid.errors import CampaignError
+
+    try:
+        store = find_store(out)
+    except CampaignError:
+        return "nothing was run yet"
+    return f"{store.kept} of {store.manifest.runs} runs are kept in {out}"
+
+
+@contextmanager
+def _progress_bar() -> Iterator[Callable[[int, int], None]]:
+    """Share, rate and time left, on a terminal only."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, disable=not console.is_terminal) as bar:
+        preparing = "preparing (the first run on a machine compiles)"
+        task = bar.add_task(preparing, total=None)
+        reported: set[int] = set()
+
+        def report(done: int, total: int) -> None:
+            reported.add(done)
+            speed = bar.tasks[0].speed
+            rate = f", {speed:.3g} runs/s" if speed else ""
+            running = f"{done} of {total}{rate}" if len(reported) > 1 else preparing
+            bar.update(task, completed=done, total=total, description=running)
+
+        yield report
+
+
+def watch(command: Command, options: Options, flags: Options) -> None:
+    """Follow a source, and report."""
+    from flexid.cli.live import watch as follow
+
+    follow(command, options, flags)
+
+
+_RUN = {
+    "identify": identify,
+    "derive": derive,
+    "export": export,
+    "watch": watch,
+    "simulate": simulate,
+    "campaign": campaign,
+}
+"""Commands that check options of their own, or print something else than an answer."""
+
+_DONE = {
+    "identify": lambda answer, flags: answer.supports(strict=flags["strict"]),
+    "excitation": lambda answer, flags: answer.supports(strict=flags["strict"]),
+    "validate": lambda answer, flags: answer.supports(flags["min_fit"]),
+    "compare": lambda answer, _flags: answer.agree,
+    "design": lambda answer, _flags: answer.supported,
+    "campaign": lambda answer, _flags: bool(answer.result.finished),
+}
+"""Whether an answer has all that was asked for, where it may have less."""
+
+_WORDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+COMMANDS = tuple(
+    Command(name, **words, run=_RUN.get(name, present), done=_DONE.get(name, lambda *_: True))
+    for name, words in _WORDS.items()
+)
 
 _TYPERS_INTERRUPTION = 130
 

@@ -171,16 +171,16 @@ class Command:
     """What a command is beside the function of the library that it calls."""
 
     name: str  # of both
-    examples: tuple[str, ...]
+    examples: Sequence[str]
     status: str  # what its exit status says
+    run: "Callable[[Command, Options, Options], None]"  # usually `present`
+    done: Callable[[Any, Options], bool]  # whether an answer has all; or exit status 1
     doing: str = ""  # shown while it works
     writes: str = ""  # with --out
-    flags: tuple[str, ...] = ()  # of `FLAGS`
+    flags: Sequence[str] = ()  # of `FLAGS`
     own: str = ""  # the module of a command that declares its options itself
     notes: str = ""  # a paragraph of the help
     more: str = ""  # what shows the warnings after the first three
-    done: Callable[["Any", Options], bool] = lambda _answer, _flags: True  # or exit status 1
-    run: "Callable[[Command, Options, Options], None] | None" = None  # in place of `present`
 
     @property
     def function(self) -> Callable[..., Any]:
@@ -215,7 +215,7 @@ def _calling(command: Command, documented: str) -> Callable[..., None]:
         try:
             if out is not None:
                 flags["out"] = OPTIONS["out"].convert("--out", out)
-            (command.run or present)(command, _converted(command, given), flags)
+            command.run(command, _converted(command, given), flags)
         except SettingError as error:
             raise _as_typed(error, given) from None
 
