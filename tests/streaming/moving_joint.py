@@ -82,10 +82,7 @@ def all_hold(session: Session, truth=None) -> bool:
 def same(one: Session, other: Session) -> bool:
     """Whether two sessions know the same, bit for bit."""
     arrays = [
-        [
-            *(s.guard_state, s.recent.errors, s.recent.powers, s.recent.usual),
-            s.recent.counts_before,
-        ]
+        [*(s.guard_state, s.recent.errors, s.recent.powers, s.recent.usual), s.recent.counts_before]
         for s in (one, other)
     ]
     rest = [

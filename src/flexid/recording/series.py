@@ -15,14 +15,7 @@ from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS
 from flexid.recording.columns import recipes_of
 from flexid.recording.limits import MOST_ROWS, check_cells
-from flexid.recording.names import (
-    cut,
-    first_of,
-    folded,
-    quoted,
-    shortest_ends,
-    split_header,
-)
+from flexid.recording.names import cut, first_of, folded, quoted, shortest_ends, split_header
 from flexid.recording.one_clock import Signal, on_one_clock
 from flexid.recording.own_times import OwnTimes, header_of, nearest, other_length, times_beside
 from flexid.recording.table import Table

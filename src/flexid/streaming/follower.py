@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -92,55 +92,45 @@ class ReadBefore:
         session.n_read += len(samples)
 
 
+@dataclass(eq=False)
 class Follower:
     """A stream that is followed."""
 
-    def __init__(
-        self,
-        source: str,
-        chosen: Mapping[str, Any],
-        *,
-        estimate: Identification | None = None,
-        column_map: MapSource | None = None,
-        header: str | None = None,
-        checkpoint: Path | None = None,
-        stop_at_end: bool = False,
-        duration: float | None = None,
-    ) -> None:
-        self.session: Session | None = None  # None until the stream's first lines have come
-        self.warnings: tuple[str, ...] = ()
-        self._chosen, self._estimate = chosen, estimate
-        self._kind = wanted_kind(chosen, estimate)
-        self._map = column_map
-        self._checkpoint = checkpoint
-        self._duration = duration
-        self._source = source
-        self._header = header
-        self._stop_at_end = stop_at_end
-        self._is_file = source != "-" and "://" not in source
-        self._read_before: ReadBefore | None = None
-        self._scales: Scales | None = None
+    source: str
+    chosen: Mapping[str, Any]
+    _: KW_ONLY
+    estimate: Identification | None = None
+    column_map: MapSource | None = None
+    header: str | None = None
+    checkpoint: Path | None = None
+    stop_at_end: bool = False
+    duration: float | None = None
+    session: Session | None = None  # None until the stream's first lines have come
+    warnings: tuple[str, ...] = ()
+    _read_before: ReadBefore | None = None
+    _scales: Scales | None = None
+
+    def __post_init__(self) -> None:
+        self._kind = wanted_kind(self.chosen, self.estimate)
+        self._is_file = self.source != "-" and "://" not in self.source
 
     def _opened(self) -> Incoming:
-        if is_whole_log(self._source):
-            if self._header is not None:
+        if is_whole_log(self.source):
+            if self.header is not None:
                 raise SettingError("header", "is for lines of text: leave it out for such a log")
             return Replay(
-                Path(self._source),
-                self._map,
-                at_once=self._stop_at_end,
-                model=self._kind,
+                Path(self.source), self.column_map, at_once=self.stop_at_end, model=self._kind
             )
-        source = open_source(self._source, stop_at_end=self._stop_at_end)
+        source = open_source(self.source, stop_at_end=self.stop_at_end)
         if isinstance(source, Datagrams) and source.is_open_to_others:
             self.warnings += (
                 f"{source.name}: whoever reaches this machine can send samples: give "
                 f"udp://127.0.0.1:{source.port} to listen to this machine alone",
             )
-        known = self._chosen.get("sample_time") is not None
+        known = self.chosen.get("sample_time") is not None
         fewest = LINES_FOR_LAYOUT if known else HEAD_LINES
         text = TextStream(
-            source.name, self._map, model=self._kind, header=self._header, fewest=fewest
+            source.name, self.column_map, model=self._kind, header=self.header, fewest=fewest
         )
         return TextSamples(source, text)
 
@@ -151,7 +141,7 @@ class Follower:
         ended = False
         try:
             while not ended:
-                late = self._duration is not None and time.monotonic() - begun > self._duration
+                late = self.duration is not None and time.monotonic() - begun > self.duration
                 samples = incoming.read(last=late)
                 ended = late or samples is None
                 self.warnings = tuple(dict.fromkeys(self.warnings + incoming.warnings))
@@ -191,11 +181,11 @@ class Follower:
         channels = incoming.channels
         assert channels is not None
         self.warnings = tuple(dict.fromkeys(self.warnings + channels.warnings))
-        sample_time = self._chosen.get("sample_time")
+        sample_time = self.chosen.get("sample_time")
         if sample_time is None:
             sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
-        options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
+        options = options_of_stream(self.chosen, self.estimate, channels, sample_time)
         self._scales = Scales(incoming.name, channels, sample_time)
-        if self._estimate is not None:
-            self.warnings += tuple(not_accounted_for(self._estimate, sample_time))
-        return opened_session(options, self._checkpoint)
+        if self.estimate is not None:
+            self.warnings += tuple(not_accounted_for(self.estimate, sample_time))
+        return opened_session(options, self.checkpoint)

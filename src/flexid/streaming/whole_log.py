@@ -6,7 +6,7 @@ is dry, and what else least squares does not account for, makes the session's va
 those of the head: what noise does not explain of that counts as a standard deviation.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,7 +44,7 @@ from flexid.recording.sampling import EVEN, GAP
 from flexid.recording.series import names_of, tables_of
 from flexid.recording.velocities import with_velocities
 from flexid.streaming.departures import stream_terms
-from flexid.streaming.findings import Findings, findings, regressor_sizes
+from flexid.streaming.findings import findings, regressor_sizes
 from flexid.streaming.incoming import Replay
 from flexid.streaming.options import WatchOptions, options_of_stream
 from flexid.streaming.session import Session
@@ -55,13 +55,6 @@ if TYPE_CHECKING:
 HEAD_ROWS = 120_000  # samples at the beginning that choices are made on: two minutes at 1 kHz
 _DRIFT = 1e-6  # relative change of the sample time from the head to the whole that is worth a word
 _MATTERS = 0.01  # of a coefficient's value, from which on a warning says that it moves
-
-
-@dataclass(frozen=True)
-class _Head:
-    log: Log
-    rows: int  # read for it
-    all_rows: int  # of the file
 
 
 def identify_stream(
@@ -75,31 +68,37 @@ def identify_stream(
     if settings.model != "auto":
         raise SettingError("model", "is that of the channels in a stream: leave it")
     progress("reading the head")
-    head = _head(path, columns)
-    found = identify([head.log], settings, progress)
+    log, head_rows, all_rows = _head(path, columns)
+    found = identify([log], settings, progress)
     progress("streaming")
     replay = Replay(path, columns, at_once=True, model=found.model)
     try:
-        session = Session(_options(replay, head.log, found, settings))
+        session = Session(_options(replay, log, found, settings))
         clock = _Clock(replay.name, session.options.sample_time)
         while (samples := replay.read(last=False)) is not None:
             clock.check(samples[:, 0])
             if session.options.n_inputs:
                 samples[:, -1] = found.choices.amplifier.passed(samples[:, -1])
             session.feed(samples)
-            share = f"{session.fed / head.all_rows:.0%}"
-            progress(f"{share} of {head.all_rows / 1e6:.3g} million samples")
+            share = f"{session.fed / all_rows:.0%}"
+            progress(f"{share} of {all_rows / 1e6:.3g} million samples")
     finally:
         replay.close()
-    result = _result(session, head, found, settings, clock.warnings)
-    inputs = [{**head.log.provenance, "sha256": sha256(path)}]
-    stream = {"rows": session.fed, "head_rows": head.rows}
+    result = _result(session, found, settings, (*log.warnings, *clock.warnings))
+    h = session.options.sample_time
+    summary = (
+        *result.summary,
+        f"Stream: all of this was chosen on the first {head_rows * h:.4g} s; then {session.fed} "
+        f"samples ({_duration(session.fed * h)}) were fitted in one pass.",
+    )
+    inputs = [{**log.provenance, "sha256": sha256(path)}]
+    stream = {"rows": session.fed, "head_rows": head_rows}
     provenance = {**found.provenance, "inputs": inputs, "stream": stream}
-    return replace(result, provenance=provenance)
+    return replace(result, summary=summary, provenance=provenance)
 
 
-def _head(path: Path, columns: "MapSource | None") -> _Head:
-    """The first rows of a Parquet file, read and checked as any log is."""
+def _head(path: Path, columns: "MapSource | None") -> tuple[Log, int, int]:
+    """The first rows of a Parquet file as a log, how many these are, and how many there are."""
     if path.suffix.lower() not in PARQUET.suffixes:
         reason = "only a Parquet file can be streamed: write the log as .parquet"
         raise RecordingError(shown(path), "", reason)
@@ -107,7 +106,7 @@ def _head(path: Path, columns: "MapSource | None") -> _Head:
         names_of(reading)  # raises where there are no samples
         rows = reading.series[0].length
         table = next(tables_of(reading, columns, min(rows, HEAD_ROWS)))
-    return _Head(log_of_table(table, columns), table.frame.height, rows)
+    return log_of_table(table, columns), table.frame.height, rows
 
 
 def _options(replay: Replay, log: Log, head: Identification, settings: Settings) -> WatchOptions:
@@ -186,7 +185,6 @@ class _Clock:
 
 def _result(
     session: Session,
-    head: _Head,
     found: Identification,
     settings: Settings,
     warnings: tuple[str, ...],
@@ -206,7 +204,9 @@ def _result(
     )
     said = stated(own, options.joint, options.input_unit)
     now = findings(learner, states, estimate.widened(np.diag(apart**2)), said)
-    contradicted = (*_contradicted(found, options.stated.given), *now.contradicted)
+    given = [c for name in options.stated.given if (c := found.coefficients.get(name))]
+    otherwise = dict.fromkeys(c.reason for c in given if c.verdict != "determined")
+    contradicted = (*otherwise, *now.contradicted)
     if contradicted:  # nothing that rests on it is known
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
         now = replace(
@@ -214,7 +214,7 @@ def _result(
             coefficients={name: replace(c, **doubt) for name, c in now.coefficients.items()},
             parameters={name: replace(p, **doubt) for name, p in now.parameters.items()},
         )
-    choices = _choices(found, options)
+    choices, sizes = _choices(found, options), regressor_sizes(learner, states)
     values = dict(zip(estimate.names, estimate.values.tolist(), strict=True))
     return replace(
         found,
@@ -225,30 +225,22 @@ def _result(
         removed={name: p for name, p in found.removed.items() if name not in now.parameters},
         fit=now.estimate,
         choices=choices,
-        summary=(*summary(choices, found.model), _sentence(session, head)),
+        summary=summary(choices, found.model),
         warnings=ranked(
             (
-                *head.log.warnings,
                 *warnings,
                 *cautions(Rank.DATA, _data_warnings(session)),
                 *cautions(Rank.MODEL, _stream_warnings(found, noisy, apart)),
                 *cautions(Rank.SCALE, (*contradicted, *now.against)),
                 *sign_warnings(now.coefficients, ()),
                 *amplifier_warnings(found.choices.amplifier),
-                *_head_warnings(found, now, regressor_sizes(learner, states)),
+                *model_warnings(found.model_error, found.model, widest(now.coefficients, sizes)),
+                *validation_warnings(found.validation.fit_percent),
+                *compliance_warnings(found.compliance),
             )
         ),
         recordings=(),
     )
-
-
-def _head_warnings(
-    head: Identification, now: Findings, sizes: Mapping[str, float]
-) -> Iterator[str]:
-    """What the head says about the model."""
-    yield from model_warnings(head.model_error, head.model, widest(now.coefficients, sizes))
-    yield from validation_warnings(head.validation.fit_percent)
-    yield from compliance_warnings(head.compliance)
 
 
 def _apart(estimate: Estimate, head: Mapping[str, CoefficientEstimate]) -> FloatArray:
@@ -268,12 +260,6 @@ def _apart(estimate: Estimate, head: Mapping[str, CoefficientEstimate]) -> Float
         if np.isfinite(apart) and apart > np.hypot(half, other):
             found[place] = apart
     return found
-
-
-def _contradicted(head: Identification, given: Mapping[str, float]) -> tuple[str, ...]:
-    """What the head says against coefficients that are known exactly."""
-    known = [head.coefficients[name] for name in given if name in head.coefficients]
-    return tuple(dict.fromkeys(c.reason for c in known if c.verdict != "determined"))
 
 
 def _choices(head: Identification, options: WatchOptions) -> Choices:
@@ -311,7 +297,8 @@ def _stream_warnings(head: Identification, estimate: Estimate, apart: FloatArray
             f"the head of the log shows {', '.join(gone)}, which least squares of a stream does "
             f"not have: {advice}"
         )
-    moved = _moved(estimate, apart)
+    least = np.fmax(_MATTERS * np.abs(estimate.values), 2.0 * estimate.deviations)
+    moved = [name for name, differs in zip(estimate.names, apart > least, strict=True) if differs]
     if moved:
         verb = "differ" if len(moved) > 1 else "differs"
         yield (
@@ -321,22 +308,8 @@ def _stream_warnings(head: Identification, estimate: Estimate, apart: FloatArray
         )
 
 
-def _moved(estimate: Estimate, apart: FloatArray) -> Sequence[str]:
-    """Coefficients that differ from the head's by enough to matter."""
-    least = np.fmax(_MATTERS * np.abs(estimate.values), 2.0 * estimate.deviations)
-    return [name for name, differs in zip(estimate.names, apart > least, strict=True) if differs]
-
-
-def _sentence(session: Session, head: _Head) -> str:
-    """What the stream did, for the summary."""
-    h = session.options.sample_time
-    return (
-        f"Stream: all of this was chosen on the first {head.rows * h:.4g} s; then {session.fed} "
-        f"samples ({_duration(session.fed * h)}) were fitted in one pass."
-    )
-
-
 def _duration(seconds: float) -> str:
+    """A long time in words."""
     for unit, size in (("h", 3600.0), ("min", 60.0)):
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"
