@@ -21,6 +21,12 @@ class Link:
     motor_coulomb: float
     link_viscous: float
     link_coulomb: float
+    cubic: float = 0.0  # N m/rad^3, of a spring that hardens
+
+    @property
+    def spring(self) -> str:
+        """Its stiffness as MuJoCo has it."""
+        return f"{self.stiffness!r} 0 {self.cubic!r}" if self.cubic else repr(self.stiffness)
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,7 @@ class Arm:
             size = link.along**2 + link.across**2
             found |= {
                 f"joint_stiffness_{i}": link.stiffness,
+                f"cubic_joint_stiffness_{i}": link.cubic,
                 f"joint_damping_{i}": link.damping,
                 f"joint_offset_{i}": 0.0,
                 f"motor_inertia_{i}": link.motor_inertia,
@@ -91,7 +98,7 @@ def mjcf(arm: Arm, step: float) -> str:
             chain += (
                 f'<body pos="{before!r} 0 0"><joint name="motor_{i}" {motor}/>'
                 f'<inertial pos="0 0 0" mass="{ROTOR_MASS}" diaginertia="{j!r} {j!r} {j!r}"/>'
-                f'<body><joint name="link_{i}" axis="0 -1 0" stiffness="{link.stiffness!r}" '
+                f'<body><joint name="link_{i}" axis="0 -1 0" stiffness="{link.spring}" '
                 f'damping="{link.damping!r}"/>{inertial}'
             )
             closing += "</body></body>"
@@ -107,7 +114,7 @@ def mjcf(arm: Arm, step: float) -> str:
                 f'diaginertia="{j!r} {j!r} {j!r}"/></body>'
             )
             tendons += (
-                f'<fixed stiffness="{link.stiffness!r}" damping="{link.damping!r}" '
+                f'<fixed stiffness="{link.spring}" damping="{link.damping!r}" '
                 f'springlength="0"><joint joint="motor_{i}" coef="1"/>'
                 f'<joint joint="link_{i}" coef="-1"/></fixed>'
             )

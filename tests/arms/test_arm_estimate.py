@@ -173,6 +173,7 @@ def test_a_scene_accelerates_as_the_textbook_says():
     rng = np.random.default_rng(4)
     for _ in range(20):
         x, torque = rng.standard_normal(8), rng.standard_normal(2)
+        x[::2] *= 0.2
         x[1::2] += np.sign(x[1::2])  # fast, as MuJoCo's friction is dry within some steps only
         for place, joint in enumerate(joints):
             data.qpos[joint.qposadr[0]] = x[2 * place]

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from benchmarks.arms.arm import Arm, mjcf
 from benchmarks.arms.log import Motion, simulate
 from test_identify_arm import MADE
 from two_links import ARM, TRUTH
@@ -14,6 +15,7 @@ from two_links import ARM, TRUTH
 from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed
 from flexid.arms.doubts import Doubted, noise_of_the_inputs, other_minima, with_doubts
 from flexid.arms.fitting import exact_fits
+from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
 from flexid.arms.prediction import disturbed_run
 from flexid.estimators.balance_motion import balance_columns
@@ -26,18 +28,27 @@ from flexid.models.planar_arm import PlanarArm, planar_arm
 
 KNOWN = PlanarArm((0.4, 0.3), (9.81, 0.0))
 NOISE = 0.03  # of the torque's root mean square
-FIXED = {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
+FIXED = fixed_parameters(KNOWN, ("N m", "N m"))
 STRUCTURE = Structure(ElasticArm(planar_arm(KNOWN)), frozenset(), Timing("zero"), FIXED)
+
+
+def moved(arm: Arm, noise: float = 0.0) -> Samples:
+    """Six seconds of an arm in MuJoCo."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    motion = Motion(duration=6.0, sample_time=2e-3, bits=17, torque_noise=noise)
+    log = simulate(arm, motion, np.random.default_rng(3))
+    positions = np.stack((log.link, log.motor), axis=2).reshape(len(log.time), -1)
+    return Samples(np.ascontiguousarray(positions), None, log.torque, 2e-3)
 
 
 @cache
 def recording() -> Samples:
-    """Six seconds of an arm in MuJoCo whose torque is logged with noise."""
-    pytest.importorskip("mujoco", reason="mujoco is not installed")
-    motion = Motion(duration=6.0, sample_time=2e-3, bits=17, torque_noise=NOISE)
-    log = simulate(MADE, motion, np.random.default_rng(3))
-    positions = np.stack((log.link, log.motor), axis=2).reshape(len(log.time), -1)
-    return Samples(np.ascontiguousarray(positions), None, log.torque, 2e-3)
+    """A log whose torque has noise."""
+    return moved(MADE, NOISE)
+
+
+SMOOTH = replace(MADE, links=tuple(replace(link, motor_coulomb=0.0) for link in MADE.links))
+CURVED = replace(MADE, links=(replace(MADE.links[0], cubic=1e6), MADE.links[1]))
 
 
 @cache
@@ -120,14 +131,38 @@ def test_noise_of_the_torque_ends_exact_fits_early():
 
 def test_a_delay_of_the_torque_is_no_disturbance():
     """Assert that torques that act three samples late are fitted with that delay, exactly."""
-    pytest.importorskip("mujoco", reason="mujoco is not installed")
-    smooth = [replace(link, motor_coulomb=0.0) for link in MADE.links]
-    motion = Motion(duration=6.0, sample_time=2e-3, bits=17)
-    log = simulate(replace(MADE, links=tuple(smooth)), motion, np.random.default_rng(3))
-    positions = np.stack((log.link, log.motor), axis=2).reshape(len(log.time), -1)
-    late = Samples(np.ascontiguousarray(positions[:-3]), None, log.torque[3:], 2e-3)
-    early = Samples(np.ascontiguousarray(positions[3:]), None, log.torque[:-3], 2e-3)
+    log = moved(SMOOTH)
+    late = replace(log.window(0, len(log) - 3), inputs=log.inputs[3:])
+    early = replace(log.window(3, len(log)), inputs=log.inputs[:-3])
     for samples, delay in ((late, 6e-3), (early, -6e-3)):
         found = exact_fits(STRUCTURE, arm_data([samples]), lambda _: None)
         assert found.hopeless == ""
         assert found.best()[0].by_name[INPUT] == pytest.approx(delay, abs=1e-4)
+
+
+def test_a_hardening_spring_is_found():
+    """Assert that its stiffness at rest and its curvature are found, exactly and with noise."""
+    truth = CURVED.truth()
+    exact = exact_fits(STRUCTURE, arm_data([moved(CURVED)]), lambda _: None)
+    start = {name: value for name, value in truth.items() if "cubic" not in name}
+    noisy = fit_disturbed(STRUCTURE, arm_data([moved(CURVED, NOISE)]), (start,))
+    for values, error in ((exact.best()[0].by_name, 2e-3), (noisy.fitted.by_name, 2e-2)):
+        assert "cubic_joint_stiffness_2" not in values
+        for name in ("joint_stiffness_1", "cubic_joint_stiffness_1", "joint_stiffness_2"):
+            assert values[name] == pytest.approx(truth[name], rel=error), name
+
+
+def test_play_widens_a_stiffness(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a stiffness that play makes too small has an interval that holds the truth."""
+    gap = 'springlength="-0.01 0.01"'
+    monkeypatch.setattr(
+        "benchmarks.arms.log.mjcf", lambda *a: mjcf(*a).replace('springlength="0"', gap)
+    )
+    truth = MADE.truth()["joint_stiffness_1"]
+    found = fit_disturbed(STRUCTURE, arm_data([moved(MADE)]), (MADE.truth(),))
+    estimate, widest = with_doubts(found)
+    place = estimate.names.index("joint_stiffness_1")
+    off = truth - estimate.values[place]
+    assert off > 5.0 * found.estimate.deviations[place]
+    assert off < 1.5 * estimate.deviations[place]
+    assert "play" in widest["joint_stiffness_1"]

@@ -128,6 +128,9 @@ def test_energy_is_kept(functions: dict[str, Any]):
             - TRUTH[f"link_moment_across_{k}"] * np.sin(a)
             for k, a in ((1, x[0]), (2, x[0] + x[4]))
         ]
+        springs += 0.5 * sum(
+            TRUTH[f"cubic_joint_stiffness_{i + 1}"] * (x[4 * i] - x[4 * i + 2]) ** 4 for i in (0, 1)
+        )
         return float(0.5 * v @ arm.masses(x) @ v + 0.5 * springs - g * sum(heights))
 
     for _ in range(10):

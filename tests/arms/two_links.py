@@ -14,6 +14,7 @@ from flexid.models.planar_arm import PlanarArm, planar_arm
 ARM = PlanarArm((0.4, 0.3), (9.81, 0.0))
 TRUTH = {
     "joint_stiffness_1": 300.0,
+    "cubic_joint_stiffness_1": 100.0,
     "joint_damping_1": 0.3,
     "motor_inertia_1": 0.25,
     "motor_viscous_friction_1": 0.6,
@@ -25,6 +26,7 @@ TRUTH = {
     "link_moment_along_1": 0.9,
     "link_moment_across_1": 0.05,
     "joint_stiffness_2": 80.0,
+    "cubic_joint_stiffness_2": 40.0,
     "joint_damping_2": 0.05,
     "motor_inertia_2": 0.06,
     "motor_viscous_friction_2": 0.1,
@@ -79,7 +81,9 @@ class TwoLinks:
             t["link_moment_along_1"] * np.sin(q1) + t["link_moment_across_1"] * np.cos(q1)
         )
         spring_1 = t["joint_stiffness_1"] * (m1 - q1) + t["joint_damping_1"] * (w1 - v1)
+        spring_1 += t["cubic_joint_stiffness_1"] * (m1 - q1) ** 3
         spring_2 = t["joint_stiffness_2"] * (m2 - q2) + t["joint_damping_2"] * (w2 - v2)
+        spring_2 += t["cubic_joint_stiffness_2"] * (m2 - q2) ** 3
         return np.array(
             [
                 spring_1 - coriolis[0] - weight_1 - t["link_viscous_friction_1"] * v1,

@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.arms.fitting import FittedArm, estimate_of
+from flexid.arms.fitting import LATE, UNUSUAL_FALL, FittedArm, estimate_of, with_term
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_motion import balance_columns
-from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.band import (
     SPRING_SHARE,
     factor_of,
@@ -35,7 +35,6 @@ _SEGMENT = 5.0  # s: long against what an observer remembers, and work for sever
 RIVAL = 30.0  # of twice the negative logarithm of the likelihood, by which another minimum is worse
 _LIKELIER = 5.0  # the same, by which it is better, and its sizes are sought
 _SAME = 0.1  # standard deviations, by which values of one minimum may differ
-_DELAY_FALL = 25.0  # of twice the negative logarithm of the likelihood, that a delay brings
 
 ArmInBand = FitInBand[ElasticArm]
 
@@ -146,17 +145,24 @@ def fit_disturbed(
             "of the torques and angles, the order of the joints, and the lengths",
         )
     best, *rivals = ends
-    late = replace(job, structure=replace(structure, timing=Timing("zero", {}, (INPUT,))))
+    found = DisturbedFit(job, best, tuple(rivals))
+    for name in job.balance.unusual:
+        if name in found.job.structure.fixed:
+            found = _likelier(found, with_term(found.job.structure, name))
+    return _likelier(found, replace(found.job.structure, timing=LATE))
+
+
+def _likelier(found: DisturbedFit, structure: Structure[ElasticArm]) -> DisturbedFit:
+    """The fit of another structure, if that is clearly likelier."""
+    best, job = found.best, replace(found.job, structure=structure)
     start = best.fitted.by_name
     with suppress(ConvergenceError):
-        if (
-            _squares(best.fitted) - _squares(late.in_band.with_gains_of(best.fitted, start))
-            > _DELAY_FALL
-        ):
-            later = late.in_band.fit(start, best.sizes)
-            if later.cost < best.cost - _DELAY_FALL:
-                return DisturbedFit(late, later, ())
-    return DisturbedFit(job, best, tuple(rivals))
+        near = job.in_band.with_gains_of(best.fitted, start)
+        if _squares(best.fitted) - _squares(near) > UNUSUAL_FALL:
+            other = job.in_band.fit(near.by_name, best.sizes)
+            if other.cost < best.cost - UNUSUAL_FALL:
+                return DisturbedFit(job, other, ())
+    return found
 
 
 def _squares(fitted: FittedArm) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from flexid.arms.disturbed import RIVAL, DisturbedFit, Job
 from flexid.arms.fitting import FittedArm, effect_sizes
+from flexid.arms.play import changes_by_play
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.threads import cores
@@ -174,6 +175,14 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
     return np.diag([deviations.get(name, 0.0) for name in doubted.fitted.names])
 
 
+def play(doubted: Doubted) -> FloatArray:
+    """A spring with play looks like one that hardens, and softer than it is."""
+    job = doubted.job
+    changes = changes_by_play(job.balance, doubted.disturbed.values, job.data.samples)
+    names = doubted.fitted.names
+    return np.array([[change.get(name, 0.0) for change in changes] for name in names])
+
+
 DOUBTS: tuple[tuple[Doubt, str], ...] = (
     (calibration, ""),
     (
@@ -185,6 +194,7 @@ DOUBTS: tuple[tuple[Doubt, str], ...] = (
     (other_minima, "another set of values explains the log as well"),
     (unfinished_steps, "the steps of the fit do not end"),
     (negative_values, "a friction or damping came out negative"),
+    (play, "its spring looks like one with play"),
     (looks_like_a_term, "what no term describes may look like it"),
 )
 """Each doubt, and what is said where it makes most of an interval."""

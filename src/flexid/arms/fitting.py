@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -12,13 +13,13 @@ from flexid.estimators.balance_start import filtered, starts
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.cluster_covariance import shrunken
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point
 from flexid.estimators.segments import Segments
 from flexid.identification.full_model.fitting import (
     LONGEST,
     Steps,
     fit_segments,
     lengths,
+    motion_at,
     over_longer,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
@@ -37,13 +38,16 @@ _TRIAL_SEGMENTS = 40  # over which starts are compared
 _USUAL = 1.7  # s: segments that a fit goes up to in any case
 _GROWTH = 1.01  # of the residuals' variance with the segments' length, up to which it goes on
 _UNFINISHED = 1.0  # standard deviations, of the step that would come next
-_TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows
-_TIMINGS = (Timing("zero", {}, (INPUT,)), Timing("linear", {}, (INPUT,)))  # that are unusual
-_EFFECT_BAND = 20.0  # Hz up to which a parameter's torque is taken
-_TIMING_FALL = 25.0  # of the weighted squares, over their variance, that an unusual timing brings
-_TIMING_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
+_TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows, and bent springs
+LATE = Timing("zero", {}, (INPUT,))
+_TIMINGS = (LATE, Timing("linear", {}, (INPUT,)))  # that are unusual
+UNUSUAL_FALL = 25.0  # of the weighted squares, over their variance, that what is unusual brings
+_UNUSUAL_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
 _UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
 _PROMISING = 1.2  # the same, up to which no better start is looked for
+
+EFFECT_BAND = 20.0
+"""Frequency in Hz up to which a parameter's torque is taken."""
 
 FittedArm = Fitted[ElasticArm]
 
@@ -58,6 +62,11 @@ class ExactFits:
     def hopeless(self) -> str:
         """Why there is no fit without disturbances; empty where there may be one."""
         return _hopeless(self.found[-1])
+
+    @property
+    def structure(self) -> Structure[ElasticArm]:
+        """What was fitted in the end, with the unusual terms that it needs."""
+        return self.found[-1].structure
 
     @property
     def starts(self) -> tuple[dict[str, float], ...]:
@@ -94,7 +103,7 @@ def exact_fits(
         except ConvergenceError:
             break
         if not timed and (duration >= _TIMED_FROM or not _near_noise(longer)):
-            longer, timed = _timed(longer), True
+            longer, timed = _suited(longer), True
         found.append(longer)
         if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found)):
             break
@@ -133,39 +142,45 @@ def _near_noise(fitted: FittedArm) -> bool:
     return fitted.excess <= _UNEXPLAINED
 
 
-def _timed(fitted: FittedArm) -> FittedArm:
-    """The same fit, unless another timing of the inputs is clearly better."""
+def _suited(fitted: FittedArm) -> FittedArm:
+    """The same fit, with each unusual term or timing of the inputs that is clearly better."""
     best = fitted
-    for timing in _TIMINGS:
-        try:
-            other = _retimed(fitted, timing)
-        except ConvergenceError:
-            continue
-        if other is not None and _falls(best, other.minimum.equations.cost):
-            best = other
+    for change in (
+        *(partial(with_term, name=name) for name in fitted.structure.joint.balance.unusual),
+        *(partial(replace, timing=timing) for timing in _TIMINGS),
+    ):
+        with suppress(ConvergenceError):
+            other = _changed(best, change(best.structure))
+            if other is not None and _falls(best, other.minimum.equations.cost):
+                best = other
     return best
 
 
-def _retimed(fitted: FittedArm, timing: Timing) -> FittedArm | None:
-    """The fit with another timing; None where the first step from the old one promises little."""
-    other = replace(fitted.problem, timing=timing)
-    late = [0.0] * (len(other.names) - len(fitted.names))
-    states = fitted.minimum.point.initial_states
-    equations = other.equations(Point(np.append(fitted.values, late), states))
-    # A fit that has not ended would go on with the old timing as well.
-    promised = equations.cost - other.solve(equations).decrement + fitted.minimum.reduced.decrement
+def with_term(structure: Structure[ElasticArm], name: str) -> Structure[ElasticArm]:
+    """The structure with a parameter sought that was fixed."""
+    fixed = {other: value for other, value in structure.fixed.items() if other != name}
+    return replace(structure, fixed=fixed)
+
+
+def _changed(fitted: FittedArm, structure: Structure[ElasticArm]) -> FittedArm | None:
+    """The fit of another structure; None where the first step from the old one promises little."""
+    states, segments = fitted.minimum.point.initial_states, fitted.problem.segments
+    problem, point = motion_at(structure, fitted.data, segments, fitted.by_name, states)
+    problem = replace(problem, substeps=fitted.problem.substeps)
+    equations = problem.equations(point)
+    # A fit that has not ended would go on as it is as well.
+    left = fitted.minimum.reduced.decrement
+    promised = equations.cost - problem.solve(equations).decrement + left
     if not _falls(fitted, promised):
         return None
-    structure = replace(fitted.structure, timing=timing)
-    segments = fitted.problem.segments
     return fit_segments(structure, fitted.data, segments, fitted.by_name, states, _ROUGHLY)
 
 
 def _falls(before: FittedArm, cost: float) -> bool:
-    """Whether weighted squares fall enough for an unusual timing."""
-    least = _TIMING_FALL * before.excess
+    """Whether weighted squares fall enough for something unusual."""
+    least = UNUSUAL_FALL * before.excess
     if not _near_noise(before):
-        least = max(least, _TIMING_SHARE * before.minimum.equations.cost)
+        least = max(least, _UNUSUAL_SHARE * before.minimum.equations.cost)
     return cost < before.minimum.equations.cost - least
 
 
@@ -225,5 +240,5 @@ def effect_sizes(balance: TorqueBalance, recordings: Sequence[Samples]) -> Float
     Returns shape (n_rows, n_parameters).
     """
     rate = 0.1 / max(recording.sample_time for recording in recordings)
-    columns = filtered(balance, recordings, min(_EFFECT_BAND, rate)).columns
+    columns = filtered(balance, recordings, min(EFFECT_BAND, rate)).columns
     return np.sqrt(np.mean(columns**2, axis=0))

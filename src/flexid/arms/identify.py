@@ -90,7 +90,7 @@ def _found(
     if best is None or reason:
         progress("what disturbs the arm")
         with suppress(ConvergenceError):
-            disturbed = fit_disturbed(structure, log.data, exact.starts)
+            disturbed = fit_disturbed(exact.structure, log.data, exact.starts)
             progress("what may be wrong with it")
             doubted, widest = with_doubts(disturbed)
             if not any(doubted.degrees_of_freedom):
@@ -103,12 +103,12 @@ def _found(
 
 
 def fixed_parameters(arm: PlanarArm, input_units: tuple[str, ...]) -> dict[str, float]:
-    """Parameters that are not sought: what cannot show, and what the units say."""
-    fixed = {}
+    """Parameters that are not sought to begin with: what is unusual, and what the units say."""
+    fixed = dict.fromkeys(planar_arm(arm).unusual, 0.0)
     for joint, unit in enumerate(input_units, 1):
         if unit == _CALIBRATED:
             fixed[f"torque_constant_{joint}"] = 1.0
-    if not fixed:
+    if _CALIBRATED not in input_units:
         fixed[REFERENCE] = 1.0
     if not arm.has_gravity:  # the first link's moment is felt by gravity alone
         fixed |= {"link_moment_along_1": 0.0, "link_moment_across_1": 0.0}

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 
+import numpy as np
+
 from flexid.arms.disturbed import resonances
 from flexid.arms.result import ArmIdentification
 from flexid.errors import SettingError
@@ -198,5 +200,8 @@ def _spring(values: Mapping[str, float], joint: int, notes: list[str]) -> Spring
         )
     if damping < 0.0:
         notes.append(f"joint_damping_{joint} is negative, which no tendon has: it is left out")
-    rest = values[f"joint_offset_{joint}"] / stiffness
-    return Spring(stiffness, damping=max(damping, 0.0), rest=rest)
+    cubic = values[f"cubic_joint_stiffness_{joint}"]
+    # Where the encoders agree, the tendon's torque is the offset.
+    roots = np.roots([cubic, 0.0, stiffness, -values[f"joint_offset_{joint}"]])
+    rest = float(min(roots[np.isreal(roots)].real, key=abs))
+    return Spring(stiffness, cubic=cubic, damping=max(damping, 0.0), rest=rest)

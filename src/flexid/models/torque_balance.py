@@ -30,6 +30,7 @@ class JointTerm:
     unit: str  # of the parameter
     sign: int = 0  # 1 if no joint has it negative
     start: float = 0.0  # value where the log shows nothing of it
+    usual: bool = True  # sought in any case, or where it makes a fit better alone
     meaning: str = ""  # what the parameter is, for the manual
 
 
@@ -76,6 +77,15 @@ class TorqueBalance:
             for term in self.body_terms:
                 if term.joint == joint:
                     yield term.name, joint, term
+
+    @cached_property
+    def unusual(self) -> tuple[str, ...]:
+        """Names of the parameters that are sought only where they make a fit better."""
+        return tuple(
+            name
+            for name, _, term in self.placed()
+            if isinstance(term, JointTerm) and not term.usual
+        )
 
     @cached_property
     def coefficients(self) -> tuple[str, ...]:

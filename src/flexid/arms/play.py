@@ -1,0 +1,75 @@
+"""Play of an arm's joints, of which least squares of a link's balance tells.
+
+What moves a link is the torque of its spring, so that the rest of its balance shows how that
+depends on the deflection: on a straight line, a cubic, or with a dead zone.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from flexid.arms.fitting import EFFECT_BAND
+from flexid.arrays import FloatArray
+from flexid.estimators.balance_start import filtered
+from flexid.estimators.samples import Samples
+from flexid.models.torque_balance import JointTerm, TorqueBalance
+
+_GAPS = np.geomspace(0.02, 1.0, 25)  # halves of them, over the deflection's standard deviation
+_LIKELIER = 0.9  # of what springs without leave, that those with play leave at most
+
+
+class _Spring(NamedTuple):
+    """A spring that suits a torque, and the sum of squares that it leaves."""
+
+    stiffness: float
+    cubic: float
+    left: float
+
+
+def changes_by_play(
+    balance: TorqueBalance, values: Mapping[str, float], recordings: tuple[Samples, ...]
+) -> list[dict[str, float]]:
+    """By how much each joint's spring changes if it has play; nothing where that is unlikely."""
+    columns = filtered(balance, recordings, EFFECT_BAND).columns
+    pi = np.array([values[name] for name in balance.coefficients])
+    found = []
+    for joint in range(1, balance.joints + 1):
+        own = {
+            f"{term.name}_{joint}": k
+            for k, (_, number, term) in enumerate(balance.placed())
+            if number == joint and isinstance(term, JointTerm) and term.place == "spring"
+        }
+        row = columns[:, 2 * joint - 2]
+        torque = row @ np.where(np.isin(np.arange(len(pi)), [*own.values()]), 0.0, pi)
+        names = f"joint_stiffness_{joint}", f"cubic_joint_stiffness_{joint}"
+        deflection, cube = (-row[:, own.pop(name)] for name in names)
+        rest = -row[:, [*own.values()]]
+        curved = values[names[1]] != 0.0
+        plain = _spring(torque, deflection, cube, rest, curved=curved)
+        beyond = (deflection - np.clip(deflection, -gap, gap) for gap in _GAPS * np.std(deflection))
+        tried = [
+            _spring(torque, zone, cube, rest, curved=bent)
+            for zone in beyond
+            for bent in {False, curved}
+        ]
+        best = min(tried, key=lambda spring: spring.left)
+        if best.left < _LIKELIER * plain.left and plain.stiffness > 0.0:
+            own_values = (values[name] for name in names)
+            shares = (best.stiffness / plain.stiffness, best.cubic / plain.cubic if curved else 1.0)
+            found.append(
+                {n: v * (s - 1.0) for n, v, s in zip(names, own_values, shares, strict=True)}
+            )
+        else:
+            found.append({})
+    return found
+
+
+def _spring(
+    torque: FloatArray, deflection: FloatArray, cube: FloatArray, rest: FloatArray, *, curved: bool
+) -> _Spring:
+    columns = np.column_stack((deflection, cube * curved, rest))
+    scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
+    solved = np.linalg.lstsq(columns / scale, torque, rcond=None)[0] / scale
+    left = torque - columns @ solved
+    return _Spring(float(solved[0]), float(solved[1]), float(left @ left))
