@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import uuid
 import zipfile
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -49,20 +50,6 @@ class Variable:
     description: str = ""
     integer: bool = False
 
-    @property
-    def variability(self) -> str:
-        """When it may change."""
-        if self.causality == "parameter":
-            return "tunable"
-        return "discrete" if self.integer else "continuous"
-
-    @property
-    def initial(self) -> str:
-        """How it is initialised; empty where the standard says it."""
-        if self.causality in ("independent", "input"):
-            return ""
-        return "calculated" if self.start is None else "exact"
-
 
 @dataclass(frozen=True, eq=False)
 class FmuModel:
@@ -85,16 +72,20 @@ class FmuModel:
                 "fmu", f"has a variable of its own that is called {twice!r}: rename the model's"
             )
 
-    @property
-    def reals(self) -> tuple[Variable, ...]:
-        """Those that are no integers; the value reference of each is its place plus 1."""
-        return tuple(v for v in self.variables if not v.integer)
+    @cached_property
+    def reals(self) -> list[Variable]:
+        """Those that are no integers."""
+        return [v for v in self.variables if not v.integer]
 
-    def reference(self, variable: Variable) -> int:
-        """Value reference of a variable."""
-        if variable.integer:
-            return _FIRST_INTEGER + [v for v in self.variables if v.integer].index(variable)
-        return 1 + self.reals.index(variable)
+    @cached_property
+    def references(self) -> dict[str, int]:
+        """Value reference of each variable: reals are counted from 1, and 0 is the time."""
+        integers = [v.name for v in self.variables if v.integer]
+        return {
+            "time": 0,
+            **{v.name: number for number, v in enumerate(self.reals, 1)},
+            **{name: number for number, name in enumerate(integers, _FIRST_INTEGER)},
+        }
 
     @cached_property
     def token(self) -> str:
@@ -102,9 +93,7 @@ class FmuModel:
         content = hashlib.sha256()
         for text in (repr(self.variables), repr(self.step), *self.sources.values()):
             content.update(text.encode() + b"\0")
-        digits = content.hexdigest()
-        parts = (digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:32])
-        return f"{{{'-'.join(parts)}}}"
+        return f"{{{uuid.UUID(content.hexdigest()[:32])}}}"
 
     def count(self, causality: Causality) -> int:
         """Number of reals of a causality."""
@@ -280,10 +269,10 @@ def packed(model: FmuModel, version: str) -> bytes:
 
 def _model_description(model: FmuModel, version: str) -> bytes:
     """The description of an FMU for co-simulation."""
-    variables = [(_TIME, 0), *((v, model.reference(v)) for v in model.variables)]
+    variables = [(v, model.references[v.name]) for v in (_TIME, *model.variables)]
     places = [(v, place, number) for place, (v, number) in enumerate(variables, 1)]
     outputs = [(place, number) for v, place, number in places if v.causality == "output"]
-    computed = [(place, number) for v, place, number in places if v.initial == "calculated"]
+    computed = [(p, number) for v, p, number in places if v.start is None and v is not _TIME]
     return rendered(
         "fmu/modelDescription.xml",
         model=model,

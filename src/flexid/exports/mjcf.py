@@ -6,7 +6,7 @@ inertia is its hinge's armature. What MuJoCo has no word for is left out, and na
 """
 
 from collections.abc import Mapping
-from math import atan2, cos, hypot, inf, isclose, isfinite, sin, sqrt
+from math import atan2, cos, hypot, inf, isclose, sin, sqrt
 from pathlib import Path
 
 from flexid.errors import SettingError
@@ -22,7 +22,7 @@ from flexid.exports.mjcf_scene import (
     scene,
     timestep,
 )
-from flexid.exports.request import ExportRequest
+from flexid.exports.request import ExportRequest, check_known
 from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.models.flexible_joint import (
     SHAPE_TERMS,
@@ -55,11 +55,7 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     if result is None:
         raise SettingError("mjcf", "needs values: give an estimate.json of flexid identify")
     model = JointModel.of(result, 0)
-    for name, value in model.coefficients.items():
-        if not isfinite(value):
-            raise SettingError(
-                name, "has no value in this estimate: identify a log that determines it"
-            )
+    check_known(model.coefficients)
     made = mjcf_scene(model, result.input_unit)
     (directory / "joint.xml").write_text(made.xml, encoding="utf-8")
     several = [name for name in result.coefficients if name.endswith("[1]")]

@@ -7,7 +7,6 @@ armature B, it has the coupling A and the motor's inertia A + B.
 """
 
 from collections.abc import Mapping
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from flexid.exports.mjcf_scene import (
     scene,
     timestep,
 )
+from flexid.exports.request import check_known
 from flexid.models.planar_arm import PlanarArm, planar_arm
 
 _AXIS = "0 -1 0"  # about which x turns towards z
@@ -50,11 +50,7 @@ def arm_scene(result: ArmIdentification) -> Scene:
     """Write an arm as a MuJoCo scene."""
     arm, notes = result.arm, []
     values = {**result.fit.by_name, **result.fixed}
-    for name, value in values.items():
-        if not isfinite(value):
-            raise SettingError(
-                name, "has no value in this estimate: identify a log that determines it"
-            )
+    check_known(values)
     if TORQUE not in result.input_units:
         notes.append(
             "no input is a torque, so that no inertia is known: the torque constant of joint 1 is "

@@ -70,11 +70,7 @@ def request_of_identification(
             "remembers the path of the spring, which this export cannot: identify with --terms "
             f"{','.join(t for t in result.choices.terms if t != term)}, and export that estimate",
         )
-    without = sorted(name for name in given if not isfinite(values[name]))
-    if without:
-        raise SettingError(
-            without[0], "has no value in the estimate: identify a log that determines it"
-        )
+    check_known({name: values[name] for name in sorted(given)})
     constants = {name: values[name] for name in sorted(given)} | {**result.choices.shapes}
     if result.choices.coulomb_velocity is not None:
         constants[SMOOTHING] = result.choices.coulomb_velocity
@@ -91,6 +87,15 @@ def request_of_identification(
         units,
         result,
     )
+
+
+def check_known(values: Mapping[str, float]) -> None:
+    """Raise `SettingError` for the first that an estimate leaves without a value."""
+    for name, value in values.items():
+        if not isfinite(value):
+            raise SettingError(
+                name, "has no value in the estimate: identify a log that determines it"
+            )
 
 
 def _check_possible(result: "Identification") -> None:
