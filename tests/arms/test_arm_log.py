@@ -10,7 +10,7 @@ import pytest
 
 from flexid.arms.log import read_arm_log
 from flexid.errors import FlexidError, ModelError, RecordingError
-from flexid.models.arm_file import read_arm
+from flexid.models.model_file import read_arm
 
 NAMES = ("motor_position_{} [deg]", "link_position_{} [deg]", "motor_torque_{} [N m]")
 

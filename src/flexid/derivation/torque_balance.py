@@ -179,19 +179,16 @@ class _Mass:
         lower: dict[tuple[int, int], str] = {}
         order = self.order
         for b, j in enumerate(order):
-            pivot = [f"_M{j}_{j}"]
-            pivot += [
-                f"- {lower[j, k]} * {lower[j, k]} * _D{k}" for k in order[:b] if (j, k) in lower
-            ]
-            lines += [f"_D{j} = {' '.join(pivot)}", f"_I{j} = 1.0 / _D{j}"]
-            for i in order[b + 1 :]:
+            for i in order[b:]:
                 terms = [f"_M{i}_{j}"] if (i, j) in self.entries else []
                 terms += [
                     f"- {lower[i, k]} * {lower[j, k]} * _D{k}"
                     for k in order[:b]
-                    if (i, k) in lower and (j, k) in lower
+                    if {(i, k), (j, k)} <= lower.keys()
                 ]
-                if terms:
+                if i == j:
+                    lines += [f"_D{j} = {' '.join(terms)}", f"_I{j} = 1.0 / _D{j}"]
+                elif terms:
                     lower[i, j] = f"_L{i}_{j}"
                     lines.append(f"_L{i}_{j} = ({' '.join(terms)}) * _I{j}")
         return lines, self._inverted(lines, lower)
@@ -215,18 +212,17 @@ class _Mass:
                     root[i, j] = f"_R{i}_{j}"
                     lines.append(f"_R{i}_{j} = {' '.join(terms)}")
         names: dict[tuple[int, int], str] = {}
+        root |= {(i, i): "" for i in order}
         for a, i in enumerate(order):
             for j in order[: a + 1]:
-                terms = []
-                for k in order[a:]:
-                    left = "" if k == i else root.get((k, i))
-                    right = "" if k == j else root.get((k, j))
-                    if left is not None and right is not None:
-                        terms.append(" * ".join(t for t in (left, right, f"_I{k}") if t))
+                terms = [
+                    " * ".join(t for t in (root[k, i], root[k, j], f"_I{k}") if t)
+                    for k in order[a:]
+                    if {(k, i), (k, j)} <= root.keys()
+                ]
                 if terms:
                     names[i, j] = names[j, i] = f"_W{i}_{j}"
                     lines.append(f"_W{i}_{j} = {' + '.join(terms)}")
-
         return names
 
 

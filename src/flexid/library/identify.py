@@ -214,6 +214,6 @@ def identify_arm(
 ) -> ArmEstimate:
     """Parameters of the arm that a TOML file describes, from one log."""
     from flexid.arms.identify import identify_arm as run
-    from flexid.models.arm_file import read_arm
+    from flexid.models.model_file import read_arm
 
     return ArmEstimate(run(log, read_arm(arm), columns, progress))

@@ -1,16 +1,20 @@
-"""Model files: a `ParametricSystem` written down in TOML.
+"""Model files: a `ParametricSystem`, or an arm, written down in TOML.
 
 The file holds names and text expressions only; expressions are read over a whitelist and never
 evaluated.
 """
 
+from functools import partial
+from math import isfinite
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from flexid.errors import ExpressionError, ModelError
+from flexid.files import shown
 from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.models.planar_arm import PlanarArm
 from flexid.toml_file import parse_toml, read_bytes, validated
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w .:()-]+$")]
@@ -40,6 +44,10 @@ class _Model(BaseModel):
     rows: list[_Row] = Field(min_length=1, max_length=50)
 
 
+def _refused(file: str, key: str, reason: str) -> ModelError:
+    return ModelError(file, f"the key {key!r} {reason}" if key else reason)
+
+
 def read_model(path: str | Path) -> ParametricSystem:
     """Read a model file.
 
@@ -62,10 +70,7 @@ def read_model(path: str | Path) -> ParametricSystem:
         If an expression leaves the whitelist.
     """
     path = Path(path)
-
-    def refuse(key: str, reason: str) -> ModelError:
-        return ModelError(str(path), f"the key {key!r} {reason}" if key else reason)
-
+    refuse = partial(_refused, str(path))
     raw = read_bytes(path, "a TOML file, or the name flexible-joint", refuse)
     content = validated(parse_toml(raw, refuse), _Model, refuse)
     rows = tuple(
@@ -80,3 +85,41 @@ def read_model(path: str | Path) -> ParametricSystem:
         raise ExpressionError(error.expression, error.reason, f"{path}: {error.place}") from None
     except RecursionError:
         raise ModelError(str(path), "an expression is nested too deeply: split it") from None
+
+
+MOST_JOINTS = 7
+"""Joints of an arm at most: its equations grow with the third power of their number."""
+
+_LONGEST, _STRONGEST = 100.0, 1000.0  # m, m/s^2
+
+
+def _plausible(value: float) -> float:
+    if not isfinite(value) or abs(value) > _STRONGEST:
+        raise ValueError(f"{value:g} is outside -{_STRONGEST:g} to {_STRONGEST:g} m/s^2")
+    return value
+
+
+_Length = Annotated[float, Field(gt=0.0, le=_LONGEST)]
+_Acceleration = Annotated[float, AfterValidator(_plausible)]
+
+
+class _Arm(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    lengths: list[_Length] = Field(min_length=1, max_length=MOST_JOINTS)
+    gravity: _Acceleration | tuple[_Acceleration, _Acceleration] = 0.0
+
+
+class _ArmFile(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    arm: _Arm
+
+
+def read_arm(path: Path) -> PlanarArm:
+    """Read an arm: the table ``[arm]`` of a TOML file, with lengths and gravity."""
+    refuse = partial(_refused, shown(path))
+    content = parse_toml(read_bytes(path, "a TOML file", refuse), refuse)
+    arm = validated(content, _ArmFile, refuse).arm
+    along, across = arm.gravity if isinstance(arm.gravity, tuple) else (arm.gravity, 0.0)
+    return PlanarArm(tuple(arm.lengths), (float(along), float(across)), shown(path))

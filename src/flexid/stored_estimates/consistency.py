@@ -11,8 +11,8 @@ from flexid.estimators.channel_timing import INPUT
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.models.arm_file import MOST_JOINTS
 from flexid.models.flexible_joint import RIPPLE_ORIGIN
+from flexid.models.model_file import MOST_JOINTS
 from flexid.models.planar_arm import planar_arm
 from flexid.toml_file import Refuse
 
