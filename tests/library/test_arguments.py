@@ -47,6 +47,13 @@ UNTAKEN = {
     "no directory": (call("campaign", "a.toml"), "out is None"),
     "both": (call("campaign", "a.toml", summary="b"), "experiment does not go with summary"),
     "workers": (call("campaign", "a.toml", out="b", workers="all"), "a str"),
+    "no sample time": (call("watch"), "sample_time is missing"),
+    "sample time": (call("watch", sample_time="fast"), "sample_time is a str"),
+    "watched terms": (call("watch", sample_time=1e-3, terms=3), "terms"),
+    "source": (call("watch", source=3), "source is an int: give a path"),
+    "watched known": (call("watch", sample_time=1e-3, known=3), "known is an int"),
+    "held against": (call("watch", sample_time=1e-3, estimate=3), "estimate is an int"),
+    "filter": (call("watch", sample_time=1e-3, filter=3), "did you mean filter_rate"),
 }
 
 

@@ -102,24 +102,6 @@ def test_one_encoder(samples):
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({}, "sample_time is missing"),
-        ({"sample_time": "fast"}, "sample_time is a str"),
-        ({"sample_time": 1e-3, "terms": 3}, "terms"),
-        ({"source": 3}, "source is an int: give a path"),
-        ({"sample_time": 1e-3, "known": 3}, "known is an int"),
-        ({"sample_time": 1e-3, "estimate": 3}, "estimate is an int"),
-        ({"sample_time": 1e-3, "filter": 3}, "did you mean filter_rate"),
-    ],
-)
-def test_options_that_cannot_be(options, words):
-    """Assert that each is refused with what would be right."""
-    with pytest.raises(ArgumentError, match=words):
-        flexid.watch(**options)
-
-
-@pytest.mark.parametrize(
     ("samples", "words"),
     [
         ({"motor_position": 1.0}, "give one of motor_torque"),
@@ -129,7 +111,7 @@ def test_options_that_cannot_be(options, words):
     ],
 )
 def test_samples_that_cannot_be(samples, words):
-    """Assert the same of samples."""
+    """Assert that each is refused with what would be right."""
     with pytest.raises(ArgumentError, match=words):
         flexid.watch(sample_time=1e-3).feed(**samples)
 

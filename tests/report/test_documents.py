@@ -6,56 +6,16 @@ import subprocess
 import sys
 
 import pytest
-from made_result import made_result
 
 from flexid.arrays import to_json
 from flexid.errors import SettingError
 from flexid.files import output_directory
-from flexid.stored_estimates.estimate_file import estimate_document
 
 
 def test_json_has_no_infinities():
     """Assert that infinities and NaN become null, deep inside, so that any reader can parse."""
     text = to_json({"a": [float("inf"), {"b": float("nan")}], "c": (1.5, "x")})
     assert json.loads(text) == {"a": [None, {"b": None}], "c": [1.5, "x"]}
-
-
-@pytest.fixture(scope="module")
-def document():
-    """Return the document of an identification as any reader of JSON has it."""
-    return json.loads(to_json(estimate_document(made_result())))
-
-
-def test_an_estimate_comes_back_from_its_document(document):
-    """Assert that coefficients, parameters and what was removed hold all that was found."""
-    made = made_result()
-    for kind in ("coefficients", "parameters", "removed"):
-        assert list(document[kind]) == list(getattr(made, kind))
-    assert document["coefficients"]["alpha_coulomb"] == {
-        "value": 2.0,
-        "std": 0.5,
-        "interval": [1.0, 3.0],
-        "unit": "rad/s^2",
-        "verdict": "weak",
-        "reason": "its interval is wide",
-        "degrees_of_freedom": None,
-        "logarithmic": False,
-        "slopes": {},
-    }
-    assert document["removed"]["joint_damping"]["interval"] == [-3e-4, 5e-4]
-    assert document["removed"]["gravity_angle"]["interval"] == [None, None]
-
-
-def test_the_evidence_is_in_the_document(document):
-    """Assert that model error, disturbances, horizons, delays and evidence of terms are there."""
-    assert document["model_error"] == {"excess": 0.05, "growth": 0.9, "share": 0.0}
-    assert document["disturbances"]["shares"] == {"link": 0.021, "motor": 0.13}
-    assert document["disturbances"]["sample_time"] == 0.004
-    assert list(document["validation"]["horizons"]) == ["0.05", "0.2", "1"]
-    assert document["validation"]["horizons"]["1"]["motor_position"] == 99.4
-    assert document["choices"]["input_delay"]["interval"] == [0.00287, 0.00317]
-    assert document["choices"]["term_evidence"][1]["name"] == "alpha_cubic"
-    assert document["choices"]["segment_evidence"][0]["duration"] == 0.995
 
 
 def test_output_appears_whole(tmp_path):

@@ -11,6 +11,7 @@ from made_result import VALIDATION, made_result
 from shown import answer_lines, chart_lines, check, page_lines
 
 from flexid.analysis.excitation import excitation_of_gram
+from flexid.arrays import to_json
 from flexid.campaigns.summary import Correlation, SobolIndex
 from flexid.comparisons.comparison import compare_estimates
 from flexid.identification.vocabulary.evidence import FreeRun, ModelError
@@ -20,6 +21,7 @@ from flexid.report.comparison import parts as comparison_parts
 from flexid.report.identification import explanation, identification_parts
 from flexid.report.identification_page import identification_page, next_step, trust
 from flexid.report.terminal import USUAL, Part, laid_out
+from flexid.stored_estimates.estimate_file import estimate_document
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 from flexid.streaming.guard import Counts
 from made_estimates import STIFFER, TRUE, exact, with_parameter
@@ -43,6 +45,13 @@ def exact_fit():
     rigid = replace(result.compliance, rigid_fit_percent={"motor_position": nan})
     result = replace(result, disturbances=None, compliance=rigid, validation=held)
     return printed(*identification_parts(result), *explanation(result))
+
+
+def document():
+    """All of the estimate as a file holds it, but singular vectors, whose digits may differ."""
+    made = estimate_document(made_result())
+    del made["excitation"]
+    return to_json(made).splitlines()
 
 
 def negligible():
@@ -214,7 +223,7 @@ def counts():
 
 
 ANSWERS = (
-    identification, exact_fit, negligible, trust_and_next_step, advised, typed,
+    identification, exact_fit, document, negligible, trust_and_next_step, advised, typed,
     comparison, compared, comparison_on_a_page, campaigns, campaign_figures, validations, counts,
 )  # fmt: skip
 
