@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from scipy.optimize import root
 
 from flexid.analysis.information import Information, information_at
@@ -35,7 +35,14 @@ _RANDOM_CASES = 16
 _RAMP = 0.1  # of the duration
 _HIGHEST = 1.5  # frequency of the fastest tone over the resonance
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
+
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("no share of zero can be known; leave it out, or give a size that matters")
+    return value
+
+
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_not_zero)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -111,7 +118,7 @@ class Experiment(_Table):
 class Drive(_Table):
     """A drive as it is believed to be, and the experiment wanted on it: a whole file."""
 
-    known: list[str] = []  # known exactly; only motor_inertia can be
+    known: list[Literal["motor_inertia"]] = []  # known exactly; only this can be known alone
     parameters: Parameters
     limits: Limits
     sensors: Sensors
@@ -294,26 +301,24 @@ def read_drive(
     choices: Mapping[str, Any] | None = None,
 ) -> DriveFile:
     """Read a drive file."""
-    raw = read_bytes(path, "a TOML file", _refusing(path))
+
+    def refuse(key: str, reason: str) -> SettingError:
+        return SettingError(str(path), f"the key {key!r} {reason}" if key else reason)
+
+    raw = read_bytes(path, "a TOML file", refuse)
     inputs = [(path.name, hashlib.sha256(raw).hexdigest())]
-    content = parse_toml(raw, _refusing(path))
+    content = parse_toml(raw, refuse)
     experiment = content.get("experiment")
     if isinstance(experiment, dict):
         experiment.update(choices or {})
+    drive = validated(content, Drive, refuse)
     warnings: list[str] = []
     if estimate is not None:
-        validated(
-            content, Drive, _refusing(path)
-        )  # so that each of the two files answers for its own values
         inputs.append((Path(estimate.name).name, estimate.sha256))
         warnings = _take_over(content, estimate)
-    return DriveFile(_drive(path, content), tuple(inputs), tuple(warnings))
-
-
-def _refusing(path: Path) -> Refuse:
-    return lambda key, reason: SettingError(
-        str(path), f"the key {key!r} {reason}" if key else reason
-    )
+        drive = validated(content, Drive, refuse)
+    _check_experiment(drive.experiment, drive.fastest, refuse)
+    return DriveFile(drive, tuple(inputs), tuple(warnings))
 
 
 def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
@@ -342,55 +347,32 @@ def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
                 f"{name} is undetermined there, so the design rests on a guess: check its largest "
                 f"deviations"
             )
-    validated(believed, Parameters, lambda key, _: _no_drive(stored, key, believed))
+
+    def refuse(key: str, _: str) -> Exception:
+        reason = f"is {believed[key]}, which no drive has: identify a log that determines it"
+        return stored.refuse(f"parameters.{key}", reason)
+
+    validated(believed, Parameters, refuse)
     return [f"{stored.name}: {warning}" for warning in warnings]
 
 
-def _no_drive(stored: StoredEstimate, name: str, values: Mapping[str, float]) -> Exception:
-    return stored.refuse(
-        f"parameters.{name}",
-        f"is {values[name]}, which no drive has: identify a log that determines it",
-    )
-
-
-def _drive(path: Path, content: dict[str, Any]) -> Drive:
-    drive = validated(content, Drive, _refusing(path))
-    try:
-        _check(drive)
-    except SettingError as error:
-        raise SettingError(f"{path}: {error.setting}", error.reason) from None
-    return drive
-
-
-def _check(drive: Drive) -> None:
-    """Refuse what no experiment can be."""
-    wanted = drive.experiment
-    for name in drive.known:
-        if name != "motor_inertia":
-            raise SettingError("known", f"{name!r} cannot be known alone; motor_inertia can")
-    for name, value in drive.values.items():
-        if value == 0.0:
-            raise SettingError(
-                f"parameters.{name}",
-                "is zero, and no share of zero can be known: leave it out, or give the size that "
-                "matters",
-            )
+def _check_experiment(wanted: Experiment, fastest: float, refuse: Refuse) -> None:
+    """Refuse what no experiment can be whose fastest tone has a frequency in rad/s."""
     samples = wanted.duration / wanted.sample_time
     if not _FEWEST_SAMPLES <= samples <= _MOST_SAMPLES:
-        raise SettingError(
+        raise refuse(
             "experiment.sample_time",
-            f"makes {samples:.0f} samples; choose it for {_FEWEST_SAMPLES} to {_MOST_SAMPLES}",
+            f"makes {samples:.0f} samples: choose it for {_FEWEST_SAMPLES} to {_MOST_SAMPLES}",
         )
-    fastest = drive.fastest
     if fastest * wanted.sample_time * _SLOWEST_SAMPLING > 2.0 * pi:
-        raise SettingError(
+        raise refuse(
             "experiment.sample_time",
             f"leaves fewer than {_SLOWEST_SAMPLING:.0f} samples per period of a tone of "
             f"{fastest:.3g} rad/s: sample faster",
         )
     if fastest * wanted.duration < 2.0 * pi * wanted.harmonics:
-        raise SettingError(
+        raise refuse(
             "experiment.harmonics",
-            f"are {wanted.harmonics}, more than {wanted.duration:g} s have between zero and "
+            f"asks for {wanted.harmonics}, more than {wanted.duration:g} s have between zero and "
             f"{fastest:.3g} rad/s: take fewer, or longer",
         )

@@ -129,12 +129,13 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     finite = np.isfinite(np.diag(result.fit.covariance))
     free = (slopes[:, ~finite] != 0.0).any(axis=1) | lost
     used = (slopes != 0.0).any(axis=0) & finite
+    variances, vectors = eigen(result.fit.covariance[np.ix_(used, used)])
     freedom = [n for n, is_used in zip(result.fit.degrees_of_freedom, used, strict=True) if is_used]
     return LinearJoint(
         SHOWN[result.model],
         np.array(list(found.values())),
         *_matrices(system, rest),
-        slopes[:, used] @ _square_root(result.fit.covariance[np.ix_(used, used)]),
+        slopes[:, used] @ (vectors * np.sqrt(np.maximum(variances, 0.0))),
         tuple(found),
         free,
         float(min(freedom, default=np.inf)),
@@ -147,11 +148,6 @@ def _hanging(coefficients: Mapping[str, float]) -> float:
         if coefficients.get(cosine):
             return -atan2(coefficients[cosine], coefficients.get(sine, 0.0))
     return 0.0
-
-
-def _square_root(covariance: FloatArray) -> FloatArray:
-    values, vectors = eigen(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -187,7 +183,8 @@ def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> FloatA
     Least and largest magnitude over the estimate, least and largest phase in rad less the estimate;
     infinite where the log leaves something free.
     """
-    nothing = _of_nothing(len(omega))
+    # Of a response that is zero: nothing is known of its logarithm.
+    nothing = np.repeat([[0.0], [np.inf], [-np.inf], [np.inf]], len(omega), axis=1)
     if joint.unknown:
         return np.stack([nothing] * joint.rows, axis=2)
     response = joint.positions(omega)
@@ -198,12 +195,6 @@ def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> FloatA
         for row in range(joint.rows)
     ]
     return np.stack(bands, axis=2)
-
-
-def _of_nothing(count: int) -> FloatArray:
-    """Of a response that is zero: nothing is known of its logarithm."""
-    everything = np.full(count, np.inf)
-    return np.array((np.zeros(count), everything, -everything, everything))
 
 
 def _of_row(
