@@ -57,22 +57,17 @@ def run_part(
     experiment: Experiment, part: Part, stopped: Callable[[], bool] = lambda: False
 ) -> PartResult:
     """Run a part; `stopped` is asked every few runs, and ends it with `Stopped`."""
-    _load_kernels(experiment)
+    declaration = experiment.loop.declaration  # of no run, if its kernel cannot be made
+    if experiment.sampling is None:
+        ensemble_kernel(declaration, experiment.settings.stiff)
+    else:
+        sampled_kernel(declaration)
     rows = part_rows(experiment, part.table, part.keep, stopped)
     if "time_series" not in part.keep:
         return PartResult(part.number, rows, None)
     tables = [*_series(experiment, rows, stopped)]
     nothing = pl.DataFrame(schema={"run": pl.Int64})
     return PartResult(part.number, rows, pl.concat(tables) if tables else nothing)
-
-
-def _load_kernels(experiment: Experiment) -> None:
-    """Load the compiled functions, which fails if no run is possible."""
-    declaration = experiment.loop.declaration
-    if experiment.sampling is None:
-        ensemble_kernel(declaration, experiment.settings.stiff)
-    else:
-        sampled_kernel(declaration)
 
 
 def _series(

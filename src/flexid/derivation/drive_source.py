@@ -118,7 +118,7 @@ class _Printer(ScalarPrinter):
         unused = [array for array, group in arrays.items() if used.isdisjoint(map(str, group))]
         values = {
             str(s): f"{array}[{i}]" for array, g in arrays.items() for i, s in enumerate(g)
-        } | {c: self.real(value) for c, value in (constants or {}).items()}
+        } | {c: literal(value) for c, value in (constants or {}).items()}
         known = {self.name(s): value for s, value in values.items() if s in used}
         known |= {str(s): self.doprint(value) for s, value in temporaries}
         body = [f"(void){array};" for array in [*unused, *([] if lines else [result])]]
@@ -130,10 +130,6 @@ class _Printer(ScalarPrinter):
         text = "\n    ".join(body)
         return f"static void {name}({', '.join(arguments)})\n{{\n    {text}\n}}\n"
 
-    def real(self, value: float) -> str:
-        """A literal."""
-        return f"REAL({value!r})" if value >= 0.0 else f"(-REAL({-value!r}))"
-
     def call(self, function: str, *arguments: sp.Basic) -> str:
         """A call of a macro, which is noted."""
         self.calls.add(function)
@@ -143,7 +139,7 @@ class _Printer(ScalarPrinter):
         return self.name(expr.name)
 
     def _print_Integer(self, expr: sp.Integer) -> str:
-        return self.real(float(expr))
+        return literal(float(expr))
 
     _print_Rational = _print_Float = _print_NumberSymbol = _print_Integer  # pyright: ignore
     _print_Pi = _print_Exp1 = _print_Integer  # pyright: ignore
@@ -162,7 +158,7 @@ class _Printer(ScalarPrinter):
         base, exponent = expr.args
         if isinstance(exponent, sp.Integer) and abs(int(exponent)) <= 4:
             product = " * ".join([f"({self._print(base)})"] * abs(int(exponent)))
-            return f"({product})" if exponent.is_positive else f"({self.real(1.0)} / ({product}))"
+            return f"({product})" if exponent.is_positive else f"({literal(1.0)} / ({product}))"
         if exponent == sp.S.Half:
             return self.call("SQRT", base)
         return self.call("POW", base, exponent)
@@ -187,6 +183,12 @@ def _renamed(names: Sequence[str]) -> dict[str, str]:
         for name in names
         if name not in renamed and _TAKEN.fullmatch(name)
     }
+
+
+def literal(value: float) -> str:
+    """A number of C that is float or double."""
+    value = float(value)
+    return f"REAL({value!r})" if value >= 0.0 else f"(-REAL({-value!r}))"
 
 
 def comment(text: str) -> str:

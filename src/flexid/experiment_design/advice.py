@@ -262,7 +262,8 @@ def advise(
     if impossible or not all(np.isfinite(c.std) for c in lacking):
         return rule_of_thumb(recordings)  # guessed values do not predict other motions
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
-        return Advice(None, None, None, 0.0, caution=_capital(lacking[0].reason))
+        reason = lacking[0].reason
+        return Advice(None, None, None, 0.0, caution=f"{reason[:1].upper()}{reason[1:]}")
     try:
         rehearsal = rehearse()
         advice = _tried(rehearsal)
@@ -330,10 +331,6 @@ def _caution(result: Identification, rehearsal: Rehearsal) -> str:
             "correlated, from a sensor or the recorded input, and that widens the intervals"
         )
     return ""
-
-
-def _capital(sentence: str) -> str:
-    return sentence[:1].upper() + sentence[1:]
 
 
 def rule_of_thumb(recordings: Sequence[Samples]) -> Advice:

@@ -261,11 +261,5 @@ def _first_check(drive: DriveSource, history: History) -> int:
         return n // 4
     open_ = np.flatnonzero(history.status != Status.USED)
     determined = int(open_[-1]) + 1 if len(open_) else 0
-    settled = 2 * _memory(drive)
+    settled = 2 * drive.twin.law.memory  # samples: the filter remembers nothing of its start
     return min(max(settled, determined if determined < n else 3 * n // 4), n - 1)
-
-
-def _memory(drive: DriveSource) -> int:
-    """Samples after which the filter remembers nothing of the time before the first one."""
-    twin = drive.twin
-    return twin.law.memory if isinstance(twin, RecursiveLeastSquares) else 0

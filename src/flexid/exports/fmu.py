@@ -157,6 +157,7 @@ def estimator_model(request: ExportRequest) -> FmuModel:
     settings = drive.settings
     states = drive.system.states
     state_units = dict.fromkeys(states[::2], "rad") | dict.fromkeys(states[1::2], "rad/s")
+    health = ", ".join(f"{number} {word}" for number, word in enumerate(HEALTH))
     variables = (
         *(
             Variable(f"{name}_hat", "output", None, request.units.get(name, ""), "estimate")
@@ -167,7 +168,7 @@ def estimator_model(request: ExportRequest) -> FmuModel:
             for name in drive.sample_names
             for unit in (state_units.get(name, request.units.get(name, "")),)
         ),
-        Variable("health", "output", None, "", _health(), integer=True),
+        Variable("health", "output", None, "", health, integer=True),
     )
     text = rendered("fmu/estimator.c", drive=drive, settings=settings)
     return FmuModel(
@@ -188,10 +189,6 @@ def _fastest(system: ParametricSystem, values: dict[str, float]) -> float:
     c = np.array(list(system.constants.values()), dtype=np.float64)
     rest, still = np.zeros(len(system.states)), np.zeros(len(system.inputs))
     return fastest_pole(system, rest, still, p, c)
-
-
-def _health() -> str:
-    return ", ".join(f"{number} {word}" for number, word in enumerate(HEALTH))
 
 
 VERSIONS = ("2.0", "3.0")

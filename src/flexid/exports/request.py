@@ -229,7 +229,7 @@ def export_arm(target: str, arm: "ArmIdentification", directory: Path) -> tuple[
 def _templates() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    from flexid.derivation.drive_source import comment
+    from flexid.derivation.drive_source import comment, literal
 
     made = Environment(
         loader=PackageLoader("flexid.exports"),
@@ -240,18 +240,12 @@ def _templates() -> "Environment":
     )
     made.filters |= {
         "comment": comment,
-        "real": _real,
+        "real": literal,
         "value": lambda number: f"V({number!r})",
         "unsigned": lambda number: f"{number}U",
         "boolean": lambda value: "true" if value else "false",
     }
     return made
-
-
-def _real(value: float) -> str:
-    """A number of C that is float or double."""
-    value = float(value)
-    return f"REAL({value!r})" if value >= 0.0 else f"(-REAL({-value!r}))"
 
 
 def rendered(name: str, **values: object) -> str:
