@@ -307,26 +307,6 @@ _CHANNELS = {
 }
 
 
-def as_chosen(
-    *, terms: Any, hold: Any, model: Any, known: Any, memory: Any, **numbers: Any
-) -> dict[str, Any]:
-    """What the arguments of `flexid.watch` choose, by the fields of its options."""
-    values, deviations = as_known("watch", known)
-    given = {
-        name: None if value is None else as_number("watch", name, value)
-        for name, value in numbers.items()
-    }
-    return {
-        "terms": None if isinstance(terms, str) and terms == "usual" else as_names("watch", terms),
-        "hold": hold,
-        "kind": model,
-        "known": values,
-        "known_deviations": deviations,
-        "memory": as_number("watch", "memory", memory),
-        **given,
-    }
-
-
 def fed_channels(names: Sequence[str], kind: str) -> "StreamChannels":
     """What a session is fed, by the names of its channels; the kind is asked for, or "auto"."""
     from flexid.recording.channel import INPUTS, SI_UNITS

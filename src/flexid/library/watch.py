@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.answer import Answer
 from flexid.library.arguments import (
-    as_chosen,
     as_comparable,
+    as_known,
+    as_names,
     as_number,
     as_path,
     as_samples,
@@ -353,16 +354,22 @@ def watch(
 
     if source is None and sample_time is None:
         raise ArgumentError("watch", "sample_time", "is missing: give it in s, or a source")
-    chosen = as_chosen(
-        terms=terms,
-        hold=hold,
-        model=model,
-        known=known,
-        memory=memory,
-        filter_rate=filter_rate,
-        coulomb_velocity=coulomb_velocity,
-        sample_time=sample_time,
-    )
+    values, deviations = as_known("watch", known)
+    numbers = {
+        "filter_rate": filter_rate,
+        "coulomb_velocity": coulomb_velocity,
+        "sample_time": sample_time,
+    }
+    usual = isinstance(terms, str) and terms == "usual"
+    chosen = {
+        "terms": None if usual else as_names("watch", terms),
+        "hold": hold,
+        "kind": model,
+        "known": values,
+        "known_deviations": deviations,
+        "memory": as_number("watch", "memory", memory),
+        **{n: None if x is None else as_number("watch", n, x) for n, x in numbers.items()},
+    }
     made = as_comparable(estimate)
     wanted_kind(chosen, made)  # raises
     file = None if checkpoint is None else as_path("watch", "checkpoint", checkpoint)

@@ -135,7 +135,15 @@ def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification
         check_consistency,
     )
 
-    _check_version(content, refuse)
+    version = content.get("format_version") if isinstance(content, dict) else None
+    if isinstance(version, bool) or not isinstance(version, int):
+        raise refuse("", f"holds no estimate: give {WANTED}")
+    if version > FORMAT_VERSION:
+        raise refuse(
+            "",
+            f"is of format {version}, and this version of flexid reads up to {FORMAT_VERSION}: "
+            f"update flexid",
+        )
     provenance = content.get("provenance", {})
     validated(provenance, StoredProvenance, lambda key, why: refuse(f"provenance.{key}", why))
     numbers = json.dumps(_numbers(_as_dataclasses(content), None))
@@ -146,18 +154,6 @@ def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification
         raise refuse(*first_complaint(error, content)) from None
     (check_arm if of_arm else check_consistency)(found, refuse)
     return found
-
-
-def _check_version(content: Any, refuse: Refuse) -> None:
-    version = content.get("format_version") if isinstance(content, dict) else None
-    if isinstance(version, bool) or not isinstance(version, int):
-        raise refuse("", f"holds no estimate: give {WANTED}")
-    if version > FORMAT_VERSION:
-        raise refuse(
-            "",
-            f"is of format {version}, and this version of flexid reads up to {FORMAT_VERSION}: "
-            f"update flexid",
-        )
 
 
 @cache
