@@ -9,7 +9,7 @@ from functools import lru_cache
 from math import inf, log10
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -43,10 +43,6 @@ from flexid.report.chart import (
     thinned,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.typing import RcKeyType
-
-
 COLOURS: Mapping[Colour, str] = {
     "ink": "#1b1f24",
     "blue": "#1f6fb4",
@@ -60,30 +56,8 @@ COLOURS: Mapping[Colour, str] = {
 INK, BLUE, ORANGE, GREEN, RED, GREY = COLOURS.values()
 GRID = "#e3e6e9"
 
-STYLE: dict[RcKeyType, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.labelsize": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "text.color": INK,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": GRID,
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "lines.linewidth": 1.3,
-    "figure.dpi": 100,
-    "savefig.dpi": 200,
-    "figure.constrained_layout.use": True,
-    "pdf.fonttype": 42,
-}
+STYLE = mpl.rc_params_from_file(Path(__file__).with_name("figure.mplstyle"), False, False)
+"""The look of all figures; a Matplotlib style sheet."""
 
 
 class NotebookFigure(Figure):
