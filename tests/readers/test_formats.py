@@ -1,7 +1,5 @@
 """The registry of formats: every list of them derives from it."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The child process that reads: whatever it does, the answer is a log or one sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A small synthetic log, ways to write and read it, and what is said where it is refused."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path

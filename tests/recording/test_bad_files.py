@@ -1,7 +1,5 @@
 """Files that cannot be used: one sentence with the place and the remedy."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import os

@@ -1,7 +1,5 @@
 """Logs whose channels make no sense: what is refused, mended or warned of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Column maps: renaming, scaling, combining, and what is refused."""
 
-from __future__ import annotations
-
 import tomllib
 from collections import OrderedDict
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Logs that are wrong in meaning, of a joint that is known: each fault is named, and alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One log in every format is one log."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A logger that repeats its last sample: what it repeats is no motion, and is left out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from joint_log import joint_columns, read_columns, without

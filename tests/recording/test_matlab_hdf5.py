@@ -1,7 +1,5 @@
 """MATLAB files of both kinds, and HDF5: what is found in them, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py

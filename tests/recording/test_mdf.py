@@ -1,7 +1,5 @@
 """MDF files: what is found in them, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

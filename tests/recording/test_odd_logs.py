@@ -1,7 +1,5 @@
 """Logs as drive engineers export them: right numbers, or a sentence that says what to do."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Signals with clocks of their own, brought to one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """What a file holds, before anybody says which column is which."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import polars as pl

@@ -1,7 +1,5 @@
 """Reading logs that can be used: channels, units, inputs, and the grid of their times."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import sys

@@ -1,7 +1,5 @@
 """The data that reading returns, with or without a link's encoder and an input."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MCAP files and ROS bags: what is found in them, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a log shows at a glance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Text as loggers, spreadsheets and NumPy write it, as a log and as a stream."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Velocities and noise against closed forms."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 
 import numpy as np

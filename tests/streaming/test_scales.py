@@ -1,7 +1,5 @@
 """Units and scales of a stream, by the checks of a log."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

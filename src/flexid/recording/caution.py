@@ -10,13 +10,9 @@ class Rank(IntEnum):
     """What a warning is about. The lowest is to be mended first, as others may follow from it."""
 
     DATA = 0  # samples are wrong, lost or left out
-
     SCALE = 1  # a unit, a scale, a sign or the wiring is wrong
-
     MODEL = 2  # the model lacks something that the drive has
-
     MOTION = 3  # the motion shows too little
-
     NOTE = 4  # what was assumed or mended
 
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexid.errors import RecordingError
 from flexid.readers.arrays import known_times
@@ -44,7 +43,7 @@ def table_of_frame(frame: Any) -> Table:
     names = [name for name in table.columns if not isinstance(name, str)]
     if names:
         raise RecordingError(FRAME, f"column {names[0]!r}", "its name is not text: rename it")
-    return _table(FRAME, {name: _values(name, table[name]) for name in table.columns})
+    return _table(FRAME, {name: _values(table[name]) for name in table.columns})
 
 
 def _with_index(frame: Any) -> Any:
@@ -60,17 +59,15 @@ def _bare(name: object) -> str:
     return str(name).partition("[")[0].strip().casefold()
 
 
-def _values(name: str, column: Any) -> Any:
+def _values(column: Any) -> Any:
     """Values of a column, numbers and times as an array; anything else as Polars takes it."""
     import narwhals as nw
 
-    if isinstance(column.dtype, nw.Datetime):  # NumPy's has no zone
-        if column.dtype.time_zone is not None:
-            column = column.dt.convert_time_zone("UTC").dt.replace_time_zone(None)
-        return _known_times(FRAME, name, column.to_numpy())
-    if isinstance(column.dtype, nw.Duration):
-        return _known_times(FRAME, name, column.to_numpy())
-    return column.to_numpy() if column.dtype.is_numeric() else column.to_list()
+    if isinstance(column.dtype, nw.Datetime) and column.dtype.time_zone is not None:
+        # NumPy's has no zone.
+        column = column.dt.convert_time_zone("UTC").dt.replace_time_zone(None)
+    is_array = column.dtype.is_numeric() or isinstance(column.dtype, nw.Datetime | nw.Duration)
+    return column.to_numpy() if is_array else column.to_list()
 
 
 def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
@@ -118,21 +115,18 @@ def _array(name: str, values: Any) -> Any:
     if found.ndim != 1:
         reason = f"it has {found.ndim} dimensions: give an array of one, a value for each sample"
         raise RecordingError(ARRAYS, f"column {name!r}", reason)
-    return found.tolist() if found.dtype == object else _known_times(ARRAYS, name, found)
-
-
-def _known_times(file: str, name: str, values: NDArray[Any]) -> NDArray[Any]:
-    try:
-        return known_times(name, values)
-    except RefusedError as error:
-        raise RecordingError(file, error.place, error.reason) from None
+    return found.tolist() if found.dtype == object else found
 
 
 def _table(file: str, columns: Mapping[str, Any]) -> Table:
     import polars as pl
 
     try:
-        frame = pl.DataFrame(dict(columns), strict=False)
+        arrays = {name: v for name, v in columns.items() if isinstance(v, np.ndarray)}
+        times = {name: known_times(name, values) for name, values in arrays.items()}
+        frame = pl.DataFrame({**columns, **times}, strict=False)
+    except RefusedError as error:
+        raise RecordingError(file, error.place, error.reason) from None
     except (pl.exceptions.PolarsError, TypeError, ValueError) as error:
         raise RecordingError(
             file, "", f"its columns are no table of numbers ({error}): give numbers"

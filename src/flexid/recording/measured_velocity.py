@@ -62,16 +62,12 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
 
 
 class _Means(NamedTuple):
-    """Window means, about their mean over the recording, in rad/s and rad/s^2, each of shape (n,).
+    """Window means, about their mean over the recording, in rad/s, each of shape (n,)."""
 
-    The measured velocity, the derivative of its position, that of the other side, and the change of
-    the second in a second.
-    """
-
-    measured: FloatArray
-    own: FloatArray
-    other: FloatArray
-    change: FloatArray
+    measured: FloatArray  # velocity
+    own: FloatArray  # derivative of its position
+    other: FloatArray  # that of the other side
+    change: FloatArray  # of `own` in a second, in rad/s^2
 
 
 def _means(recording: Recording, name: str) -> _Means | None:

@@ -230,26 +230,20 @@ def shortest_ends(paths: Iterable[str]) -> dict[str, str]:
         times = Counter(bare[path][begin:] for path, begin in begins.items())
         for path, begin in begins.items():
             parent = path[starts[path][-count - 1] : begin] if begin else ""
-            is_clear = not (_names_side(parent) and _has_no_side(path[begin:]))
-            if times[bare[path][begin:]] == 1 and is_clear:
+            is_only = times[bare[path][begin:]] == 1
+            if is_only and not _leaves_side_out(path[begin:], parent):
                 ends.setdefault(path, path[begin:])
-    return {path: _recognised(ends.get(path, path), path) for path in starts}
+    for path, end in ends.items():
+        if usual_channel(end) is None and usual_channel(path) is not None:
+            ends[path] = path  # all of it alone is a usual name
+    return {path: ends.get(path, path) for path in starts}
 
 
-def _names_side(part: str) -> bool:
-    """Whether a part of a path is of one side of the joint."""
-    return not CLEAR_SIDES.isdisjoint(re.findall("[a-z]+", part.casefold()))
-
-
-def _has_no_side(end: str) -> bool:
-    """Whether an end names a quantity that either side may have."""
+def _leaves_side_out(end: str, parent: str) -> bool:
+    """Whether an end names a quantity that either side has, and the part before it a side."""
     found = usual_channel(end)
-    return found is not None and found[0] in ("position", "velocity", "motor_torque")
-
-
-def _recognised(end: str, path: str) -> str:
-    """The end of a path, or all of it where that alone is a usual name."""
-    return path if usual_channel(end) is None and usual_channel(path) is not None else end
+    is_open = found is not None and found[0] in ("position", "velocity", "motor_torque")
+    return is_open and not CLEAR_SIDES.isdisjoint(re.findall("[a-z]+", parent.casefold()))
 
 
 def did_you_mean(word: str, candidates: Iterable[str]) -> str:

@@ -37,12 +37,10 @@ def on_one_clock(
 ) -> tuple[FloatArray, dict[str, FloatArray], tuple[str, ...]]:
     """Bring signals to the times of the slowest, of several the first clock.
 
-    Positions and velocities are interpolated by cubic splines, inputs without overshoot. Of an
-    input that comes more often, what is too fast for the slower clock is filtered out before,
+    Of an input that comes more often, what is too fast for the slower clock is filtered out before,
     without a delay: it moves the drive by its mean, which single samples of it do not show.
-    Positions are not filtered: their noise is to stay white. Where another clock has a gap, the
-    times are left out, so that the log has a gap there, too. Returned are times in s, columns by
-    header, and warnings.
+    Positions are not filtered: their noise is to stay white. Where another clock has a gap, the log
+    gets one, too. Returned are times in s, columns by header, and warnings.
     """
     for name, stamps in clocks.items():
         _check_stamps(file, name, stamps)

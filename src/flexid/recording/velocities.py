@@ -20,11 +20,9 @@ CHANCE = 6.0  # standard deviations by which noise scatters more than it should
 def position_noise(position: FloatArray) -> float:
     """Standard deviation of the measurement noise of a position, in its unit.
 
-    The noise is what is left of the signal in differences of order eight, taken block by block; the
-    median over the blocks does not heed a jump or a few outliers. An encoder's steps count as the
-    uniform noise they resemble while the joint moves, LSB / sqrt(12), also where it stands still.
-
-    White noise is assumed. Noise that a filter in the drive has smoothed is underestimated.
+    It is white, what differences of order eight leave, by the median over blocks, which a jump does
+    not move. An encoder's steps count as the uniform noise they resemble, LSB / sqrt(12). Noise
+    that a filter in the drive has smoothed is underestimated.
     """
     if len(position) <= ORDER:
         return 0.0
@@ -82,11 +80,9 @@ def velocity(
     """The derivative of a noisy position per s, shape (n,), without phase shift.
 
     Polynomials are fitted to a window centred on each sample (Savitzky and Golay, Analytical
-    Chemistry 36, 1964). Of a geometric series of windows the one with the least expected error is
-    taken: the variance follows from the noise of the position, the squared bias from what a window
-    of half the width gives otherwise, less the part that noise explains. The next narrower one is
-    used, because the error grows slowly towards narrow windows and fast towards wide ones, above
-    all at the two ends, where no window is centred.
+    Chemistry 36, 1964), whose expected error is the least: the variance follows from the noise of
+    the position, the squared bias from what a window of half the width gives otherwise, less the
+    part that noise explains. The next narrower one is used: towards wide ones the error grows fast.
     """
     half = best_half_window(position) if half_window is None else half_window
     degree = min(DEGREE, 2 * half)
@@ -106,11 +102,8 @@ def velocity(
 
 @lru_cache  # every channel of a log tries the same windows
 def _differentiator(half: int, degree: int) -> FloatArray:
-    """Weights, shape (2 half + 1,), of a window's samples in the slope at its middle, per sample.
-
-    The slope of the polynomial that fits the window best, as Savitzky and Golay have it. SciPy has
-    the same, in a module whose import takes half a second more when all else is loaded.
-    """
+    """Weights of a window's samples, shape (2 half + 1,), in the slope at its middle."""
+    # SciPy has the same, in a module whose import takes half a second more.
     offsets = np.arange(-half, half + 1) / half
     polynomials = np.polynomial.legendre.legvander(offsets, degree)  # well conditioned
     slopes = np.polynomial.legendre.legder(np.eye(degree + 1), axis=0)

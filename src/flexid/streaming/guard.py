@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -84,16 +85,12 @@ class Counts:
         return text
 
 
-@dataclass(frozen=True, eq=False)
-class Guarded:
+class Guarded(NamedTuple):
     """What the guard says of some samples."""
 
     state: FloatArray  # the guard's, after them
-    # how many were judged: all, or those up to the first at which an encoder is found stuck
-    judged: int
-    # (m, n_positions + n_inputs): what may be learnt from, as `pack` makes it; a row of NaN
-    # stands where samples are missing
-    rows: FloatArray
+    judged: int  # how many were: all, or those up to the first at which an encoder is found stuck
+    rows: FloatArray  # (m, n_positions + n_inputs): to learn from; NaN where samples are missing
     stuck_for: int  # samples for which that encoder has stood still; 0 if none was found
 
 

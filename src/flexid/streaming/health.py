@@ -12,16 +12,11 @@ from typing import NamedTuple
 class Health(IntEnum):
     """How an estimation is; the worst that holds, from the last to the first."""
 
-    CONVERGING = 0
-    """Nothing is wrong, and the intervals are still wide."""
-    CONVERGED = 1
-    """The intervals of spring and inertias are narrow."""
-    NOT_EXCITED = 2
-    """The motion so far leaves something open: move more, or otherwise."""
-    INCONSISTENT = 3
-    """The latest motion contradicts the estimates, or these each other."""
-    SENSOR_FAULT = 4
-    """A sensor, or the line from it, does not work."""
+    CONVERGING = 0  # nothing is wrong, and the intervals are still wide
+    CONVERGED = 1  # the intervals of spring and inertias are narrow
+    NOT_EXCITED = 2  # the motion so far leaves something open: move more, or otherwise
+    INCONSISTENT = 3  # the latest motion contradicts the estimates, or these each other
+    SENSOR_FAULT = 4  # a sensor, or the line from it, does not work
 
     @property
     def words(self) -> str:
@@ -92,8 +87,7 @@ class Evidence(NamedTuple):
     open_direction: Sequence[str]  # coefficients that are confused most
     widths: Sequence[Width]  # of spring and inertias
     changed: str  # what contradicted the estimates before they began again; empty if nothing did
-    contradicted: str = ""
-    """What is known, or was estimated before, and is otherwise now; empty if nothing is."""
+    contradicted: str = ""  # what is known, or was estimated before, and is otherwise now
 
 
 class Judgement(NamedTuple):
