@@ -42,12 +42,6 @@ _HEADING = (
     "Of mass, lever and gravity only the product acts on the link.",
 )
 
-_UNUSUAL = {"theta1": "theta_sine", "gamma1": "gamma_sine", "alpha2": "alpha_viscous"}
-"""Coefficients of `Side` that do not say by their name what they multiply."""
-
-_PLACES = {*Side._fields, *Spring._fields, "backlash"}
-_REPRESENTED = {"beta1", "theta2", "alpha1", "hysteresis_grip"}
-
 
 def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     """Write ``joint.xml``, the scene of an estimate."""
@@ -74,15 +68,18 @@ def mjcf_scene(joint: JointModel, input_unit: str = TORQUE) -> Scene:
             "needs a joint with its motor, and the estimate is of the link alone: identify a log "
             "with the motor's torque",
         )
-    values = joint.coefficients
+    values = dict(joint.coefficients)  # what the scene has is taken out of them
     torque = input_unit == TORQUE
     notes = [] if torque else [_scaled(input_unit)]
-    inertia = 1.0 / values["beta1"] if torque else 1.0
+    gain = values.pop("beta1")
+    inertia = 1.0 / gain if torque else 1.0
+    by_motor, by_link = values.pop("alpha1", 0.0), values.pop("theta2", 0.0)
+    fastest = sqrt(abs(by_link + by_motor))
     if joint.kind == "rigid":
         link, motor, spring = None, _side(values, "gamma", inertia), None
     else:
-        stiffness = values["alpha1"] * inertia
-        link = _side(values, "theta", stiffness / values["theta2"])
+        stiffness = by_motor * inertia
+        link = _side(values, "theta", stiffness / by_link)
         motor = _side(values, "alpha", inertia)
         spring = _spring(values, stiffness, inertia, link.inertia, notes)
     notes += _shapes(joint, values)
@@ -92,18 +89,17 @@ def mjcf_scene(joint: JointModel, input_unit: str = TORQUE) -> Scene:
     notes += _delays(joint)
     dry = any(side is not None and side.coulomb > 0.0 for side in (link, motor))
     dry |= spring is not None and spring.hysteresis > 0.0
-    fastest = sqrt(abs(values.get("theta2", 0.0) + values.get("alpha1", 0.0)))
     bodies = [_pendulum("motor", motor)]
     if link is not None:
         seen = Shape("cylinder", (0.0, 0.05, 0.0, 0.0, 0.1, 0.0), 0.05)
         bodies = [_pendulum("link", link), rotor("motor", motor, shape=seen)]
-    gain, link_offset = values["beta1"] * motor.inertia, 0.0 if link is None else link.offset
+    link_offset = 0.0 if link is None else link.offset
     return scene(
         "rigid joint" if link is None else "flexible joint",
         _HEADING,
         notes,
         bodies,
-        [Joint("", spring, gain, motor.offset, link_offset)],
+        [Joint("", spring, gain * motor.inertia, motor.offset, link_offset)],
         gravity=(0.0, 0.0, -_GRAVITY),
         axis="0 1 0",
         delay=joint.delays.get(INPUT_DELAY, 0.0),
@@ -136,20 +132,16 @@ def _scaled(unit: str) -> str:
     )
 
 
-def _side(values: Mapping[str, float], row: str, inertia: float) -> Side:
-    """What acts on one side alone."""
-    named = {_UNUSUAL.get(name, name): value for name, value in values.items()}
-    own = [what for what in Side._fields if f"{row}_{what}" in named]
-    return Side(inertia, **{what: inertia * named[f"{row}_{what}"] for what in own})
-
-
-def _is_represented(coefficient: str) -> bool:
-    what = _UNUSUAL.get(coefficient, coefficient).partition("_")[2]
-    return coefficient in _REPRESENTED or what in _PLACES
+def _side(values: dict[str, float], row: str, inertia: float) -> Side:
+    """What acts on one side alone, taken out of the coefficients."""
+    found = {what: values.pop(f"{row}_{what}", 0.0) for what in Side._fields[1:]}
+    found["sine"] += values.pop(f"{row}1", 0.0)
+    found["viscous"] += values.pop(f"{row}2", 0.0)
+    return Side(inertia, **{what: inertia * value for what, value in found.items()})
 
 
 def _spring(
-    values: Mapping[str, float],
+    values: dict[str, float],
     stiffness: float,
     motor_inertia: float,
     link_inertia: float,
@@ -158,8 +150,8 @@ def _spring(
     """What acts between link and motor; the motor's side counts where they differ."""
 
     def torque(name: str) -> float:
-        there = motor_inertia * values.get(f"alpha_{name}", 0.0)
-        back = link_inertia * values.get(f"theta_{name}", 0.0)
+        there = motor_inertia * values.pop(f"alpha_{name}", 0.0)
+        back = link_inertia * values.pop(f"theta_{name}", 0.0)
         if not isclose(there, back, rel_tol=_SAME):
             notes.append(
                 f"alpha_{name} and theta_{name} are {there:.4g} and {back:.4g} on the two sides of "
@@ -189,16 +181,16 @@ def _possible(side: Side, name: str, notes: list[str]) -> Side:
     return side._replace(coulomb=0.0)
 
 
-def _shapes(joint: JointModel, values: Mapping[str, float]) -> list[str]:
+def _shapes(joint: JointModel, values: dict[str, float]) -> list[str]:
     """What the scene has sharp and the fit has round."""
     notes = []
     width = joint.coulomb_velocity
-    if width is not None and any(c.endswith("_coulomb") for c in values):
+    if width is not None and any(c.endswith("_coulomb") for c in joint.coefficients):
         notes.append(
             f"Coulomb friction sticks here, where the estimate smooths it over {width:.4g} rad/s"
         )
-    if "alpha_hysteresis" in values:
-        reach = 1.0 / values.get("hysteresis_grip", inf)
+    if "alpha_hysteresis" in joint.coefficients:
+        reach = 1.0 / values.pop("hysteresis_grip", inf)
         notes.append(
             f"the friction within the spring sticks here, where that of the estimate turns round "
             f"over {reach:.4g} rad"
@@ -225,7 +217,7 @@ def _delays(joint: JointModel) -> list[str]:
 
 def _left_out(values: Mapping[str, float]) -> list[str]:
     """Terms that have no place in a scene."""
-    lost = [c for c, value in values.items() if value and not _is_represented(c)]
+    lost = [c for c, value in values.items() if value]
     notes = []
     for name, term in (TERMS | SHAPE_TERMS).items():
         own = {c: values[c] for c in (*term.link, *term.motor) if c in lost}
