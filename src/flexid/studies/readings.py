@@ -72,11 +72,13 @@ def table1_loop(
     reference: Multisine | None = None,
     observer_gains: tuple[float, float] = (OBSERVER_GAIN, OBSERVER_GAIN),  # c1 and c2
     initial_state: Sequence[float] = (),
+    physical: Mapping[str, float] = PHYSICAL,
 ) -> ClosedLoop:
     """Build the closed loop of the paper's simulation."""
+    true = joint_coefficients(physical)
     return ClosedLoop(
-        flexible_joint(known={"beta1": TRUE["beta1"]}),
-        {name: TRUE[name] for name in UNKNOWN},
+        flexible_joint(known={"beta1": true["beta1"]}),
+        {name: true[name] for name in UNKNOWN},
         robust_law(k, exponents),
         reference or sine(AMPLITUDE),
         dict(zip(("link", "motor"), observer_gains, strict=True)),

@@ -12,23 +12,18 @@ from urllib.parse import urlencode
 
 import numpy as np
 
-from flexid.control.laws import robust_law
 from flexid.control.references import Multisine
 from flexid.errors import FlexidError, SettingError, SimulationError
-from flexid.models.flexible_joint import flexible_joint
-from flexid.models.physical import joint_coefficients
 from flexid.report.reproduction_charts import SYMBOLS, Played, play_chart
-from flexid.simulation.loop import ClosedLoop
 from flexid.studies.readings import (
     AMPLITUDE,
     ATTENUATION,
     FREQUENCY,
-    INITIAL_ESTIMATES,
     MEANINGS,
     OBSERVER_GAIN,
     PHYSICAL,
     SIMULATED,
-    UNKNOWN,
+    table1_loop,
 )
 from flexid.studio.choices import one_of, texts_of
 
@@ -38,6 +33,7 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
     from flexid.identification.vocabulary.progress import Progress
     from flexid.report.svg import Drawn
+    from flexid.simulation.loop import ClosedLoop
     from flexid.simulation.run import Run
     from flexid.simulation.sampled import Sampling
     from flexid.studio.window import Window
@@ -101,16 +97,14 @@ class PlayChoices:
     @property
     def loop(self) -> ClosedLoop:
         """The closed loop of the paper with these values."""
-        values = self.values
-        true = joint_coefficients({name: values[name] for name in PHYSICAL})
+        v = self.values
         a, b, c = map(int, self.reading.split(","))
-        return ClosedLoop(
-            flexible_joint(known={"beta1": true["beta1"]}),
-            {name: true[name] for name in UNKNOWN},
-            robust_law(values["k"], (a, b, c)),
-            Multisine((values["amplitude"],), (values["frequency"],)),
-            {"link": values["c"], "motor": values["c"]},
-            INITIAL_ESTIMATES,
+        return table1_loop(
+            (a, b, c),
+            v["k"],
+            Multisine((v["amplitude"],), (v["frequency"],)),
+            (v["c"], v["c"]),
+            physical={name: v[name] for name in PHYSICAL},
         )
 
     @property
@@ -254,16 +248,9 @@ def _measured(run: Run) -> Played:
 
 def _every(run: Run, step: int) -> Run:
     """Every so many samples of a run, of which the page shows no more."""
-    return replace(
-        run,
-        time=run.time[::step],
-        states=run.states[::step],
-        inputs=run.inputs[::step],
-        estimates=run.estimates[::step],
-        parameter_errors=run.parameter_errors[::step],
-        tracking_error=run.tracking_error[::step],
-        measured=None,
-    )
+    series = ("time", "states", "inputs", "estimates", "parameter_errors", "tracking_error")
+    fewer: dict[str, Any] = {name: getattr(run, name)[::step] for name in series}
+    return replace(run, **fewer, measured=None)
 
 
 def _conditions(
