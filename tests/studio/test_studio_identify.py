@@ -13,7 +13,7 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from browser import Watched, serious_faults, wait_until
+from browser import Watched, serious_faults
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -79,21 +79,6 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
     assert page.inner_text("#export-state a") == "mjcf.zip"
     assert watched.complaints == []
     assert {url.split("/")[2] for url in watched.requests} == {address.split("/")[2]}
-
-
-@pytest.mark.thorough
-def test_another_model_changes_table_and_figures(page: Page, address: str):
-    """Assert that a choice is answered by another table and other figures, at the same place."""
-    page.goto(f"{address}?model=link&ran=yes")
-    page.wait_for_selector("#found")
-    assert "motor_inertia" not in page.inner_text("#found")
-    assert page.inner_text("#result-state") == ""
-    page.select_option("[name=model]", "auto")
-    page.wait_for_selector("#result-state:has-text('has been chosen since')")
-    page.click("#run-form button")
-    page.wait_for_selector("#found th:has-text('motor_inertia')")
-    page.wait_for_selector("#result-charts .chart.wide:has-text('motor_inertia')")
-    assert "model" not in page.url
 
 
 @pytest.mark.thorough
@@ -247,14 +232,3 @@ def test_a_log_is_named_from_where_the_studio_was_started(
         for _ in range(2):
             page.goto(address)
             page.wait_for_selector("#run-form")
-
-
-@pytest.mark.thorough
-def test_figures_of_another_log_take_the_place(page: Page, address: str, short_log: Path):
-    """Assert that another log ends what was drawn of the one before."""
-    page.goto(address)
-    page.wait_for_selector("#run-form")
-    figure = page.wait_for_selector("#check-charts figure:has(svg)")
-    assert figure is not None
-    send(page, short_log)
-    wait_until(page, "figure => !figure.isConnected", figure)
