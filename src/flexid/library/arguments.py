@@ -146,7 +146,7 @@ def one_thread() -> Iterator[None]:
 
 
 _SECTION = re.compile(
-    r"(?<=    Parameters\n    ----------\n).*?(?=\n\n    \w+\n    ---)", re.DOTALL
+    r"(?<=    Parameters\n    ----------\n).*?(?=\n\n    \w+\n    ---|\n    \Z)", re.DOTALL
 )
 _ENTRY = re.compile(r"^    (\w+) : .*\n(?:        .*\n?)*", re.MULTILINE)
 

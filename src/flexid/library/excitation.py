@@ -92,11 +92,6 @@ def excitation(
     ----------
     logs : log or list of logs
         Logs of one drive. As `flexid.identify` takes them.
-
-    Returns
-    -------
-    LogExcitation
-        Coefficients with what confuses them, and advice on what to add.
     """
     from flexid.experiment_design.excitation_report import examine
     from flexid.library.logs import all_logs
@@ -180,11 +175,6 @@ def design(
         Seed of the search's random starts.
     progress : callable, optional
         Called with the name of each step that is done.
-
-    Returns
-    -------
-    ExperimentDesign
-        The experiment, what it would determine, and how close it comes to the limits.
     """
     from flexid.experiment_design.design import design as run
     from flexid.experiment_design.drive import read_drive

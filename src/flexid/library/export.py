@@ -172,11 +172,6 @@ def export(
         A column map for the log. As `flexid.identify` takes it.
     terms : iterable of str, optional
         Terms of flexible-joint; those of the paper if not given.
-
-    Returns
-    -------
-    ExportedFiles
-        Their paths, and what they do not hold.
     """
     from flexid.exports.request import TARGETS, ExportRequest, export_arm, export_to
     from flexid.files import output_directory

@@ -92,11 +92,6 @@ def identify(
     progress : callable, optional
         Called with each step in words, for example ``print``.
 
-    Returns
-    -------
-    JointEstimate
-        Parameters and coefficients with intervals and verdicts, figures, predictions.
-
     Examples
     --------
     >>> estimate = flexid.identify("examples/flexible_joint.csv")  # doctest: +SKIP
@@ -152,16 +147,12 @@ def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress)
 def load(path: "str | os.PathLike[str]") -> "JointEstimate":
     """Read an estimate that was saved, by `JointEstimate.save` or by ``flexid identify --out``.
 
+    It predicts and validates logs; the time series of the log that it was made from are not stored.
+
     Parameters
     ----------
     path : path
         An ``estimate.json``.
-
-    Returns
-    -------
-    JointEstimate
-        As it was saved; it predicts and validates logs. The time series of the log that it was
-        made from are not stored.
     """
     from flexid.library.joint_estimate import JointEstimate
     from flexid.stored_estimates.estimate_file import read_estimate

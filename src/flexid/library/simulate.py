@@ -112,11 +112,6 @@ def simulate(
     set : mapping of str to float, optional
         Numbers that replace those of the file, by dotted path. For example
         ``{"controller.k": 30.0}``.
-
-    Returns
-    -------
-    SimulatedRun
-        Time series, measures and figures.
     """
     from flexid.experiments import read_experiment
 
@@ -191,11 +186,6 @@ def campaign(
         Directory of a campaign to summarise instead.
     progress : callable, optional
         Called with the number of runs whose rows are kept, and the number of all.
-
-    Returns
-    -------
-    CampaignResult
-        Rows, statuses, distributions, and which input matters.
     """
     from flexid.campaigns import run_campaign, summarise
     from flexid.experiments import read_experiment
@@ -245,11 +235,6 @@ def reproduce(*, progress: Progress = silent) -> PaperReproduction:
     ----------
     progress : callable, optional
         Called with the name of each part that is done.
-
-    Returns
-    -------
-    PaperReproduction
-        All runs, and every claim decided.
     """
     from flexid.studies.reproduction import reproduce as run
 

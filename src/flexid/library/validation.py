@@ -162,11 +162,6 @@ def validate(
         arm, paths.
     columns : path or mapping, optional
         A column map for raw sensor columns. As `flexid.identify` takes it.
-
-    Returns
-    -------
-    EstimateValidation
-        Fits and residuals by horizon.
     """
     from flexid.library.logs import all_logs
     from flexid.stored_estimates.validate_estimate import validate_arm, validate_estimate
@@ -267,11 +262,6 @@ def compare(
     a, b : JointEstimate, path or mapping
         An estimate.json of flexid identify, or the folder that holds it. Or what `flexid.identify`
         returned, or the content of a file.
-
-    Returns
-    -------
-    EstimateComparison
-        Differences with intervals and outcomes, and what was done otherwise.
     """
     from flexid.comparisons.comparison import compare_estimates
 

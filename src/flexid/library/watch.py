@@ -337,11 +337,6 @@ def watch(
     duration : float, optional
         Seconds after which to stop.
 
-    Returns
-    -------
-    Watch
-        Health, parameters with intervals, excitation and what became of the samples, at any time.
-
     Examples
     --------
     >>> watch = flexid.watch(sample_time=1e-3)  # doctest: +SKIP
