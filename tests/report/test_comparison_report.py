@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +10,9 @@ import pytest
 
 from flexid.comparisons.comparison import compare_estimates
 from flexid.report.comparison import outcome_texts, parts
-from flexid.report.comparison import page as comparison_page
 from flexid.report.comparison_summary import comparison_summary
-from flexid.report.page import Command
 from flexid.report.terminal import format_with_interval, laid_out
-from made_estimates import STIFFER, TRUE, drawn, exact
+from made_estimates import STIFFER, drawn
 
 
 @pytest.fixture(scope="module")
@@ -63,17 +60,3 @@ def test_what_may_hide_is_rounded_up(comparison):
     found = replace(comparison, parameters={d.name: d}, together=None)
     (line,) = comparison_summary(found)
     assert line.endswith("the largest that may hide is one of 2.2 % of joint_stiffness.")
-
-
-def test_the_command_repeats_it():
-    """Assert that files are named so that a shell takes them, and that memory has no command."""
-    a, b = exact(TRUE, "a"), exact(STIFFER, "b")
-
-    def commands(*labels):
-        page = comparison_page(compare_estimates(a, b, *labels), ())
-        (origin,) = [section for section in page.sections if section.name == "origin"]
-        return [item.text for item in origin.content if isinstance(item, Command)]
-
-    assert commands() == []
-    (command,) = commands(("my drive/estimate.json", "b.json"))
-    assert shlex.split(command) == ["flexid", "compare", "my drive/estimate.json", "b.json"]

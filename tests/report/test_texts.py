@@ -15,7 +15,7 @@ from flexid.arrays import to_json
 from flexid.campaigns.summary import Correlation, SobolIndex
 from flexid.comparisons.comparison import compare_estimates
 from flexid.identification.vocabulary.evidence import FreeRun, ModelError
-from flexid.report import campaign, validation
+from flexid.report import campaign, validation, watch
 from flexid.report.comparison import page as comparison_page
 from flexid.report.comparison import parts as comparison_parts
 from flexid.report.identification import explanation, identification_parts
@@ -24,6 +24,8 @@ from flexid.report.terminal import USUAL, Part, laid_out
 from flexid.stored_estimates.estimate_file import estimate_document
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 from flexid.streaming.guard import Counts
+from flexid.streaming.options import WatchOptions
+from flexid.streaming.session import Session
 from made_estimates import STIFFER, TRUE, exact, with_parameter
 
 
@@ -143,7 +145,9 @@ def comparison_on_a_page():
     """A comparison of files, with what is not compared and why."""
     b = with_parameter(exact(STIFFER, "b"), "joint_stiffness", verdict="undetermined", reason="odd")
     found = compare_estimates(exact(TRUE, "a"), b, ("my drive/estimate.json", "b.json"))
-    return page_lines(comparison_page(found, ()))
+    yield from page_lines(comparison_page(found, ()))
+    in_memory = compare_estimates(exact(TRUE, "a"), b)
+    yield from page_lines(comparison_page(in_memory, ()))
 
 
 def campaigns():
@@ -213,6 +217,20 @@ def validations():
     yield from page_lines(validation.page(warned, validation.charts(warned), command))
 
 
+def watched():
+    """A drive at rest: the report, the view that is renewed, and its lines of bars."""
+    session = Session(WatchOptions(2e-3, ("gravity", "motor_viscous"), hold="linear"))
+    samples = np.zeros((1500, 4))
+    samples[:, 0] = 2e-3 * np.arange(1500)
+    session.feed(samples)
+    yield from printed(*watch.parts(session))
+    sparks = watch.Sparks()
+    for known in (None, session, session):
+        yield from watch.live_view(known, sparks, 100).plain.splitlines()
+    for values in ([1.0, nan, 3.0], [2.0, 2.0], [-1e308, 1e308], []):
+        yield f"[{watch.sparkline(values)}]"
+
+
 def counts():
     """What became of a stream's samples: only what happened is said."""
     nothing = Counts(*[0] * 12)
@@ -224,7 +242,8 @@ def counts():
 
 ANSWERS = (
     identification, exact_fit, document, negligible, trust_and_next_step, advised, typed,
-    comparison, compared, comparison_on_a_page, campaigns, campaign_figures, validations, counts,
+    comparison, compared, comparison_on_a_page, campaigns, campaign_figures, validations,
+    watched, counts,
 )  # fmt: skip
 
 
