@@ -115,29 +115,20 @@ def plant_model(request: ExportRequest) -> FmuModel:
             f"--sample-time for the online estimator",
         )
     values = {name: float(request.values[name]) for name in system.coefficients}
+    regressors = {name: text for row in system.rows for name, text in row.regressors.items()}
+    units = dict.fromkeys((*system.inputs, *regressors, *system.constants), "") | request.units
     variables = (
         *(
-            Variable(name, "output", 0.0, unit, what)
+            Variable(name, "output", 0.0, unit, f"{what} of the {row.name}")
             for row in system.rows
             for name, unit, what in (
-                (row.coordinate, "rad", f"position of the {row.name}"),
-                (row.velocity, "rad/s", f"velocity of the {row.name}"),
+                (row.coordinate, "rad", "position"),
+                (row.velocity, "rad/s", "velocity"),
             )
         ),
-        *(
-            Variable(name, "input", 0.0, request.units.get(name, ""), "held over a step")
-            for name in system.inputs
-        ),
-        *(
-            Variable(name, "parameter", value, request.units.get(name, ""), regressor)
-            for row in system.rows
-            for name, regressor in row.regressors.items()
-            for value in (values[name],)
-        ),
-        *(
-            Variable(name, "parameter", value, request.units.get(name, ""))
-            for name, value in system.constants.items()
-        ),
+        *(Variable(name, "input", 0.0, units[name], "held over a step") for name in system.inputs),
+        *(Variable(n, "parameter", values[n], units[n], text) for n, text in regressors.items()),
+        *(Variable(n, "parameter", v, units[n]) for n, v in system.constants.items()),
     )
     text = rendered(
         "fmu/plant.c",
@@ -156,18 +147,15 @@ def estimator_model(request: ExportRequest) -> FmuModel:
     drive = DriveSource(request)
     settings = drive.settings
     states = drive.system.states
-    state_units = dict.fromkeys(states[::2], "rad") | dict.fromkeys(states[1::2], "rad/s")
+    units = {**request.units, **dict.fromkeys(states[::2], "rad")}
+    units |= dict.fromkeys(states[1::2], "rad/s")
     health = ", ".join(f"{number} {word}" for number, word in enumerate(HEALTH))
     variables = (
         *(
-            Variable(f"{name}_hat", "output", None, request.units.get(name, ""), "estimate")
+            Variable(f"{name}_hat", "output", None, units.get(name, ""), "estimate")
             for name in drive.system.coefficients
         ),
-        *(
-            Variable(name, "input", 0.0, unit, "sample")
-            for name in drive.sample_names
-            for unit in (state_units.get(name, request.units.get(name, "")),)
-        ),
+        *(Variable(n, "input", 0.0, units.get(n, ""), "sample") for n in drive.sample_names),
         Variable("health", "output", None, "", health, integer=True),
     )
     text = rendered("fmu/estimator.c", drive=drive, settings=settings)

@@ -189,16 +189,10 @@ def _in_memory(name: str, source: str) -> ModuleType:
 @contextmanager
 def _one_writer(path: Path) -> Iterator[None]:
     """Let one thread of one process at a time write the files of a kernel."""
-    lock = _lock(path)
-    try:
-        lock.acquire()
-    except (NotImplementedError, OSError):  # a file system without locks
+    with ExitStack() as held:
+        with suppress(NotImplementedError, OSError):  # a file system without locks
+            held.enter_context(_lock(path))
         yield
-        return
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 @cache
