@@ -116,7 +116,8 @@ def plant_model(request: ExportRequest) -> FmuModel:
         )
     values = {name: float(request.values[name]) for name in system.coefficients}
     regressors = {name: text for row in system.rows for name, text in row.regressors.items()}
-    units = dict.fromkeys((*system.inputs, *regressors, *system.constants), "") | request.units
+    named = (*system.inputs, *regressors, *system.constants)
+    units = {**dict.fromkeys(named, ""), **request.units}
     variables = (
         *(
             Variable(name, "output", 0.0, unit, f"{what} of the {row.name}")

@@ -113,7 +113,9 @@ def simulate_ensemble(
     grid = SampleGrid(duration, sample_time)
     kernel = ensemble_kernel(loops[0].declaration, stiff)
     table = _Table.of(len(loops), kernel.N_TOTALS)
-    blocks = _blocks(len(loops), kernel.RUNS_AT_ONCE, workers)
+    # Runs that are handed out together: as many as are wanted at once, but something for all.
+    size = min(kernel.RUNS_AT_ONCE, -(-len(loops) // workers))
+    blocks = [slice(first, first + size) for first in range(0, len(loops), size)]
 
     def job(number: int) -> None:
         block = blocks[number]
@@ -181,12 +183,6 @@ def _check(loops: Sequence[ClosedLoop], workers: int) -> None:
         raise SettingError(
             "loops", "they differ in more than values: simulate each kind of loop by itself"
         )
-
-
-def _blocks(runs: int, at_once: int, workers: int) -> list[slice]:
-    """Runs that are handed out together: as many as are wanted at once, but something for all."""
-    size = min(at_once, -(-runs // workers))
-    return [slice(first, min(first + size, runs)) for first in range(0, runs, size)]
 
 
 def _ensemble(
