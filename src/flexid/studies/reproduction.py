@@ -16,6 +16,7 @@ from flexid.studies.cases import (
     late_tracking_errors,
     peak_torque,
     rate_points,
+    theorem_case,
 )
 from flexid.studies.claims import Claim, decide_claims
 from flexid.studies.readings import (
@@ -91,7 +92,7 @@ def reproduce(finished: Callable[[str], None]) -> Reproduction:
     }
     peaks = {k: peak_torque((1, 2, 3), k) for k in (ATTENUATION, EARLIER_ATTENUATION)}
     late = done("longer run", late_tracking_errors((1, 1, 3), LATE))
-    cases = tuple(done("case of Theorem 1", case()) for case in CASES)
+    cases = tuple(done("case of Theorem 1", theorem_case(*case)) for case in CASES)
     rates = done("rates of convergence", rate_points())
     other = done("another controller", error_under_pd())
     claims = done("claims", decide_claims(readings, runs, attenuation, peaks, rates, cases, other))
