@@ -161,7 +161,7 @@ def test_whole_decades_hold_the_values():
     """Assert that there is a decade at least, and that ends are powers of ten."""
     assert whole_decades(np.array([3.0, 4.0])) == (1.0, 10.0)
     assert whole_decades(np.array([10.0, 10.0])) == (10.0, 100.0)
-    assert whole_decades(np.array([0.02, 1e3])) == (0.01, 1e3)
+    assert whole_decades(np.array([0.02, 1e3, 0.0, np.nan])) == (0.01, 1e3)
 
 
 @pytest.mark.parametrize("width", [7.2, NARROW])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from made_result import made_result
 from rich.text import Text
 
+from flexid.report.excitation import format_percent
 from flexid.report.identification import explanation, identification_parts
 from flexid.report.terminal import (
     Cell,
@@ -111,10 +112,26 @@ def test_digits_go_first_then_columns_then_the_table():
     assert page([table], 16)[1:] == entry
 
 
-def test_undetermined_values_have_one_digit():
-    """Assert that a value that the log leaves free has no more digits than it deserves."""
-    assert format_with_interval(31346198.123, float("-inf"), float("inf"))[0] == "3e+07"
-    assert format_with_interval(3.1346, -2e5, 2e5)[0] == "3"
+@pytest.mark.parametrize(
+    ("numbers", "shown"),
+    [
+        ((99.98731, 99.93, 100.04), "99.99 99.93 100.04"),
+        ((1.23456, 1.2, 1.27), "1.235 1.200 1.270"),
+        ((4.1e6, 3.9e6, 4.3e6), "4100000 3900000 4300000"),
+        ((0.3, 0.3, 0.3), "0.3 0.3 0.3"),
+        ((31346198.4, -9e9, 9.1e9), "3e+07 -9e+09 9e+09"),
+        ((31346198.4, -float("inf"), float("inf")), "3e+07 -inf inf"),
+    ],
+)
+def test_digits_follow_the_interval(numbers, shown):
+    """Assert that no more digits are printed than the width justifies, and one of what is free."""
+    assert " ".join(format_with_interval(*numbers)) == shown
+
+
+def test_shares_have_two_digits():
+    """Assert that a share is in per cent, small ones and open ones in words."""
+    shares = map(format_percent, (0.01234, 3.7, 1e-6, float("inf")))
+    assert [*shares] == ["1.2 %", "370 %", "<0.01 %", "unknown"]
 
 
 @pytest.mark.parametrize("width", [40, 57, 80, 100])
@@ -136,4 +153,4 @@ def test_empty_lines_are_single():
 
 def test_greek_is_spelled_where_it_cannot_be_shown():
     """Assert that nothing that we print is lost where there is no Greek."""
-    assert spelled("α₂ ± 3 ≤ θ") == "alpha2 +- 3 <= theta"
+    assert spelled("α₂ ± 3 ≤ θ₁ 1/s²") == "alpha2 +- 3 <= theta1 1/s2"

@@ -191,13 +191,7 @@ def _judged(
 
 
 def holm(probabilities: Sequence[float], chance: float) -> list[bool]:
-    """Which of several differences are significant, if any may be so by chance only this rarely.
-
-    Examples
-    --------
-    >>> holm([0.04, 0.001, 0.03], 0.05)
-    [False, True, False]
-    """
+    """Which of several differences are significant, if any may be so by chance only this rarely."""
     found = [False] * len(probabilities)
     for rank, place in enumerate(np.argsort(probabilities)):
         if not probabilities[place] <= chance / (len(probabilities) - rank):

@@ -84,13 +84,7 @@ def _cost(c: CoefficientAssessment) -> str:
 
 
 def format_percent(share: float) -> str:
-    """A share as text, in percent.
-
-    Examples
-    --------
-    >>> format_percent(0.01234), format_percent(3.7), format_percent(float("inf"))
-    ('1.2 %', '370 %', 'unknown')
-    """
+    """A share as text, in percent."""
     if not isfinite(share):
         return "unknown"
     return f"{_two_digits(100 * share)} %" if share >= _LITTLE else f"<{100 * _LITTLE:g} %"

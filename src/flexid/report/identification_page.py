@@ -49,16 +49,7 @@ _CHOSEN = ("hold", "input_delay", "link_delay", "coulomb_velocity", "filter_rate
 
 
 def identification_command(result: Identification) -> str:
-    """The command that repeats an identification; see `mapped` for its column map.
-
-    Examples
-    --------
-    >>> from types import SimpleNamespace
-    >>> settings = {"known": {"motor_inertia": 0.3}, "known_deviations": {"motor_inertia": 0.01}}
-    >>> provenance = {"settings": settings, "inputs": [{"file": "my log.csv"}]}
-    >>> identification_command(SimpleNamespace(provenance=provenance))
-    "flexid identify 'my log.csv' --known motor_inertia=0.3+-0.01"
-    """
+    """The command that repeats an identification; see `mapped` for its column map."""
     return _command("identify", result, ["--stream"] if "stream" in result.provenance else [])
 
 

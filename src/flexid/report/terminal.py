@@ -271,13 +271,7 @@ def encodable(text: str) -> bool:
 
 
 def spelled(text: str) -> str:
-    """Text in ASCII, for terminals that have no Greek.
-
-    Examples
-    --------
-    >>> spelled("θ₁ ≤ 5 ± 0.1 1/s²")
-    'theta1 <= 5 +- 0.1 1/s2'
-    """
+    """Text in ASCII, for terminals that have no Greek."""
 
     def ascii_of(character: str) -> str:
         bare = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
@@ -319,19 +313,7 @@ _MOST = 15  # significant digits, beyond which a float's own rounding begins
 def format_with_interval(
     value: float, lower: float, upper: float, digits: int = 2
 ) -> tuple[str, str, str]:
-    """Numbers as text, with as many digits as the width of the interval justifies.
-
-    Examples
-    --------
-    >>> format_with_interval(99.98731, 99.93, 100.04)
-    ('99.99', '99.93', '100.04')
-    >>> format_with_interval(4.1e6, 3.9e6, 4.3e6)
-    ('4100000', '3900000', '4300000')
-    >>> format_with_interval(31346198.4, -9e9, 9.1e9)
-    ('3e+07', '-9e+09', '9e+09')
-    >>> format_with_interval(31346198.4, -float("inf"), float("inf"))
-    ('3e+07', '-inf', 'inf')
-    """
+    """Numbers as text, with as many digits as the width of the interval justifies."""
     numbers = (value, lower, upper)
     width = upper - lower
     if isnan(width) or not isfinite(value) or width < 0.0 or width == inf:
@@ -367,11 +349,7 @@ def _own_place(x: float, place: int) -> int:
 
 
 def listed(words: Sequence[str]) -> str:
-    """Words in a row, with "and" before the last.
-
-    >>> listed(["a", "b", "c"])
-    'a, b and c'
-    """
+    """Words in a row, with "and" before the last."""
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 

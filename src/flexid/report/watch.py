@@ -98,11 +98,7 @@ class Sparks:
 
 
 def sparkline(values: Sequence[float] | deque[float]) -> str:
-    """Values as bars, the lowest the shortest; what is no number is a blank.
-
-    >>> sparkline([1.0, 2.0, 3.0])
-    '▁▅█'
-    """
+    """Values as bars, the lowest the shortest; what is no number is a blank."""
     bars = _BARS if encodable(_BARS) else _PLAIN_BARS
     finite = [value for value in values if isfinite(value)]
     low, high = min(finite, default=0.0), max(finite, default=0.0)
