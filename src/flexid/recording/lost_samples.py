@@ -36,7 +36,9 @@ _EVEN = 1e-3  # of a step, by which a counted time differs from even
 def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.int64]:
     """How many samples are lost after each, shape (n - 1,); all 0 where nothing shows it."""
     none = np.zeros(len(time) - 1, dtype=np.int64)
-    if not positions or len(time) < _FEWEST_WINDOWS * len(positions) or not _is_counted(time):
+    steps = np.diff(time)
+    is_counted = np.ptp(steps) <= _EVEN * np.median(steps)
+    if not positions or len(time) < _FEWEST_WINDOWS * len(positions) or not is_counted:
         return none
     seen = np.column_stack(positions)
     lost = none
@@ -165,11 +167,6 @@ def counted_on(time: FloatArray, lost: NDArray[np.int64], *, is_span: bool) -> F
 def _kept(lost: NDArray[np.int64]) -> NDArray[np.int64]:
     """Places of the samples that are there among all."""
     return np.concatenate(([0], np.cumsum(1 + lost)))
-
-
-def _is_counted(time: FloatArray) -> bool:
-    steps = np.diff(time)
-    return bool(np.ptp(steps) <= _EVEN * np.median(steps))
 
 
 def _likeliest(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -15,11 +15,19 @@ from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS
 from flexid.recording.columns import recipes_of
 from flexid.recording.limits import MOST_ROWS, check_cells
-from flexid.recording.names import cut, first_of, folded, quoted, shortest_ends, split_header
+from flexid.recording.names import (
+    cut,
+    first_of,
+    folded,
+    quoted,
+    shortest_ends,
+    split_header,
+    usual_channel,
+)
 from flexid.recording.one_clock import Signal, on_one_clock
-from flexid.recording.own_times import OwnTimes, header_of, nearest, other_length, times_beside
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
+from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
     import polars
@@ -47,14 +55,14 @@ def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> G
 
 def with_own_times(reading: Reading, columns: MapSource | None) -> Reading | OwnTimes:
     """A file, with a time for each signal where its names tell no common one but these."""
-    times = times_beside(reading.series)
+    times = _times_beside(reading.series)
     if reading.is_table or _is_clocked(reading) or not times:
         return reading
     own = OwnTimes(reading, times)
     with suppress(RecordingError):
         found, _ = recipes_of(names_of(reading), columns)
         paths = [path for recipe in found.values() for path in recipe.weights]
-        used = {time for path in paths if (time := nearest(path, times))}
+        used = {time for path in paths if (time := _nearest(path, times))}
         if columns is not None or used <= {*found["time"].weights}:
             return reading
     with suppress(RecordingError):
@@ -82,14 +90,14 @@ def names_of(reading: Reading | OwnTimes) -> Table:
         kinds = {one.path: _TEMPORAL.get(one.kind.partition("(")[0], "Float64") for one in series}
         frame = pl.DataFrame(schema={path: getattr(pl, kind) for path, kind in kinds.items()})
         return Table(file, frame, reading.sha256)
-    short = shortest_ends(map(header_of, series))
+    short = shortest_ends(map(_header_of, series))
     headers = list(short)
     if _is_clocked(reading):  # these are the time; a signal that is called so is not
         for header, end in short.items():
             if folded(split_header(end)[0]) == "time":
                 short[header] = f"logged {end}"
         headers = [TIME, *headers]
-    kinds = {header_of(one): f"{one.kind}, {one.length} values" for one in series}
+    kinds = {_header_of(one): f"{one.kind}, {one.length} values" for one in series}
     frame = pl.DataFrame(schema=dict.fromkeys(headers, pl.Float64))
     kinds |= reading.others
     return Table(file, frame, reading.sha256, short=short, kinds=kinds)
@@ -143,7 +151,7 @@ def _wanted(reading: Reading | OwnTimes, columns: MapSource | None) -> _Wanted:
         for channel, recipe in recipes.items()
     }
     used = {header for of in headers.values() for header in of}
-    chosen = {header_of(one): one for one in reading.series if header_of(one) in used}
+    chosen = {_header_of(one): one for one in reading.series if _header_of(one) in used}
     return _Wanted(names, headers, chosen, warnings)
 
 
@@ -172,12 +180,12 @@ def _together(reading: Reading | OwnTimes, wanted: _Wanted, size: int | None) ->
 def _own_times(reading: Reading | OwnTimes, wanted: _Wanted, time: Series) -> dict[str, str]:
     """Arrays of times that stand nearer to a chosen one than the chosen time, which it names."""
     lengths = {one.path: one.length for one in reading.series}
-    beside = times_beside(reading.series)
+    beside = _times_beside(reading.series)
     found = {}
     for one in wanted.chosen.values():
         if one.length != time.length:
-            raise other_length(reading.file, one, time)
-        clock = nearest(one.path, beside)
+            raise _other_length(reading.file, one, time)
+        clock = _nearest(one.path, beside)
         if clock and clock != time.path:
             if lengths[clock] != time.length:
                 raise _other_times(reading.file, one.path, clock, time)
@@ -252,3 +260,99 @@ def _of_one_clock(
     clocks = {clock: times for clock, (times, _) in stamped.items()}
     times, columns, warnings = on_one_clock(file, clocks, signals)
     return pl.DataFrame({TIME: times, **columns}), warnings
+
+
+class OwnTimes:
+    """A file of arrays that each have the times nearest to them: signals with clocks."""
+
+    def __init__(self, reading: Reading, times: Mapping[str, str]) -> None:
+        self.file, self.sha256, self.format = reading.file, reading.sha256, reading.format
+        self.notes, self.is_table = reading.notes, False
+        self._reading = reading
+        self._times = {one.path: one for one in reading.series if one.path in times.values()}
+        own = [
+            one._replace(clock=_nearest(one.path, times))
+            for one in reading.series
+            if one.path not in self._times
+        ]
+        self.series = [one for one in own if one.clock]
+        timeless = {one.path: "no time stands beside it" for one in own if not one.clock}
+        self.others = {**reading.others, **timeless}
+
+    def frames(self, paths: Collection[str], size: int) -> Iterator[tuple[str, polars.DataFrame]]:
+        """Values of some signals with their times, clock by clock."""
+        import polars as pl
+
+        chosen: dict[str, list[str]] = {}
+        for one in self.series:
+            if one.path in paths:
+                if one.length != self._times[one.clock].length:
+                    raise _other_length(self.file, one, self._times[one.clock])
+                chosen.setdefault(one.clock, []).append(one.path)
+        dated = {clock for clock in chosen if self._times[clock].kind.startswith("datetime")}
+        if dated and dated != {*chosen}:
+            raise RecordingError(
+                self.file,
+                f"{quoted(chosen)}",
+                "some hold dates and the others numbers or durations: give all of them one clock",
+            )
+        for clock, own in chosen.items():
+            for _, frame in self._reading.frames([clock, *own], size):
+                stamps = frame[clock]
+                if clock in dated:
+                    stamps = stamps.cast(pl.Datetime("ns")).to_physical()
+                elif stamps.dtype.is_temporal():
+                    stamps = 1e-9 * stamps.cast(pl.Duration("ns")).to_physical()
+                else:
+                    stamps = stamps.cast(pl.Float64) * self._unit(clock)
+                yield clock, frame.drop(clock).with_columns(stamps.alias(STAMPS))
+
+    def _unit(self, clock: str) -> float:
+        """One unit of a clock of numbers in s."""
+        usual = usual_channel(_split_path(_header_of(self._times[clock]))[1])
+        try:
+            return scale_to_si((usual.unit if usual else None) or "s", ("s",))[0]
+        except UnitError as error:
+            raise RecordingError(self.file, f"{clock!r}", str(error)) from None
+
+
+def _header_of(series: Series) -> str:
+    """Its path, with the unit in brackets."""
+    return f"{series.path} [{series.unit}]" if series.unit else series.path
+
+
+def _times_beside(series: Iterable[Series]) -> dict[str, str]:
+    """By the path of what they stand in, the arrays of times; empty where there are several."""
+    found: dict[str, list[str]] = {}
+    for one in series:
+        folder, name = _split_path(one.path)
+        usual = usual_channel(name)
+        if usual is not None and usual.channel == "time":
+            found.setdefault(folder, []).append(one.path)
+    return {folder: paths[0] if len(paths) == 1 else "" for folder, paths in found.items()}
+
+
+def _nearest(path: str, times: Mapping[str, str]) -> str:
+    """The array of times that stands nearest to another array; empty where it is not clear."""
+    folder = path
+    while folder:
+        folder, _ = _split_path(folder)
+        if folder in times:
+            return times[folder]
+    return ""
+
+
+def _split_path(path: str) -> tuple[str, str]:
+    """The path of what an array stands in, and its own name."""
+    at = max(path.rfind("/"), path.rfind("."))
+    return (path[:at], path[at + 1 :]) if at >= 0 else ("", path)
+
+
+def _other_length(file: str, one: Series, time: Series) -> RecordingError:
+    """What is said of an array that is longer or shorter than its times."""
+    return RecordingError(
+        file,
+        f"{one.path!r}",
+        f"it has {one.length} values where {time.path!r} has {time.length}: bring the two to one "
+        f"clock, and save them at one length",
+    )

@@ -81,7 +81,11 @@ def words_of(name: str) -> Words | None:
     >>> words_of("Abtriebswinkel").quantities, [*words_of("θ_m").sides], words_of("torque %")
     (('position',), ['motor'], None)
     """
-    plain = re.sub(r"(?i)(?<![a-z])i_q(?![a-z])", "iq", _latin(name))
+    plain = re.sub(
+        r"(?i)(?<![a-z])i_q(?![a-z])",
+        "iq",
+        "".join(map(_letter, unicodedata.normalize("NFC", name))),
+    )
     if plain.lstrip().startswith("-") or not re.fullmatch(_BESIDE, _WORD.sub("", plain)):
         return None
     words = tuple(part for word in _WORD.findall(plain) for part in _parts(word.lower()))
@@ -103,12 +107,8 @@ def _kind(word: str, after: str) -> str:
     return "" if word == "last" and after in _ENGLISH else _KINDS.get(word, "")
 
 
-def _latin(name: str) -> str:
-    """A name whose Greek letters are spelled out, without accents and wide brackets."""
-    return "".join(map(_letter, unicodedata.normalize("NFC", name)))
-
-
 def _letter(letter: str) -> str:
+    """A letter in Latin: a Greek one spelled out, others without accents, brackets not wide."""
     if letter.isascii():
         return letter
     if "\uff00" <= letter <= "\uffef":  # as wide as a Chinese one

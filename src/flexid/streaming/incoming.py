@@ -33,16 +33,8 @@ class TextSamples:
         self._source, self._text = source, text
         self._ended = False
         self.warnings: tuple[str, ...] = ()
-
-    @property
-    def begins(self) -> bool:
-        """Whether the source does."""
-        return self._source.begins
-
-    @property
-    def channels(self) -> StreamChannels | None:
-        """What the header says."""
-        return self._text.channels
+        self.begins = False  # whether what was read last begins another text
+        self.channels: StreamChannels | None = None  # what the header says, as soon as it came
 
     def read(self, *, last: bool) -> FloatArray | None:
         """Samples of the lines that came."""
@@ -56,12 +48,14 @@ class TextSamples:
                 "",
                 f"it cannot be read on ({error.strerror}): check the disk or the connection",
             ) from error
+        self.begins = self._source.begins
         if self.begins:
             self._warn("it was rewritten, and is read from its beginning")
             self._warn_of_rest()
             self._text = self._text.next()
         self._ended = data is None or last
         samples = self._text.samples(data or b"", ended=self._ended)
+        self.channels = self._text.channels
         if data is None:
             self._warn_of_rest()
         if self._text.left_out:

@@ -169,9 +169,11 @@ class TextStream:
         self._first += lines
         if len(self._first) < self.fewest and not ended:
             return None
-        if self.before is not None and self._goes_on(self.before):
-            self.rows = self.before.again()
-            return self.rows.samples(self._first)
+        if self.before is not None:  # it goes on where it begins with a row: with no names
+            first = self.before.again().samples(self._first[: self.fewest])[:1]
+            if first.size and np.isfinite(first).all():
+                self.rows = self.before.again()
+                return self.rows.samples(self._first)
         if len(self._first) >= FEWEST_LINES:
             return self._begun(self._first)
         if self.before is None:
@@ -228,11 +230,6 @@ class TextStream:
                 f"it was rewritten with {now.words} where there was {was.words}: watch it as "
                 f"another stream",
             )
-
-    def _goes_on(self, before: _Rows) -> bool:
-        """Whether it begins with a row of the text before: with no names where numbers stood."""
-        first = before.again().samples(self._first[: self.fewest])[:1]
-        return bool(first.size and np.isfinite(first).all())
 
 
 def _may_be_row(line: bytes) -> bool:
