@@ -7,25 +7,16 @@ import os
 import polars as pl
 import pytest
 from filelock import FileLock
+from tests.campaigns.tiny import made_manifest
 
 from flexid.campaigns.plan import make_plan
-from flexid.campaigns.store import Manifest, find_store, open_store
+from flexid.campaigns.store import find_store, open_store
 from flexid.errors import CampaignError
 from flexid.experiments.variation import Variation
 
 INPUTS = {"controller.k": tuple(map(float, range(10, 17)))}
 PLAN = make_plan(Variation("grid", 7, 0, INPUTS, (), None), sampled=False)
-MANIFEST = Manifest(
-    flexid="1.0",
-    experiment="0123",
-    plan=PLAN.digest,
-    kind="grid",
-    runs=7,
-    inputs=PLAN.inputs,
-    keep=("tracking",),
-    runs_per_part=3,
-    text="the file",
-)
+MANIFEST = made_manifest(PLAN, "grid", ("tracking",), 3)
 RESULTS = {"tracking_rms": pl.Float64()}
 
 

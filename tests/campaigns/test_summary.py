@@ -3,9 +3,10 @@
 import numpy as np
 import polars as pl
 import pytest
+from tests.campaigns.tiny import made_manifest
 
 from flexid.campaigns.plan import Plan, make_plan
-from flexid.campaigns.store import Manifest, open_store
+from flexid.campaigns.store import open_store
 from flexid.campaigns.summary import rank_correlations, sobol_indices, summarise
 from flexid.errors import CampaignError
 from flexid.experiments.variation import Distribution, Variation
@@ -112,17 +113,7 @@ def made_up_rows(plan: Plan, runs: range) -> pl.DataFrame:
 def write_campaign(out, kind: Kind = "sobol", runs=400, parts=None):
     """Write a campaign of made-up rows, or some of its parts."""
     plan = make_plan(Variation(kind, runs, 0, INPUTS, (), None), sampled=False)
-    manifest = Manifest(
-        flexid="1.0",
-        experiment="0123",
-        plan=plan.digest,
-        kind=kind,
-        runs=runs,
-        inputs=plan.inputs,
-        keep=(),
-        runs_per_part=50,
-        text="the file",
-    )
+    manifest = made_manifest(plan, kind, (), 50)
     with open_store(out, manifest) as store:
         for part in manifest.parts if parts is None else parts:
             store.write(part, made_up_rows(plan, manifest.runs_of(part)), None)

@@ -5,6 +5,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from flexid.campaigns.plan import Plan
+from flexid.campaigns.store import Manifest
+
 HERE = Path(__file__).parent
 EXPERIMENT = (HERE / "tiny.toml").read_text()
 CAMPAIGN = (HERE / "tiny_campaign.toml").read_text()
@@ -14,6 +17,21 @@ def write_experiment(path: Path, campaign: str = CAMPAIGN, experiment: str = EXP
     """Write an experiment file."""
     path.write_text(experiment + campaign)
     return path
+
+
+def made_manifest(plan: Plan, kind: str, keep: tuple[str, ...], runs_per_part: int) -> Manifest:
+    """Return what a directory holds of a plan, of an experiment that there is not."""
+    return Manifest(
+        flexid="1.0",
+        experiment="0123",
+        plan=plan.digest,
+        kind=kind,
+        runs=len(plan.values),
+        inputs=plan.inputs,
+        keep=keep,
+        runs_per_part=runs_per_part,
+        text="the file",
+    )
 
 
 def rows_of(directory: Path) -> pl.DataFrame:

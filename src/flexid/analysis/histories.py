@@ -1,6 +1,6 @@
 """Regressors and parameter errors of each row along a motion: what the monitors look at."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,13 +33,7 @@ class RowHistory:
 
     def part(self, samples: slice) -> "RowHistory":
         """The same row over some of the samples."""
-        return RowHistory(
-            self.row,
-            self.coefficients,
-            self.gain,
-            self.regressors[samples],
-            self.errors[samples],
-        )
+        return replace(self, regressors=self.regressors[samples], errors=self.errors[samples])
 
 
 def row_histories(run: Run) -> tuple[RowHistory, ...]:
