@@ -4,7 +4,7 @@ import gc
 import logging
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -116,15 +116,21 @@ def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Ite
     Compiled code lets other threads run, so that these use all cores.
     """
     stop = threading.Event()
-    pool = ThreadPoolExecutor(workers)
-    try:  # what is done does not pile up in memory
-        for future in as_completed(
-            [pool.submit(run_part, experiment, part, stop.is_set) for part in parts]
-        ):
-            yield future.result()
-    finally:  # an interrupt: every thread ends within a few runs
-        stop.set()
-        pool.shutdown(cancel_futures=True)
+    waiting: set[Future[PartResult]] = set()
+    with ThreadPoolExecutor(workers) as pool:
+        try:
+            for part in parts:
+                waiting.add(pool.submit(run_part, experiment, part, stop.is_set))
+                if len(waiting) > 2 * workers:  # what is done does not pile up in memory
+                    done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                    yield from (future.result() for future in done)
+            while waiting:
+                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
+        finally:  # an interrupt: every thread ends within a few runs
+            stop.set()
+            for future in waiting:
+                future.cancel()
 
 
 _TIMEOUT = 10.0  # s, to reach the scheduler
