@@ -76,11 +76,6 @@ def test_contradiction(changes: dict, contradicted: bool):
 
 def test_values_are_those_of_the_exported_c():
     """Assert the numbers by which other languages know the states."""
-    assert [health.words for health in Health] == [
-        "converging",
-        "converged",
-        "not excited",
-        "inconsistent",
-        "sensor fault",
-    ]
+    words = ["converging", "converged", "not excited", "inconsistent", "sensor fault"]
+    assert [health.words for health in Health] == words
     assert [*map(int, Health)] == [0, 1, 2, 3, 4]

@@ -85,13 +85,6 @@ def usual_channel(header: str) -> Usual | None:
 
     A position or a velocity whose name has no side is that of a drive with one encoder, and is
     returned as ``"position"`` or ``"velocity"``.
-
-    >>> usual_channel("q_link_deg")[:2]
-    ('link_position', 'deg')
-    >>> usual_channel("tau")[:2]
-    ('motor_torque', None)
-    >>> usual_channel("temperature") is None
-    True
     """
     found = named_channel(header)
     return None if found is None or found.joint or found.is_command else found

@@ -18,7 +18,7 @@ from flexid.recording.outliers import mend
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import drop_repeats, even_grid, to_grid
 from flexid.recording.series import table_of_file
-from flexid.recording.slow_motion import motion_warnings
+from flexid.recording.slow_motion import check_motion
 from flexid.recording.table import Table
 from flexid.recording.wraps import count_on, unwrap
 
@@ -64,12 +64,6 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     check_motion(log, max(recordings, key=len))
     warnings = tuple(log.warnings)
     return Log(tuple(recordings), warnings, log.file, table.sha256, origins, log.uncounted)
-
-
-def check_motion(log: Draft, recording: Recording) -> None:
-    """Warn of scales and units of angles that the motion in a recording contradicts."""
-    place = f"{log.file}: {log.columns(log.those_of(ENCODERS))}"
-    log.warnings += motion_warnings(recording, place)
 
 
 def add_link_position(log: Draft) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.recording.caution import Caution, Rank
+from flexid.recording.draft import ENCODERS, Draft
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import best_half_window, velocity
 
@@ -46,8 +47,8 @@ _SMALLEST, _LARGEST = 0.003, 0.1
 joint, or one that is moved from outside, whose deflection the motion does not explain."""
 
 
-def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
-    """Warn of scales and units of angles that the motion contradicts."""
+def check_motion(log: Draft, recording: Recording) -> None:
+    """Warn of scales and units of angles that the motion in a recording contradicts."""
     motor, link = recording.motor_position, recording.link_position
     sensed = motor if link is None else link
     smoothed = _smoothing(recording)
@@ -67,22 +68,24 @@ def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
     for factor, beside, words in _WRONG_UNITS:
         if not wrong and left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
             wrong = words
+    place = log.columns(log.those_of(ENCODERS))
+    share, error = (0.0, 0.0) if wrong else scales_apart(recording)
     if wrong:
-        yield Caution(
-            f"{place}: the load repeats with the angle, which moves by {np.ptp(sensed):.3g} rad as "
-            f"it is read, as gravity does for {wrong}: check the unit",
+        log.warn(
+            place,
+            f"the load repeats with the angle, which moves by {np.ptp(sensed):.3g} rad as it is "
+            f"read, as gravity does for {wrong}: check the unit",
             Rank.SCALE,
         )
-    else:
-        share, error = scales_apart(recording)
-        if share:
-            yield Caution(
-                f"{place}: the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as "
-                f"the motor, beyond what gravity and inertia bend the joint by: check the scales "
-                f"of both encoders and the gear ratio (motor position times {1.0 + share:.4f}, or "
-                f"gear_ratio divided by it, would agree)",
-                Rank.SCALE,
-            )
+    elif share:
+        log.warn(
+            place,
+            f"the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as the motor, "
+            f"beyond what gravity and inertia bend the joint by: check the scales of both encoders "
+            f"and the gear ratio (motor position times {1.0 + share:.4f}, or gear_ratio divided by "
+            f"it, would agree)",
+            Rank.SCALE,
+        )
 
 
 def late_input(recording: Recording) -> Iterator[str]:

@@ -24,15 +24,8 @@ from flexid.streaming.session import Change, Session
 FORMAT = "flexid watch"
 VERSION = 4  # of the files that this version writes, and the only one that it reads
 PARTS = (
-    "fed",
-    "n_read",
-    "guard_state",
-    "now",
-    "newer",
-    "older",
-    "recent",
-    "suspected",
-    "n_changes",
+    *("fed", "n_read", "guard_state", "now", "newer", "older"),
+    *("recent", "suspected", "n_changes"),
 )
 """Attributes of a session that have the same kind and size in all of them."""
 

@@ -10,8 +10,9 @@ from flexid.errors import RecordingError
 from flexid.recording import checks
 from flexid.recording.channel import INPUTS
 from flexid.recording.draft import ENCODERS, Draft
-from flexid.recording.read import add_link_position, check_motion, recording_of
+from flexid.recording.read import add_link_position, recording_of
 from flexid.recording.sampling import GAP
+from flexid.recording.slow_motion import check_motion
 from flexid.recording.wraps import TURN
 from flexid.streaming.channels import StreamChannels
 
