@@ -100,22 +100,22 @@ _DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def draw(chart: Chart, width: float = WIDTH, ax: Axes | None = None) -> Figure:
+def draw(chart: Chart, ax: Axes | None = None) -> Figure:
     """A drawing: the title above, a legend of all panels below; or in the place of an axes.
 
     Panels of one column share their x axis if the chart is linked, and panels of one row share a y
     axis that is the same, limits and all; a shared axis is labelled once. The only mark of a panel
-    needs no entry in the legend. A narrow figure has one panel in a row.
+    needs no entry in the legend.
     """
     if ax is not None:
         return _draw_in_place(ax, chart)
-    figure = _filled(chart, width)
+    figure = _filled(chart, WIDTH)
     figure.align_ylabels()
     return figure
 
 
 def _filled(chart: Chart, width: float) -> Figure:
-    """A figure whose labels are not yet aligned."""
+    """A figure whose labels are not yet aligned; a narrow one has one panel in a row."""
     if width <= NARROW and chart.columns > 1:
         panels = tuple(replace(panel, span=1) for panel in chart.panels)
         chart = replace(chart, columns=1, panels=panels, linked=False)

@@ -62,18 +62,8 @@ class Reproduction:
         return simulated_runs(self.readings)
 
 
-STEPS = len(MEANINGS) + len(_SWEEPS) + len(CASES) + 4
-"""Number of times that `reproduce` reports a finished part."""
-
-
 def reproduce(finished: Callable[[str], None]) -> Reproduction:
-    """Run the whole study.
-
-    Parameters
-    ----------
-    finished : callable
-        Called with the name of each finished part, `STEPS` times.
-    """
+    """Run the whole study; `finished` is called with the name of each part."""
 
     def done(name: str, result: _T) -> _T:
         finished(name)

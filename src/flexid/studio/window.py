@@ -114,16 +114,11 @@ class Window:
         await self._send({"kind": "played"})
 
     async def brief(
-        self,
-        workers: Workers,
-        job: Callable[..., Any],
-        *arguments: Any,
-        place: str,
-        folder: Path | None = None,
+        self, workers: Workers, job: Callable[..., Any], *arguments: Any, place: str
     ) -> Any:
         """Do a job that takes a moment; one that is cancelled runs to its end."""
         work = asyncio.ensure_future(
-            workers.run(job, *arguments, folder=folder or self.folder, said=self.saying(place))
+            workers.run(job, *arguments, folder=self.folder, said=self.saying(place))
         )
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
         return await asyncio.shield(work)
