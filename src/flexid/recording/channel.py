@@ -18,8 +18,8 @@ SI_UNITS: dict[str, tuple[str, ...]] = {
     "motor_current": ("A",),
     "motor_voltage": ("V",),
 }
+# They differ at the two sides of the gear: angles are divided, the torque multiplied.
 GEARED = ("motor_position", "motor_velocity", "motor_torque")
-"""Channels that differ at the two sides of the gear: angles are divided, the torque multiplied."""
 
 
 @dataclass(frozen=True)

@@ -82,12 +82,9 @@ class TextSamples:
 class Pace:
     """Due times of samples that are played again, block by block: as they came, but for jumps.
 
-    One sample stamped an hour ahead must not hold up the rest for an hour, nor must what follows it
-    come all at once.
-
     Time stamps run on where each is within `LONGEST_WAIT` of the one before; in such a run, what is
     late comes with what was before it. A jump ahead takes `LONGEST_WAIT`, a jump back no time, and
-    one that leads back to the run before, from a few stamps of another time, neither.
+    one that leads back to the run before, as from a single stamp an hour ahead, neither.
     """
 
     def __init__(self) -> None:

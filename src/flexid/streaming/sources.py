@@ -23,8 +23,7 @@ from flexid.files import check_file, shown
 
 TURN = 0.1  # seconds after which a source says that nothing has come
 MOST = 1 << 20  # bytes that are handed over at once
-LINGER = 1.0
-"""Seconds for which a file that was replaced must have got nothing more before it is left."""
+LINGER = 1.0  # seconds for which a file that was replaced has got nothing before it is left
 
 _BUFFER = 4 << 20  # bytes that the system keeps of datagrams, if it lets us have so many
 _MOST_WAITING = 1 << 26  # bytes of datagrams; beyond it the oldest are lost: their clock shows it
@@ -110,9 +109,8 @@ class GrowingFile:
     def _read_next(self) -> bytes:
         """What another file holds that stands there now, once our own has been read to its end.
 
-        A recorder writes into its file for a while after that was renamed, and logrotate makes an
-        empty one in its place at once: only when that has something, and ours has got nothing for
-        a while, ours gets no more.
+        A recorder writes into a renamed file for a while, and logrotate makes an empty one in its
+        place at once: when that has something, and ours has been quiet, ours gets no more.
         """
         if self._next is None:
             self._next = self._replacement()
@@ -194,8 +192,7 @@ class Datagrams:
             raise SettingError(
                 "source", f"{text} cannot be listened to ({error.strerror}): give another port"
             ) from None
-        self.port: int = self._socket.getsockname()[1]
-        """Where it listens, of use where port 0 left the choice to the system."""
+        self.port: int = self._socket.getsockname()[1]  # that the system chose, where 0 was given
         self.is_open_to_others = not address.is_loopback  # whether other machines can send to it
         self._came: deque[bytes] = deque()
         self._size = 0  # bytes that came and were not read
