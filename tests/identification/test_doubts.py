@@ -78,11 +78,15 @@ def test_a_lag_in_place_of_a_delay(part: float):
 
 
 def test_a_lag_passes_less_than_a_delay():
-    """Assert that the gain is doubted by what a lag takes away at the resonance, and no more."""
+    """Assert that the gain is doubted by what lags take away at the resonance, root mean square.
+
+    Half of the delays are delays; of the others the lag is anything between none and all.
+    """
     resonance = np.sqrt(VALUES["theta2"] + VALUES["alpha1"])  # rad/s
-    lost = 1.0 - 1.0 / np.hypot(1.0, resonance * DELAY)
+    lags = np.linspace(0.0, DELAY, 1001)
+    lost = 1.0 - 1.0 / np.hypot(1.0, resonance * lags)
     apart = deviation(lag, "beta1", doubted()) / VALUES["beta1"]
-    assert lost < 1.96 * apart * 1.2 < 1.3 * lost
+    assert apart == pytest.approx(np.sqrt(0.5 * np.mean(lost**2)), rel=0.05)
     assert deviation(lag, "alpha1", doubted()) == 0.0
 
 
@@ -139,7 +143,7 @@ def test_scales_that_differ_pull_like_gravity():
 def test_what_is_unexplained_may_look_like_a_term():
     """Assert that a term that moves its balance less is doubted more, and friction most."""
     found = doubted()
-    for name, share, part in (("theta2", 0.1, 0.08), ("alpha1", 0.2, 0.16), ("alpha2", 0.2, 0.7)):
+    for name, share, part in (("theta2", 0.1, 0.04), ("alpha1", 0.2, 0.08), ("alpha2", 0.2, 0.7)):
         own = deviation(looks_like_a_term, name, found) / VALUES[name]
         assert own == pytest.approx(part * share / 0.5)
     assert deviation(looks_like_a_term, INPUT, found) == 0.0

@@ -27,7 +27,7 @@ _DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of it
 _LAG = 2e-3  # s: time constants of coils and current loops are hardly longer, whatever the delay
 # Of what a balance leaves unexplained, the part that may look like any one of its terms, for each
 # unit of the share that it is: the more there is, the less of it is chance.
-_LIKE_A_TERM = 0.8
+_LIKE_A_TERM = 0.4
 _LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
@@ -144,11 +144,13 @@ def coil_lag(doubted: Doubted) -> FloatArray:
 def lag(doubted: Doubted) -> FloatArray:
     """A delay may be a lag, behind which an input has lost some of its size.
 
-    At the resonance ω a lag τ passes 1 / sqrt(1 + (ω τ)²), a delay all.
+    At the resonance ω a lag τ passes 1 / sqrt(1 + (ω τ)²), a delay all. Of every two delays one is
+    a delay; how much of the other is a lag is anything between none and all.
     """
     values = doubted.fitted.by_name
     resonance_square = sum(abs(values.get(name, 0.0)) for name in _SPRINGS)
-    lost = min(0.5 * resonance_square * doubted.longest_lag**2 / np.sqrt(5.0), 1.0)
+    mean_square = 0.5 * 0.2  # of (τ / delay)², half of which are 0
+    lost = min(0.5 * resonance_square * doubted.longest_lag**2 * np.sqrt(mean_square), 1.0)
     return doubted.diagonal(lambda name, value: lost * value * (name == "beta1"))
 
 
