@@ -61,6 +61,8 @@ def interval(
     value: float, std: float, degrees_of_freedom: float, level: float = CONFIDENCE
 ) -> Interval:
     """Symmetrical interval; the whole line if nothing is known."""
+    if not np.isfinite(value):
+        return -np.inf, np.inf
     if std == 0.0:
         return value, value
     half_width = quantile(degrees_of_freedom, level) * std
@@ -85,8 +87,12 @@ def logarithmic_interval(
 def propagated(
     parameter: PhysicalParameter, values: Mapping[str, float], fit: Estimate
 ) -> Propagated:
-    """Physical parameter with the interval that the coefficients' covariance gives it."""
+    """Physical parameter with the interval that the coefficients' covariance gives it.
+
+    One that divides by a coefficient of zero has no value: nan.
+    """
     value = parameter.value(values)
+    value = value if np.isfinite(value) else np.nan
     names = tuple(name for name in fit.names if name in parameter.coefficients)
     if not names:  # follows from what was given
         return Propagated(value, 0.0, (value, value), np.inf, False, {})
