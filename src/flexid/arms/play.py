@@ -13,10 +13,10 @@ from flexid.arms.fitting import EFFECT_BAND
 from flexid.arrays import FloatArray
 from flexid.estimators.balance_start import filtered
 from flexid.estimators.samples import Samples
+from flexid.identification.structure.gap import LIKELIER
 from flexid.models.torque_balance import JointTerm, TorqueBalance
 
 _GAPS = np.geomspace(0.02, 1.0, 25)  # halves of them, over the deflection's standard deviation
-_LIKELIER = 0.9  # of what springs without leave, that those with play leave at most
 
 
 class _Spring(NamedTuple):
@@ -54,7 +54,7 @@ def changes_by_play(
             for bent in {False, curved}
         ]
         best = min(tried, key=lambda spring: spring.left)
-        if best.left < _LIKELIER * plain.left and plain.stiffness > 0.0:
+        if best.left < LIKELIER * plain.left and plain.stiffness > 0.0:
             own_values = (values[name] for name in names)
             shares = (best.stiffness / plain.stiffness, best.cubic / plain.cubic if curved else 1.0)
             found.append(

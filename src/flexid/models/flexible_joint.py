@@ -91,6 +91,9 @@ DISSIPATIVE = frozenset(
 )
 """Frictions and dampings, which no drive has negative."""
 
+HARDENING = frozenset({"alpha_cubic", "theta_cubic"})
+"""Coefficients of a spring that hardens or softens."""
+
 PAPER_TERMS = ("gravity", "motor_viscous")
 """The terms of Huang (2003), eq. (4)."""
 

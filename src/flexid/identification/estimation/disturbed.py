@@ -42,11 +42,12 @@ from flexid.identification.full_model.fitting import lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
-from flexid.identification.structure.gap import HARDENING, stiffer_with_play
+from flexid.identification.structure.gap import stiffer_with_play
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.models.flexible_joint import HARDENING
 from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise
 

@@ -27,10 +27,9 @@ from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE
+from flexid.models.flexible_joint import DISSIPATIVE, HARDENING
 
 _WHITE = 3.0  # power of time with which the variance of a motion under white noise grows
-_CURVATURES = ("alpha_cubic", "theta_cubic")
 _CHANCE = 3.0  # standard deviations of a sum of squares
 
 
@@ -94,7 +93,7 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
     explains the log alone is none.
     """
     joint = fitted.structure.joint
-    stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
+    stand_ins = {*joint.shapes, *HARDENING} & {*fitted.names}
     exact = SOUGHT_COEFFICIENTS | (PLAY if is_dead_zone(fitted) else frozenset())
     explains = stand_ins <= exact and fitted.excess <= thresholds.sensor_excess
     if error.share == 0.0 or not stand_ins or explains:

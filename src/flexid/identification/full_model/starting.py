@@ -20,7 +20,7 @@ from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure, data_of
-from flexid.models.flexible_joint import DISSIPATIVE, SQUARES
+from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, SQUARES
 from flexid.recording.recording import Recording
 
 RATES = (20.0, 60.0, 7.0, 200.0)
@@ -30,7 +30,6 @@ _SPRINGS = ("theta2", "alpha1", "beta1")
 _FRICTIONS = ("theta_coulomb", "alpha_coulomb", "gamma_coulomb")
 _DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
 _FEWEST_EACH = 10  # samples for each coefficient
-_CURVATURES = ("alpha_cubic", "theta_cubic")
 _DAMPINGS = ("alpha_damping", "theta_damping")
 _COMPARED = 50  # segments over which starts are compared
 
@@ -124,13 +123,13 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
         base = name.partition("[")[0]
         if base in _DAMPINGS:
             found[name] = 0.0
-        elif base in DISSIPATIVE or base in _CURVATURES:
+        elif base in DISSIPATIVE | HARDENING:
             found[name] = max(value, 0.0)
         elif base in _SPRINGS:
             found[name] = abs(value)
         else:
             found[name] = value
-    if {*_CURVATURES, "theta2", "alpha1"} <= found.keys() and values["theta2"] > 0.0:
+    if {*HARDENING, "theta2", "alpha1"} <= found.keys() and values["theta2"] > 0.0:
         # One spring acts on both rows, and the link's, of positions alone, knows its shape best.
         found["alpha_cubic"] = found["theta_cubic"] * found["alpha1"] / found["theta2"]
     return found

@@ -33,16 +33,15 @@ from flexid.identification.full_model.starting import RATES, least_squares_start
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import BACKLASH_WIDTH
+from flexid.models.flexible_joint import BACKLASH_WIDTH, HARDENING
 
 _GAPS = (("alpha_backlash", "alpha1"), ("theta_backlash", "theta2"))  # and the spring's stiffness
 PLAY = frozenset(play for play, _ in _GAPS)
 """Coefficients of play."""
 
-HARDENING = frozenset({"alpha_cubic", "theta_cubic"})
-"""Coefficients of a spring that hardens, for which play may pass."""
+LIKELIER = 0.9
+"""Of what a spring without play leaves of a link's balance, what one with play leaves at most."""
 
-_LIKELIER = 0.9  # of what hardening leaves of a row, that play leaves at most to be likelier
 _MOST_FITS = 8
 _SETTLED = 0.1  # standard deviations of the gap, by which its width may differ
 _STEEPEST = 0.9  # change of the gap with the width, beyond which it settles nowhere
@@ -228,7 +227,7 @@ def stiffer_with_play(structure: Structure, data: Data) -> float:
     """
     straight = structure.without(HARDENING)
     wide = replace(straight, absent=straight.absent - (PLAY & structure.joint.shapes))
-    found, least = 0.0, _LIKELIER
+    found, least = 0.0, LIKELIER
     for (_, start, fit), (hard, other) in _by_rate(wide, structure, data):
         left, its = (_of_link(each) for each in (fit, other))
         if left < least * its and hard["theta2"] > 0.0:
