@@ -157,7 +157,7 @@ module.main()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize("loading", ["flexid.cli.commands", "typer", "typer.core", "flexid.errors"])
+@pytest.mark.parametrize("loading", ["flexid.cli.commands", "click", "click.core", "flexid.errors"])
 def test_an_interruption_while_the_commands_are_loaded(loading: str):
     """Assert that Ctrl-C in the first moments is answered like any other."""
     process = start(loading, code=EARLY)
@@ -171,7 +171,7 @@ def test_an_interruption_of_a_text_that_is_executed(tmp_path: Path):
     """Assert the same of ``python -m`` while a text is executed, as dataclasses make classes."""
     code = EARLY.replace("signal.raise_signal(signal.SIGINT)", "exec('signal.raise_signal(2)')")
     (tmp_path / "early.py").write_text(code)
-    command = [sys.executable, "-m", "early", "typer"]
+    command = [sys.executable, "-m", "early", "click"]
     path = os.pathsep.join([str(tmp_path), *sys.path])
     done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True)
     assert done.returncode == 3, done.stderr

@@ -6,14 +6,13 @@ import subprocess
 import sys
 
 import pytest
-import typer
 
 from flexid.cli.commands import command_line
 from flexid.cli.options import sentences
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
 
-GROUP = typer.main.get_command(command_line())
-COMMANDS = sorted(GROUP.commands)  # type: ignore[attr-defined]
+GROUP = command_line()
+COMMANDS = sorted(GROUP.commands)
 
 
 def test_no_summary_is_cut(flexid):
@@ -39,8 +38,8 @@ def test_help_of_a_command(flexid, command):
 
 def examples():
     """Return each example of every command."""
-    for command in GROUP.commands.values():  # type: ignore[attr-defined]
-        yield from re.findall(r"^  flexid (.*)$", command.epilog, re.MULTILINE)
+    for command in GROUP.commands.values():
+        yield from re.findall(r"^  flexid (.*)$", command.epilog or "", re.MULTILINE)
 
 
 @pytest.mark.parametrize("example", [*examples()])
@@ -48,7 +47,7 @@ def test_examples_are_accepted(example, tmp_path, monkeypatch):
     """Assert that the command line takes every example of its help."""
     monkeypatch.chdir(tmp_path)
     name, *arguments = example.split()
-    command = GROUP.commands[name]  # type: ignore[attr-defined]
+    command = GROUP.commands[name]
     context = command.make_context(name, arguments)
     assert context.params
 
@@ -86,7 +85,7 @@ def test_python_m_flexid():
 def test_the_shell_completes_commands():
     """Assert that the shell's completion offers the commands."""
     environment = os.environ | {
-        "_FLEXID_COMPLETE": "complete_bash",
+        "_FLEXID_COMPLETE": "bash_complete",
         "COMP_WORDS": "flexid id",
         "COMP_CWORD": "1",
     }
@@ -94,4 +93,4 @@ def test_the_shell_completes_commands():
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True
     )
-    assert done.stdout.split() == ["identify"]
+    assert done.stdout.split() == ["plain,identify"]

@@ -16,7 +16,7 @@ HOMES: dict[str, str] = vars(flexid)["_HOMES"]
 NAMES: list[str] = vars(flexid)["__all__"]
 
 
-HEAVY = {"numpy", "scipy", "numba", "sympy", "polars", "matplotlib", "pydantic", "rich", "typer"}
+HEAVY = {"numpy", "scipy", "numba", "sympy", "polars", "matplotlib", "pydantic", "rich", "click"}
 
 LOADED = "import sys, flexid; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
 

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
 from flexid.cli.generated import (
     Command,
+    CommandLine,
     ExitStatus,
     Options,
     called,
@@ -23,7 +23,6 @@ from flexid.cli.generated import (
     present,
     print_document,
     print_warnings,
-    register,
     show,
     spell_what_cannot_be_encoded,
     working,
@@ -60,12 +59,12 @@ def derive(command: Command, options: Options, flags: Options) -> None:
     """Print the equations, and on standard error what to know of them."""
     text = called(command, options, lambda _step: None)
     for note in text.notes:
-        typer.echo(f"note: {note}", err=True)
+        click.echo(f"note: {note}", err=True)
     if flags["json"]:
         target = options.get("to", "latex")
         print_document({"model": options["model"], "to": target, "text": text, "notes": text.notes})
     else:
-        typer.echo(text, nl=False)
+        click.echo(text, nl=False)
 
 
 def export(command: Command, options: Options, flags: Options) -> None:
@@ -82,7 +81,7 @@ def export(command: Command, options: Options, flags: Options) -> None:
     if flags["json"]:
         print_document({"files": paths, "warnings": files.warnings})
     else:
-        typer.echo("\n".join(paths))
+        click.echo("\n".join(paths))
 
 
 def simulate(command: Command, options: Options, flags: Options) -> None:
@@ -112,11 +111,11 @@ def campaign(command: Command, options: Options, flags: Options) -> None:
         with _progress_bar() as report:
             found = command.function(**options, progress=report)
     except KeyboardInterrupt:
-        typer.echo(f"flexid: interrupted: {_kept(out)}; the same command goes on", err=True)
-        raise typer.Exit(ExitStatus.INTERRUPTED) from None
+        click.echo(f"flexid: interrupted: {_kept(out)}; the same command goes on", err=True)
+        raise click.exceptions.Exit(ExitStatus.INTERRUPTED) from None
     statuses = ", ".join(f"{name} {count}" for name, count in found.statuses.items())
-    typer.echo(f"{sum(found.statuses.values())} runs in {out}: {statuses}")
-    typer.echo(f"Summary: flexid campaign --summary {out}")
+    click.echo(f"{sum(found.statuses.values())} runs in {out}: {statuses}")
+    click.echo(f"Summary: flexid campaign --summary {out}")
 
 
 def _kept(out: Path) -> str:
@@ -185,8 +184,6 @@ COMMANDS = tuple(
     for name, words in _WORDS.items()
 )
 
-_TYPERS_INTERRUPTION = 130
-
 _ABOUT = "Physical parameters of flexible-joint drives from their motion, with intervals."
 _EPILOG = (
     "Every command has its own help: flexid identify --help. Exit status of all commands: 0 done "
@@ -195,22 +192,37 @@ _EPILOG = (
 )
 
 
-def command_line(only: str = "") -> typer.Typer:
+class _Group(click.Group):
+    """The commands, in the order of their words."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's
+        return list(self.commands)
+
+
+def command_line(only: str = "") -> click.Group:
     """All commands, or one of them alone, for which less is loaded."""
-    app = typer.Typer(
+    return _Group(
         name="flexid",
         help=_ABOUT,
         epilog=_EPILOG,
+        callback=_options,
+        params=[
+            click.Option(
+                ["--version"],
+                is_flag=True,
+                expose_value=False,
+                is_eager=True,
+                callback=_show_version,
+                help="Show the version and exit.",
+            ),
+            click.Option(
+                ["--debug"], is_flag=True, help="Print the traceback of a defect of flexid."
+            ),
+        ],
+        commands=[CommandLine(each) for each in COMMANDS if only in ("", each.name)],
         no_args_is_help=True,
-        pretty_exceptions_enable=False,
-        rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback()(_options)
-    for command in COMMANDS:
-        if only in ("", command.name):
-            register(app, command)
-    return app
 
 
 def _asked_for(arguments: Sequence[str]) -> str:
@@ -220,12 +232,12 @@ def _asked_for(arguments: Sequence[str]) -> str:
     return first if named and "_FLEXID_COMPLETE" not in os.environ else ""
 
 
-def _show_version(wanted: bool) -> None:
+def _show_version(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        typer.echo(f"flexid {version('flexid')}")
-        raise typer.Exit
+        click.echo(f"flexid {version('flexid')}")
+        context.exit()
 
 
 class _Wanted:
@@ -234,29 +246,8 @@ class _Wanted:
     debug = False
 
 
-def _options(
-    _version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            callback=_show_version,
-            is_eager=True,
-            help="Show the version and exit.",
-        ),
-    ] = False,
-    debug: Annotated[
-        bool, typer.Option("--debug", help="Print the traceback of a defect of flexid.")
-    ] = False,
-) -> None:
+def _options(debug: bool) -> None:
     _Wanted.debug = debug
-
-
-def _ended(code: int) -> ExitStatus:
-    """The exit status for one of Typer's, which has its own for Ctrl-C."""
-    if code != _TYPERS_INTERRUPTION:
-        return ExitStatus(code)
-    typer.echo("flexid: interrupted; nothing half written is left", err=True)
-    return ExitStatus.INTERRUPTED
 
 
 def run() -> ExitStatus:
@@ -265,22 +256,27 @@ def run() -> ExitStatus:
     spell_what_cannot_be_encoded()
     _Wanted.debug = False
     try:
-        command_line(_asked_for(sys.argv[1:]))(prog_name="flexid")
-    except SystemExit as end:
-        return _ended(int(end.code or 0))
+        group = command_line(_asked_for(sys.argv[1:]))
+        return ExitStatus(group.main(prog_name="flexid", standalone_mode=False) or 0)
+    except click.ClickException as error:
+        error.show()
+        return ExitStatus(error.exit_code)
+    except click.Abort:
+        click.echo("flexid: interrupted; nothing half written is left", err=True)
+        return ExitStatus.INTERRUPTED
     except FlexidError as error:
-        typer.echo(f"flexid: {error}", err=True)
+        click.echo(f"flexid: {error}", err=True)
         unsupported = isinstance(error, ConvergenceError | SimulationError)
         return ExitStatus.LACKING if unsupported else ExitStatus.BAD_INPUT
     except OSError as error:  # a full disk or a closed terminal; bad paths are FlexidErrors
         place = error.filename or "the output"
         reason = error.strerror or error
-        typer.echo(
+        click.echo(
             f"flexid: {place} cannot be written ({reason}): make room, or write elsewhere", err=True
         )
         return ExitStatus.BAD_INPUT
     except MemoryError:
-        typer.echo(
+        click.echo(
             "flexid: the memory does not suffice: close other programs, give a shorter log, or, "
             "with flexid identify, a Parquet file and --stream",
             err=True,
@@ -292,9 +288,8 @@ def run() -> ExitStatus:
 
             traceback.print_exc()
         else:
-            typer.echo(defect_message(error, sys.argv[1:]), err=True)
+            click.echo(defect_message(error, sys.argv[1:]), err=True)
         return ExitStatus.DEFECT
-    return ExitStatus.DONE
 
 
 def defect_message(error: Exception, arguments: Sequence[str]) -> str:

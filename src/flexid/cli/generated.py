@@ -19,10 +19,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-from typer.core import TyperArgument, TyperCommand
+import click
 
 from flexid.cli.options import ARGUMENTS, FLAGS, OPTIONS, Option, sentences
 from flexid.errors import SettingError
@@ -117,7 +116,7 @@ def print_document(document: Mapping[str, Any]) -> None:
         text.encode(sys.stdout.encoding or "utf-8")
     except UnicodeEncodeError:
         text = json.dumps(json.loads(text), indent=2) + "\n"
-    typer.echo(text, nl=False)
+    click.echo(text, nl=False)
 
 
 def print_warnings(warnings: Sequence[str], errors: "Console", rest: str = "") -> None:
@@ -188,26 +187,55 @@ class Command:
         return getattr(import_module(self.own or "flexid"), self.name)
 
 
-def register(app: typer.Typer, command: Command) -> None:
-    """Add a command to the command line."""
-    documented = inspect.getdoc(command.function) or ""
-    head, _, rest = documented.partition("\n\n")
-    prose = re.split(r"\n[A-Z]\w+\n-{3,}", f"\n{rest}")[0]  # before the first section
-    said = [sentences(part) for part in prose.strip().split("\n\n")]
-    body = [head, *said, command.notes, f"Exit status: {command.status}"]
-    examples = ["\b", "Examples:", *(f"  flexid {example}" for example in command.examples)]
-    app.command(
-        command.name,
-        cls=PlainCommand,
-        help="\n\n".join(filter(None, body)),
-        short_help=head,
-        epilog="\n".join(examples),
-    )(command.function if command.own else _calling(command, documented))
+class CommandLine(click.Command):
+    """A command whose help describes its arguments as it does its options."""
+
+    def __init__(self, command: Command) -> None:
+        documented = inspect.getdoc(command.function) or ""
+        head, _, rest = documented.partition("\n\n")
+        prose = re.split(r"\n[A-Z]\w+\n-{3,}", f"\n{rest}")[0]  # before the first section
+        said = [sentences(part) for part in prose.strip().split("\n\n")]
+        body = [head, *said, command.notes, f"Exit status: {command.status}"]
+        examples = ["\b", "Examples:", *(f"  flexid {example}" for example in command.examples)]
+        call = command.function
+        parameters = getattr(call, "__click_params__", [])[::-1]
+        if not command.own:  # the library's, which knows nothing of a command line
+            flagged = [*command.flags, *(["out"] if command.writes else []), "json"]
+            call = _calling(command, flagged)
+            parameters = [*_from_library(command, documented), *_of_printing(command, flagged)]
+        super().__init__(
+            command.name,
+            callback=call,
+            params=parameters,
+            help="\n\n".join(filter(None, body)),
+            short_help=head,
+            epilog="\n".join(examples),
+        )
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """What the command does, and what stands without a name."""
+        super().format_help_text(ctx, formatter)
+        arguments = [each for each in self.params if isinstance(each, Argument)]
+        if arguments:
+            with formatter.section("Arguments"):
+                formatter.write_dl([(f"{each.metavar}", each.note) for each in arguments])
 
 
-def _calling(command: Command, documented: str) -> Callable[..., None]:
-    """A function with the command's options, as Typer takes it."""
-    flagged = [*command.flags, *(["out"] if command.writes else []), "json"]
+class Argument(click.Argument):
+    """What stands without a name, with its description."""
+
+    def __init__(self, names: Sequence[str], *, note: str, **given: Any) -> None:
+        super().__init__(names, **given)
+        self.note = f"{note}  [required]" if self.required else note
+
+    def make_metavar(self, ctx: click.Context) -> str:  # noqa: ARG002 - click's
+        """As the usage shows it."""
+        shown = f"{self.metavar}..." if self.nargs == -1 else f"{self.metavar}"
+        return shown if self.required else f"[{shown}]"
+
+
+def _calling(command: Command, flagged: Sequence[str]) -> Callable[..., None]:
+    """What runs the command with its options."""
 
     def call(**given: Any) -> None:
         flags = {name: given.pop(name) for name in flagged}
@@ -219,9 +247,6 @@ def _calling(command: Command, documented: str) -> Callable[..., None]:
         except SettingError as error:
             raise _as_typed(error, given) from None
 
-    parameters = [*_from_library(command, documented), *_of_printing(command, flagged)]
-    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] - read by Typer
-    call.__annotations__ = {p.name: p.annotation for p in parameters}
     return call
 
 
@@ -230,16 +255,6 @@ def _as_typed(error: SettingError, options: Options) -> SettingError:
     if error.setting.replace("-", "_") not in options:
         return error
     return SettingError(f"--{error.setting.replace('_', '-')}", error.reason)
-
-
-class PlainCommand(TyperCommand):
-    """A command whose help shows its arguments without their Python types."""
-
-    def __init__(self, *arguments: Any, **keywords: Any) -> None:
-        super().__init__(*arguments, **keywords)
-        for parameter in self.params:
-            if isinstance(parameter, TyperArgument):
-                setattr(parameter, "display_type_rich", lambda ctx: None)  # noqa: ARG005, B010 - Typer's
 
 
 def present(command: Command, options: Options, flags: Options) -> None:
@@ -266,7 +281,7 @@ def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]")
         with working(errors, "drawing" if files else ""):
             hand_over(answer, flags, files, errors, rest)
     if not command.done(answer, flags):
-        raise typer.Exit(ExitStatus.LACKING)
+        raise click.exceptions.Exit(ExitStatus.LACKING)
 
 
 @contextmanager
@@ -302,7 +317,7 @@ def _parameters(command: Command) -> Mapping[str, inspect.Parameter]:
     return inspect.signature(command.function).parameters
 
 
-def _from_library(command: Command, documented: str) -> Iterator[inspect.Parameter]:
+def _from_library(command: Command, documented: str) -> Iterator[click.Parameter]:
     described = _described(documented)
     for name, parameter in _parameters(command).items():
         if name not in _OF_PYTHON:
@@ -313,11 +328,10 @@ def _from_library(command: Command, documented: str) -> Iterator[inspect.Paramet
                 metavar=option.metavar or (f"<{choices}>" if choices else None),
                 note=f"{sentences(words)} {option.note}".strip(),
             )
-            default = shown_default(parameter.default)
-            yield _declared(name, option, default, named=named)
+            yield _declared(name, option, parameter.default, named=named)
 
 
-def _of_printing(command: Command, flagged: Sequence[str]) -> Iterator[inspect.Parameter]:
+def _of_printing(command: Command, flagged: Sequence[str]) -> Iterator[click.Parameter]:
     for name in flagged:
         option = FLAGS.get(name) or OPTIONS[name]._replace(
             note=f"Write {command.writes} into this directory."
@@ -325,15 +339,32 @@ def _of_printing(command: Command, flagged: Sequence[str]) -> Iterator[inspect.P
         yield _declared(name, option, False if option.kind is bool else None, named=True)
 
 
-def _declared(name: str, option: Option, default: Any, *, named: bool) -> inspect.Parameter:
-    """A parameter as Typer reads it."""
-    if named:
-        flag = f"--{name.replace('_', '-')}"
-        info: Any = typer.Option(flag, metavar=option.metavar, help=option.note)
-    else:
-        info = typer.Argument(metavar=option.metavar, help=option.note, show_default=False)
-    kind = inspect.Parameter.KEYWORD_ONLY
-    return inspect.Parameter(name, kind, default=default, annotation=Annotated[option.kind, info])
+def _declared(name: str, option: Option, default: Any, *, named: bool) -> click.Parameter:
+    """A parameter as click reads it."""
+    required = default is inspect.Parameter.empty
+    default = None if required else shown_default(default)
+    if not named:
+        several = -1 if option.several else 1
+        return Argument(
+            [name],
+            note=option.note,
+            type=option.kind,
+            metavar=option.metavar,
+            nargs=several,
+            required=required,
+            default=default,
+        )
+    return click.Option(
+        [f"--{name.replace('_', '-')}"],
+        type=option.kind,
+        metavar=option.metavar,
+        help=option.note,
+        required=required,
+        default=default,
+        show_default=not option.several and option.kind is not bool,
+        is_flag=option.kind is bool,
+        multiple=option.several,
+    )
 
 
 def shown_default(default: Any) -> Any:
@@ -346,7 +377,7 @@ def _converted(command: Command, given: Options) -> dict[str, Any]:
     found = {}
     for name, value in given.items():
         parameter = _parameters(command)[name]
-        if value is not None and value != shown_default(parameter.default):
+        if value not in (None, (), shown_default(parameter.default)):
             named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
             option = (OPTIONS if named else ARGUMENTS)[name]
             found[name] = option.convert(f"--{name.replace('_', '-')}", value)

@@ -8,11 +8,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
-from flexid.cli.generated import Command, ExitStatus, Options, as_typed, output, print_warnings
+from flexid.cli.generated import (
+    Argument,
+    Command,
+    ExitStatus,
+    Options,
+    as_typed,
+    output,
+    print_warnings,
+)
 from flexid.errors import RecordingError, SettingError
 from flexid.files import shown
 from flexid.library.arguments import one_thread
@@ -51,7 +59,7 @@ def watch(command: Command, options: Options, flags: Options) -> None:
     if asked:
         signal.raise_signal(asked[0])  # as if it came now, when all is saved
     if not watched.has_converged:
-        raise typer.Exit(ExitStatus.LACKING)
+        raise click.exceptions.Exit(ExitStatus.LACKING)
 
 
 @contextmanager
@@ -97,7 +105,7 @@ def _follow(
             warned = len(watched.warnings)
             now = time.monotonic()
             if due and as_json:
-                typer.echo(json.dumps(watched.document))
+                click.echo(json.dumps(watched.document))
             if terminal and now - drawn > _DRAWN_EVERY:
                 session = watched.session if watched.has_begun else None
                 live.update(live_view(session, sparks, errors.width), refresh=True)
@@ -121,35 +129,42 @@ def _end(watched: "Watch", checkpoint: Path | None, *, as_json: bool) -> None:
             watched.save_checkpoint(checkpoint)
     finally:  # a full disk must not cost the report
         if as_json:
-            typer.echo(json.dumps(watched.document))
+            click.echo(json.dumps(watched.document))
         else:
             print_parts(watched._parts())
 
 
-def studio(
-    log: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="LOG",
-            help="A log that each window opens with, in any format that flexid identify takes.",
-            show_default=False,
-        ),
-    ] = None,
-    host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Where to listen. Off the loopback the address that is printed has a token in "
-            "it, and only who knows it is let in.",
-        ),
-    ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option(metavar="NUMBER", help="Port of the machine; 0 for any that is free.")
-    ] = 8765,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
-    ] = True,
-) -> None:
+@click.argument(
+    "log",
+    cls=Argument,
+    type=Path,
+    required=False,
+    metavar="LOG",
+    note="A log that each window opens with, in any format that flexid identify takes.",
+)
+@click.option(
+    "--host",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    show_default=True,
+    help="Where to listen. Off the loopback the address that is printed has a token in it, and "
+    "only who knows it is let in.",
+)
+@click.option(
+    "--port",
+    metavar="NUMBER",
+    type=int,
+    default=8765,
+    show_default=True,
+    help="Port of the machine; 0 for any that is free.",
+)
+@click.option(
+    "--browser/--no-browser",
+    default=True,
+    show_default=True,
+    help="Open the page in a browser.",
+)
+def studio(log: Path | None, host: str, port: int, browser: bool) -> None:
     """Serve a page in which logs are checked and identified.
 
     Drop a log, say which column is what, see what it can tell before anything is run, identify,
@@ -165,7 +180,7 @@ def studio(
     from flexid.studio.server import serve
 
     def announce(address: str) -> None:
-        typer.echo(f"flexid studio: {address} (Ctrl-C ends it)")
+        click.echo(f"flexid studio: {address} (Ctrl-C ends it)")
         if browser:
             import webbrowser
 

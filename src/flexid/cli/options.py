@@ -21,10 +21,11 @@ _UNCERTAIN = re.compile(r"(.+?)(?:±|\+-)(.+)")
 class Option(NamedTuple):
     """How the value of a parameter of the library is written on the command line."""
 
-    kind: Any  # what the text is parsed as
+    kind: Callable[[str], Any]  # what the text is parsed as
     metavar: str | None = None  # None: the choices that the parameter's documentation lists
     convert: Callable[[str, Any], Any] = lambda _name, value: value  # to what the library takes
     note: str = ""  # in the help, after the words of the library
+    several: bool = False  # whether it may be given more than once
 
 
 def parse_directory(option: str, text: str) -> Path:
@@ -88,11 +89,17 @@ parse_known = _assignments(_uncertain, "name=number, e.g. beta1=3 or beta1=3+-0.
 parse_bounds = _assignments(_ends, "name=lower:upper, e.g. theta2=50:200 or alpha2=0:")
 parse_values = _assignments(_number, "path=number, e.g. controller.k=30")
 
-_FILE = Option(Path | None, "FILE")
-_SECONDS = Option(float | None, "SECONDS")
+
+def _pairs(metavar: str, parse: Callable[[str, Any], Any], note: str = "") -> Option:
+    """An option that is given once for each name."""
+    return Option(str, metavar, parse, f"{note} May be repeated.".strip(), several=True)
+
+
+_FILE = Option(Path, "FILE")
+_SECONDS = Option(float, "SECONDS")
 _DELAY = Option(str, "SECONDS", parse_number)
-_NUMBER = Option(int | None, "NUMBER")
-_LOGS = Option(list[Path], "LOG", note=f"Files: {kinds()}; - for CSV from standard input.")
+_NUMBER = Option(int, "NUMBER")
+_LOGS = Option(Path, "LOG", note=f"Files: {kinds()}; - for CSV from standard input.", several=True)
 _ESTIMATE = Option(str, "ESTIMATE")
 _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
 _RIGID_NAMES = ", ".join(name for name in RIGID_TERMS if name not in TERMS)
@@ -105,61 +112,52 @@ ARGUMENTS = {
     "drive": Option(Path, "DRIVE"),
     "model": Option(str, "MODEL"),
     "what": Option(str, "ESTIMATE|MODEL"),
-    "experiment": Option(Path | None, "EXPERIMENT"),
-    "source": Option(str | None, "SOURCE"),
+    "experiment": Option(Path, "EXPERIMENT"),
+    "source": Option(str, "SOURCE"),
 }
 """What stands without a name, by parameter of the library."""
 
 OPTIONS = {
-    "bounds": Option(
-        list[str] | None,
+    "bounds": _pairs(
         "NAME=LOW:HIGH",
         parse_bounds,
-        "Such as joint_stiffness=50:200 or motor_viscous_friction=0:. May be repeated.",
+        "Such as joint_stiffness=50:200 or motor_viscous_friction=0:.",
     ),
     "checkpoint": _FILE._replace(note="Saved into each minute, at the end, and on Ctrl-C."),
     "columns": _FILE,
     "coulomb_velocity": Option(str, "RAD/S", parse_number),
-    "criterion": Option(str | None),
+    "criterion": Option(str),
     "duration": _SECONDS,
-    "estimate": Option(Path | None, "FILE"),
+    "estimate": Option(Path, "FILE"),
     "every": _SECONDS,
-    "filter_rate": Option(str | None, "1/S", parse_number),
-    "gain": Option(list[str] | None, "NAME=VALUE", parse_values, "May be repeated."),
+    "filter_rate": Option(str, "1/S", parse_number),
+    "gain": _pairs("NAME=VALUE", parse_values),
     "header": Option(
-        str | None,
+        str,
         "NAMES",
         note="Such as 'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.",
     ),
-    "hold": Option(str | None),
+    "hold": Option(str),
     "input_delay": _DELAY,
-    "kind": Option(str | None),
-    "known": Option(
-        list[str] | None,
-        "NAME=VALUE",
-        parse_known,
-        "Such as motor_inertia=0.3 or joint_stiffness=100+-5. May be repeated.",
+    "kind": Option(str),
+    "known": _pairs(
+        "NAME=VALUE", parse_known, "Such as motor_inertia=0.3 or joint_stiffness=100+-5."
     ),
     "link_delay": _DELAY,
     "log": _FILE,
     "memory": _SECONDS,
     "model": Option(str),
-    "out": Option(str | None, "DIR", parse_directory),
+    "out": Option(str, "DIR", parse_directory),
     "sample_time": _SECONDS,
-    "scheduler": Option(str | None, "ADDRESS"),
+    "scheduler": Option(str, "ADDRESS"),
     "seed": _NUMBER,
     "segment_duration": _DELAY,
-    "set": Option(
-        list[str] | None,
-        "PATH=VALUE",
-        parse_values,
-        "Such as controller.k=30. May be repeated.",
-    ),
+    "set": _pairs("PATH=VALUE", parse_values, "Such as controller.k=30."),
     "stop_at_end": Option(bool),
     "stream": Option(bool),
-    "summary": Option(Path | None, "DIR"),
+    "summary": Option(Path, "DIR"),
     "terms": Option(
-        str | None,
+        str,
         "NAMES",
         note=f"Names between commas: {_NAMES}; of a rigid joint {_RIGID_NAMES}.",
     ),
@@ -176,7 +174,7 @@ FLAGS = {
     "explain": Option(bool, note="Show the evidence for every choice."),
     "csv": Option(bool, note="Write the time series as CSV, too; needs --out."),
     "min_fit": Option(
-        float | None,
+        float,
         "PERCENT",
         note="Exit with status 1 where the free run explains less of a channel.",
     ),
