@@ -59,4 +59,5 @@ def main() -> None:
     if interruptions and status != _INTERRUPTED:  # whatever was made of it on the way
         status = _INTERRUPTED
         print("flexid: interrupted; nothing half written is left", file=sys.stderr)
+    gc.freeze()  # or the interpreter's end, too, looks through all for garbage
     sys.exit(status)

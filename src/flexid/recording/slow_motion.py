@@ -13,6 +13,7 @@ with 1/57.3 of it, and not with the angle, is gravity in another unit.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import chain
 
 import numpy as np
@@ -69,7 +70,7 @@ def check_motion(log: Draft, recording: Recording) -> None:
         if not wrong and left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
             wrong = words
     place = log.columns(log.those_of(ENCODERS))
-    share, error = (0.0, 0.0) if wrong else scales_apart(recording)
+    share, error = (0.0, 0.0) if wrong else _apart(recording, smoothed)
     if wrong:
         log.warn(
             place,
@@ -134,22 +135,26 @@ def input_lateness(recording: Recording) -> float:
 
 def scales_apart(recording: Recording) -> tuple[float, float]:
     """By how much more the link moves than the motor than mechanics allow, and its error; or 0."""
+    smoothed = _smoothing(recording)
+    return (0.0, 0.0) if smoothed is None else _apart(recording, smoothed)
+
+
+def _apart(recording: Recording, smoothed: _Smoothing) -> tuple[float, float]:
     motor, link = recording.motor_position, recording.link_position
     if link is None or np.ptp(motor) <= _WIDE:
-        return 0.0, 0.0
-    smoothed = _smoothing(recording)
-    if smoothed is None:
         return 0.0, 0.0
     share, error = _own_share(smoothed, link, motor)
     named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
     return (share, error) if named else (0.0, 0.0)
 
 
+@lru_cache(maxsize=1)  # a log is checked for scales first, and then for a late input
 def _smoothing(recording: Recording) -> _Smoothing | None:
     """What smooths the noise of both encoders; None where a recording is too short for it."""
     motor, link = recording.motor_position, recording.link_position
     sensed = motor if link is None else link
-    width = float(max(best_half_window(motor), best_half_window(sensed)))
+    half = best_half_window(motor)
+    width = float(half if link is None else max(half, best_half_window(sensed)))
     smoothed = _Smoothing(width, recording.sample_time)
     enough = len(motor) - smoothed.length >= _FEWEST * width and np.ptp(sensed) > 0.0
     return smoothed if enough else None
