@@ -38,19 +38,17 @@ def write_log(path, torque, start, seed=11):
     return save(path, x, torque[::10], NOISE, seed)
 
 
-def write_held_log(path, torque, noise=NOISE, seed=3, gap=None, column="motor_torque [N m]"):
+def write_held_log(path, torque, noise=NOISE, seed=3, column="motor_torque [N m]"):
     """The same from rest under a torque at `SAMPLE_TIME` that is held from sample to sample."""
     x = free_run(flexible_joint(), TRUE, np.zeros(4), torque, SAMPLE_TIME, "zero")
-    return save(path, x, torque, noise, seed, gap, column)
+    return save(path, x, torque, noise, seed, column)
 
 
-def save(path, x, torque, noise, seed, gap=None, column="motor_torque [N m]"):
-    """Write times, positions with noise, and torques, but for those of a gap in s."""
+def save(path, x, torque, noise, seed, column="motor_torque [N m]"):
+    """Write times, positions with noise, and torques."""
     t = SAMPLE_TIME * np.arange(len(x))
     positions = x[:, [0, 2]] + noise * np.random.default_rng(seed).standard_normal((len(t), 2))
     table = np.column_stack([t, positions, torque])
-    if gap is not None:
-        table = table[(t < gap[0]) | (t >= gap[1])]
     header = f"time [s],link_position [rad],motor_position [rad],{column}"
     np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
     return path

@@ -84,17 +84,6 @@ def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):
     assert same_bits(rows_of(out), whole)
 
 
-def test_what_is_done_is_not_done_again(experiment, whole, tmp_path):
-    """Assert that only a damaged part of a finished campaign is written again."""
-    run_campaign(experiment, tmp_path)
-    parts = sorted(tmp_path.glob("runs/*.parquet"))
-    before = {path: path.stat().st_ino for path in parts}
-    parts[1].write_bytes(parts[1].read_bytes()[:-9])
-    run_campaign(experiment, tmp_path)
-    assert [path for path in parts if path.stat().st_ino != before[path]] == [parts[1]]
-    assert same_bits(rows_of(tmp_path), whole)
-
-
 def test_another_experiment_finds_the_directory_taken(experiment, tmp_path):
     """Assert that a changed gain in the file is another campaign, a changed title is not."""
     run_campaign(experiment, tmp_path / "out")

@@ -50,22 +50,8 @@ def drive(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, positions of link and motor, shape (n, 2), and torque, every 2 ms.
 
-    Parameters
-    ----------
-    seed : int
-        Of the torque and the disturbances.
-    duration : float
-        In s.
-    size : float
-        Of each tone of the torque.
-    link_push, motor_push : float
-        Disturbances, root mean square in rad/s², forgotten within 0.1 s.
-    gravity : float
-        theta1.
-    stiffer : callable
-        Factor of the stiffness at a time.
-    rigid : bool
-        Whether the link is fixed to the motor.
+    The size is that of each tone of the torque. Pushes are disturbances, RMS in rad/s²,
+    forgotten within 0.1 s; the stiffness may change with time, or the link be fixed to the motor.
     """
     rng = np.random.default_rng(seed)
     n = round(duration / _STEP)

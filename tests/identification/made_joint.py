@@ -4,11 +4,17 @@ Whatever acts is given by the names of its drive; a smooth torque of many tones,
 white noise.
 """
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
+from scipy.stats import t
 
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.full_model.model import Data, Structure, data_of
+from flexid.identification.full_model.fitting import fit_to
+from flexid.identification.full_model.model import Data, Fitted, Structure, data_of
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Hold, Log, Recording
@@ -64,22 +70,8 @@ def made(
 ) -> Recording:
     """One recording.
 
-    Parameters
-    ----------
-    seed : int
-        Of the tones' phases and of all noise.
-    duration : float
-        In s.
-    noise, torque_noise : float
-        Standard deviations, in rad and N m; the torque's is in no log.
-    held : bool
-        Whether the torque is held between samples.
-    input_delay, link_delay : float
-        In s.
-    size : float
-        Of the torque.
-    more
-        What else acts, or acts otherwise: fields of `Drive`.
+    The seed is that of the tones' phases and of all noise. Noise is in rad and N m, the torque's in
+    no log; times are in s. What else acts, or acts otherwise, are fields of `Drive`.
     """
     rng = np.random.default_rng(seed)
     phases = rng.uniform(0.0, 2.0 * np.pi, len(TONES))
@@ -136,3 +128,36 @@ def data(*recordings: Recording) -> Data:
     """Recordings as a fit takes them, each of its own log."""
     with_speeds = [with_velocities(recording) for recording in recordings]
     return data_of(JOINT, with_speeds, range(len(recordings)))
+
+
+def turned(recording: Recording, turns: int) -> Recording:
+    """The same motion that many turns further, where gravity is the same."""
+    away = 2.0 * np.pi * turns
+    assert recording.link_position is not None
+    link, motor = recording.link_position + away, recording.motor_position + away
+    return replace(recording, link_position=link, motor_position=motor)
+
+
+def posed(
+    recording: Recording,
+    *terms: str,
+    widths: Mapping[str, float] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[Structure, Data]:
+    """The paper's model with more terms, of shapes that suit a recording or are given."""
+    own = data(recording)
+    joint = JOINT.scaled(own.samples).with_widths(dict(widths or {}))
+    on = {coefficient for term in (*PAPER_TERMS, *terms) for coefficient in joint.terms[term]}
+    absent = frozenset(joint.optional - on)
+    return Structure(joint, absent, Timing("cubic"), dict(fixed or {}), dict(bounds or {})), own
+
+
+def fitted(recording: Recording, *terms: str, **about: Any) -> Fitted:
+    """That model fitted over segments of a second."""
+    return fit_to(*posed(recording, *terms, **about), COEFFICIENTS, 1.0)[0]
+
+
+def half_widths(estimate: Any) -> np.ndarray:
+    """Half the 95 % interval of each value of an estimate or a fit."""
+    return t.ppf(0.975, np.array(estimate.degrees_of_freedom)) * estimate.deviations

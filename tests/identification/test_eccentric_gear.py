@@ -38,13 +38,6 @@ def found(recording):
     return identify([log(recording)])
 
 
-def test_it_is_found_untold(found):
-    """Assert that size and angle are those of the gear."""
-    assert found.choices.terms == (*PAPER_TERMS, "eccentricity")
-    assert found.parameters["eccentricity"].value == pytest.approx(SIZE, rel=1e-3)
-    assert found.parameters["eccentricity_angle"].value == pytest.approx(-PHASE, abs=1e-3)
-
-
 def test_what_follows_is_reported_as_it_follows(found):
     """Assert that a coefficient that is a square is one, and that its model is built of it."""
     values = {name: c.value for name, c in found.coefficients.items()}

@@ -5,7 +5,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import TRUTH, log, made
 
 from flexid.estimators.rowwise import RowFit
 from flexid.estimators.samples import Samples
@@ -16,8 +15,6 @@ from flexid.identification.estimation.excitations import (
     worst_share,
 )
 from flexid.identification.full_model.model import Data
-from flexid.identification.identify import identify
-from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 SPRING = ("theta_cubic", "alpha_cubic", "theta_damping", "alpha_damping")
@@ -171,12 +168,3 @@ def test_noise_is_added_as_the_sensors_have_it(relative: bool):
     deflection = 1e-5 if relative else np.sqrt(2.0) * 1e-3
     assert added.std(axis=0) == pytest.approx(1e-3, rel=0.05)
     assert (added[:, 0] - added[:, 1]).std() == pytest.approx(deflection, rel=0.15)
-
-
-def test_a_light_motor_is_identified():
-    """Assert that every parameter is determined where the motor has 1/500 of the link's inertia."""
-    given = Settings(terms=("gravity", "motor_viscous"), hold="cubic")
-    found = identify([log(made(3, 12.0, motor_inertia=0.002))], given).parameters
-    for name, true in (TRUTH | {"motor_inertia": 0.002}).items():
-        lower, upper = found[name].interval
-        assert (lower <= true <= upper, found[name].verdict) == (True, "determined"), name

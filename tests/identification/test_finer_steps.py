@@ -108,21 +108,11 @@ def test_steps_are_asked_for_once(
     assert (own is last) == (times == taken)
 
 
-def test_rivals_of_the_report_take_its_steps(
-    monkeypatch: pytest.MonkeyPatch, fits_seen: list[FinalFits]
+@pytest.mark.parametrize("refined", [False, True])
+def test_report_and_rivals_take_the_same_steps(
+    refined: bool, monkeypatch: pytest.MonkeyPatch, fits_seen: list[FinalFits]
 ):
-    """Assert that the model with all terms is fitted as the report is, whatever was chosen in."""
-    monkeypatch.setattr(fits_by_length, "with_steps_refined", tuple)  # chosen in the usual steps
-    given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
-    identify([log(made(4, 6.0, noise=FINE_NOISE, held=True, **STIFF))], given)
-    (found,) = fits_seen
-    assert found.choice.fitted.data.refinement == 1
-    assert found.reported.data.refinement > 1
-    assert found.full.problem.substeps == found.reported.problem.substeps
-
-
-def test_report_takes_the_same_steps(monkeypatch: pytest.MonkeyPatch):
-    """Assert that the fit to all data has the steps that the choice was made with."""
+    """Assert that the report is fitted in steps as fine as chosen or finer, all terms as it is."""
     times = []
 
     def watched(structure, data, *rest):
@@ -130,6 +120,11 @@ def test_report_takes_the_same_steps(monkeypatch: pytest.MonkeyPatch):
         return fit_to(structure, data, *rest)
 
     monkeypatch.setattr(final, "fit_to", watched)
+    if not refined:
+        monkeypatch.setattr(fits_by_length, "with_steps_refined", tuple)
     given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
     identify([log(made(4, 6.0, noise=FINE_NOISE, held=True, **STIFF))], given)
-    assert min(times) > 1
+    (found,) = fits_seen
+    assert (found.choice.fitted.data.refinement > 1) == (min(times) > 1) == refined
+    assert found.reported.data.refinement > 1
+    assert found.full.problem.substeps == found.reported.problem.substeps

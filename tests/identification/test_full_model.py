@@ -32,23 +32,14 @@ def late() -> Data:
     return data(made(11, 8.0, input_delay=1.3e-3, link_delay=0.7e-3))
 
 
-def test_noise_is_that_of_the_encoders(late):
-    """Assert that each position's noise is found from it alone, to a tenth."""
+def test_what_data_know(late):
+    """Assert that each position's noise is found from it alone, and what it is late against."""
     assert late.noise == pytest.approx([NOISE, NOISE], rel=0.1)
     assert late.relative_to == {}
-
-
-def test_deflection_is_late_against_the_motor():
-    """Assert that of a log with a deflection the link is known to be late relative to the motor."""
-    recording = replace(made(1, 0.5), link_from_deflection=True)
-    assert data(recording).relative_to == {"link": "motor"}
-
-
-def test_noiseless_positions_have_a_noise():
-    """Assert that a weight is finite where the positions have no noise at all."""
-    recording = made(1, 0.5, noise=0.0)
-    still = replace(recording, motor_position=np.zeros(len(recording)))
-    assert np.all(data(still).noise > 0.0)
+    recording = replace(made(1, 0.5, noise=0.0), link_from_deflection=True)
+    still = data(replace(recording, motor_position=np.zeros(len(recording))))
+    assert still.relative_to == {"link": "motor"}
+    assert np.all(still.noise > 0.0)  # so that weights are finite
 
 
 def test_lengths_double():
@@ -92,18 +83,24 @@ def test_delays_and_coefficients_are_found_together(late):
 
 
 def test_short_segments_forgive_a_bad_start(late):
-    """Assert that from values two or three times wrong short segments lead to long ones."""
+    """Assert that from values two or three times wrong short segments lead to long ones.
+
+    A start from which even these run away is an error.
+    """
     timing = Timing("cubic", {INPUT: 1.3e-3, LINK: 0.7e-3})
     start = {"theta1": 0.0, "theta2": 40.0, "alpha1": 800.0, "alpha2": 0.0, "beta1": 7.0}
     found = fit_by_length(replace(PAPER, timing=timing), late, start, lengths(late))
     assert found[-1].duration > 0.5 * late.duration
     assert found[-1].values == pytest.approx(list(COEFFICIENTS.values()), rel=1e-3)
+    with pytest.raises(ConvergenceError):
+        fit_by_length(PAPER, late, {"theta2": 100.0, "alpha1": -1e7}, lengths(late)[:1])
 
 
 def test_least_squares_starts_no_motion_that_runs_away(late):
     """Assert that frictions start from zero on, and springs and inertias above it.
 
-    Least squares of a log whose link is read 20 ms late finds frictions that feed energy in.
+    Least squares of a log whose link is read 20 ms late finds frictions that feed energy in, of one
+    whose torque has the wrong sign a negative inertia.
     """
     early = replace(PAPER, absent=PAPER.absent - {"theta_viscous", "alpha_cubic", "theta_cubic"})
     seen = replace(late.samples[0], positions=late.samples[0].positions.copy())
@@ -113,21 +110,11 @@ def test_least_squares_starts_no_motion_that_runs_away(late):
     assert start["theta_viscous"] == 0.0
     assert min(start["theta2"], start["alpha1"], start["beta1"]) > 0.0
     assert start["alpha_cubic"] == 0.0
-
-
-def test_gain_starts_as_that_of_an_inertia(late):
-    """Assert that a torque of the wrong sign starts a fit with a positive gain all the same."""
     turned = replace(late.samples[0], inputs=-late.samples[0].inputs)
     start, fit = least_squares_start(PAPER, replace(late, samples=(turned,)), 20.0)
     gain = dict(zip(fit.names, fit.values.tolist(), strict=True))["beta1"]
     assert gain == pytest.approx(-10 / 3, rel=0.1)
     assert start["beta1"] == -gain
-
-
-def test_a_start_that_leads_nowhere_is_said(late):
-    """Assert that a start from which even short segments run away is an error."""
-    with pytest.raises(ConvergenceError):
-        fit_by_length(PAPER, late, {"theta2": 100.0, "alpha1": -1e7}, lengths(late)[:1])
 
 
 @pytest.mark.parametrize(("ends", "kept"), [("++++", 4), ("++x+", 2), ("+xx", 1), ("x+", None)])
@@ -205,44 +192,6 @@ def test_the_rest_follows_what_is_gone(monkeypatch):
     assert fitting.fit_like(link_viscous, wide) is None  # nothing is gone: there is no other start
 
 
-def test_coefficient_ends_at_its_bound():
-    """Assert that a friction that has to be greater than it is ends at its bound, and is fixed."""
-    bounded = replace(PAPER, bounds={"alpha2": (1.0, 2.0)})
-    found, _ = fit_to(bounded, data(made(12, 4.0)), COEFFICIENTS, 1.0)
-    assert found.at_bound == {"alpha2": 1.0}
-    assert "alpha2" not in found.names
-    place = found.problem.unknowns.system.coefficients.index("alpha2")
-    assert found.coefficients(0)[place] == 1.0
-
-
-def test_given_coefficient_is_kept():
-    """Assert that a given motor gain is not sought, and that a wrong one is not made up for."""
-    given = replace(PAPER, fixed={"beta1": 10 / 3})
-    found, _ = fit_to(given, data(made(12, 4.0)), COEFFICIENTS, 1.0)
-    assert found.names == ("theta1", "theta2", "alpha1", "alpha2")
-    wrong, _ = fit_to(replace(PAPER, fixed={"beta1": 4.0}), found.data, COEFFICIENTS, 1.0)
-    assert wrong.excess > 100.0 * found.excess
-
-
-def test_what_is_taken_away_is_gone():
-    """Assert that coefficients become absent and delays zero, offsets of every log together."""
-    timing = Timing("zero", {INPUT: 0.01}, (INPUT, LINK))
-    full = Structure(JOINT, frozenset(JOINT.shapes), timing)
-    less = full.without(["theta_offset[1]", "theta_offset[2]", INPUT, "theta1"])
-    assert less.absent == full.absent | {"theta_offset", "theta1"}
-    assert less.timing == Timing("zero", {}, (LINK,))
-    assert "gravity" not in less.terms
-    assert "link_offset" not in less.terms
-
-
-def test_terms_are_those_with_a_coefficient_of_their_own():
-    """Assert that a spring's damping counts by its motor side, from which the other follows."""
-    on = Structure(JOINT, frozenset(JOINT.optional - {"theta1", "alpha_damping"}), Timing("zero"))
-    assert on.terms == ("gravity", "joint_damping")
-    off = Structure(JOINT, frozenset(JOINT.optional - {"theta1", "theta_damping"}), Timing("zero"))
-    assert off.terms == ("gravity",)
-
-
 def test_margin_is_small_in_a_short_log():
     """Assert that no more than a twentieth of the shortest recording is left out at either end."""
     assert data(made(1, 8.0), made(1, 0.4)).margin == pytest.approx(0.02)
@@ -250,3 +199,35 @@ def test_margin_is_small_in_a_short_log():
     late = [with_velocities(made(1, 8.0))]
     assert data_of(JOINT, late, [0], 0.2).margin == pytest.approx(0.2)
     assert data(made(1, 8.0)).duration == pytest.approx(4000 * SAMPLE_TIME)
+
+
+def test_values_that_are_fixed():
+    """Assert that a friction ends at its bound, and that a wrong gain is not made up for."""
+    other = data(made(12, 4.0))
+    found, _ = fit_to(replace(PAPER, bounds={"alpha2": (1.0, 2.0)}), other, COEFFICIENTS, 1.0)
+    assert found.at_bound == {"alpha2": 1.0}
+    assert "alpha2" not in found.names
+    place = found.problem.unknowns.system.coefficients.index("alpha2")
+    assert found.coefficients(0)[place] == 1.0
+    given = [
+        fit_to(replace(PAPER, fixed={"beta1": gain}), other, COEFFICIENTS, 1.0)[0]
+        for gain in (10 / 3, 4.0)
+    ]
+    assert given[0].names == ("theta1", "theta2", "alpha1", "alpha2")
+    assert given[1].excess > 100.0 * given[0].excess
+
+
+def test_terms_of_a_structure():
+    """Assert that a spring's damping counts by its motor side, and that what is taken away goes.
+
+    Delays become zero, offsets of every log go together, and a shape takes its tie along.
+    """
+    on = Structure(JOINT, frozenset(JOINT.optional - {"theta1", "alpha_damping"}), Timing("zero"))
+    assert on.terms == ("gravity", "joint_damping")
+    off = Structure(JOINT, frozenset(JOINT.optional - {"theta1", "theta_damping"}), Timing("zero"))
+    assert off.terms == ("gravity",)
+    full = Structure(JOINT, frozenset(), Timing("zero", {INPUT: 0.01}, (INPUT, LINK)))
+    less = full.without(["theta_offset[1]", "theta_offset[2]", INPUT, "theta1", "alpha_backlash"])
+    assert less.absent == {"theta_offset", "theta1", "alpha_backlash", "theta_backlash"}
+    assert less.timing == Timing("zero", {}, (LINK,))
+    assert not {"gravity", "link_offset", "backlash"} & {*less.terms}

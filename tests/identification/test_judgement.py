@@ -88,31 +88,3 @@ def test_table_lists_every_threshold():
     assert [row[0] for row in rows] == [f.name for f in fields(Thresholds)]
     assert {row[0]: row[1] for row in rows}["weak_width"] == 0.7
     assert all(unit and reason for _, _, unit, reason in rows)
-
-
-def test_thresholds_are_these():
-    """Assert that no threshold changes unnoticed."""
-    assert {name: value for name, value, _, _ in table()} == {
-        "determined_width": 0.2,
-        "weak_width": 1.0,
-        "negligible_share": 0.04,
-        "noted_width": 0.01,
-        "term_chance": 0.005,
-        "generous_chance": 0.1,
-        "generous_gain": 0.05,
-        "shape_chance": 0.001,
-        "hold_fall": 9.0,
-        "exchange_fall": 9.0,
-        "friction_sign": 4.0,
-        "sensor_excess": 1.1,
-        "shape_promise": 0.25,
-        "shape_share": 0.7,
-        "white_growth": 0.4,
-        "repeated_growth": 0.8,
-        "noise_motion": 0.1,
-        "shape_motion": 0.12,
-        "exact_share": 0.005,
-        "lost_share": 0.007,
-        "mirrored_share": 0.25,
-        "contradiction": 3.0,
-    }

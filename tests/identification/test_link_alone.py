@@ -71,15 +71,6 @@ def test_link_follows_the_measured_motor(alone):
     assert set(alone.residual_excess) == {"link_position"}
 
 
-def test_what_the_motor_does_is_of_no_account():
-    """Assert that friction and an unknown torque on the motor's side change nothing."""
-    result = identify([motion(2, motor_coulomb_up=3.0, motor_coulomb_down=3.0, torque_noise=0.5)])
-    assert result.parameters["joint_stiffness_per_link_inertia"].value == pytest.approx(
-        100.0, rel=1e-3
-    )
-    assert result.choices.terms == ("gravity",)
-
-
 SETTINGS = Settings(terms=("gravity",), link_delay=0.0, segment_duration=1.0)
 
 
@@ -99,18 +90,6 @@ def test_intervals_allow_for_the_motor_encoder():
             assert found.value == pytest.approx(true, rel=2e-3)
             inside.append(found.interval[0] <= true <= found.interval[1])
     assert sum(inside) >= 34
-
-
-def test_late_encoder_is_no_negative_damping():
-    """Assert that a link encoder that is 2 ms late is found to be, and no friction in its place."""
-    result = identify([motion(3, link_delay=2e-3)])
-    assert result.choices.terms == ("gravity",)
-    delay = result.choices.alignment.link_delay
-    assert delay.status == "found"
-    assert delay.value == pytest.approx(2e-3, abs=5e-5)
-    assert result.parameters["joint_stiffness_per_link_inertia"].value == pytest.approx(
-        100.0, rel=1e-3
-    )
 
 
 @pytest.fixture(scope="module")

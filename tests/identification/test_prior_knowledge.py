@@ -61,14 +61,13 @@ def test_vague_knowledge_changes_nothing():
 
 
 def test_a_known_inertia_is_met():
-    """Assert that a motor inertia known exactly is what the joined values give, far off or not."""
+    """Assert that one known exactly is what the joined values give, far off or not.
+
+    What correlates with it follows along their common uncertainty.
+    """
     for inertia in (0.1, 0.25, 0.3, 0.6, 1.5):
         found, _ = informed(drive(), [Known("motor_inertia", inertia, 0.0)], PARAMETERS)
         assert 1.0 / found.values[1] == pytest.approx(inertia, rel=1e-9)
-
-
-def test_a_known_inertia_moves_what_it_correlates_with():
-    """Assert that alpha1 follows beta1 along their common uncertainty."""
     found, _ = informed(drive(), [Known("motor_inertia", 0.3 / 1.02, 0.0)], PARAMETERS)
     assert found.values[0] == pytest.approx(1000 / 3 * (1 + 0.8 * 0.02), rel=1e-9)
 
@@ -84,45 +83,12 @@ def test_two_known_values_together():
     assert together.covariance == pytest.approx(in_turn.covariance, rel=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("apart", "said"), [(2.9, False), (3.1, True), (-2.9, False), (-3.1, True)]
-)
-def test_three_deviations_contradict(apart, said):
-    """Assert that log and knowledge contradict beyond three of their common deviations.
-
-    With 0.3 known and 0.4 from the log these are 0.5.
-    """
-    fit = Estimate(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
-    _, contradicted = informed(fit, [Known("a", 2.0 + 0.5 * apart, 0.3)])
-    assert bool(contradicted) == said
-    assert all("a is known as" in sentence for sentence in contradicted.values())
-
-
-def test_limit_of_contradiction_is_given():
-    """Assert that a greater limit is kept to."""
-    fit = Estimate(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
-    assert informed(fit, [Known("a", 4.0, 0.3)], contradiction=3.9)[1]
-    assert not informed(fit, [Known("a", 4.0, 0.3)], contradiction=4.1)[1]
-
-
 def test_contradiction_is_told_in_the_parameter_s_terms():
     """Assert that the sentence names the inertia, what it is known as, and what the log says."""
     _, said = informed(drive(deviation=0.01), [Known("motor_inertia", 0.35, 0.01)], PARAMETERS)
     sentence = said["motor_inertia"]
     assert "motor_inertia is known as 0.35" in sentence
     assert "0.3 ± 0.003" in sentence
-
-
-def test_contradiction_spans_both():
-    """Assert that one deviation more reaches from where both together lie back to the log alone.
-
-    Joined, 2 ± 0.4 from the log and 7 ± 0.3 known give 5.2 ± 0.24; that is 3.2 from the log.
-    """
-    fit = Estimate(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
-    found, contradicted = informed(fit, [Known("a", 7.0, 0.3)])
-    assert contradicted
-    assert found.values == pytest.approx([5.2])
-    assert found.covariance == pytest.approx(np.array([[0.24**2 + 3.2**2]]))
 
 
 def test_what_is_unknown_or_free_is_refused():
@@ -135,14 +101,6 @@ def test_what_is_unknown_or_free_is_refused():
         informed(free, [Known("motor_inertia", 0.3, 0.01)], PARAMETERS)
     with pytest.raises(SettingError, match="give it without an uncertainty"):
         informed(free, [Known("beta1", 3.0, 0.01)], PARAMETERS)
-
-
-def test_contradiction_with_a_sharp_log_spans_both():
-    """Assert that two deviations reach what is known also where the log alone decides."""
-    fit = Estimate(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))
-    found, contradicted = informed(fit, [Known("a", 7.0, 1.0)])
-    assert contradicted
-    assert found.values[0] + 2.0 * found.deviations[0] >= 7.0
 
 
 @pytest.mark.parametrize("std", [-0.1, np.nan, np.inf])
@@ -180,3 +138,37 @@ def test_coverage_with_an_estimated_covariance(std):
         held_count += np.abs(found.values - truth) <= width
     assert np.all(held_count / 4000 > 0.93)
     assert np.all(held_count / 4000 < 0.97)
+
+
+@pytest.mark.parametrize(
+    ("apart", "limit", "said"),
+    [
+        (2.9, 3.0, False),
+        (3.1, 3.0, True),
+        (-2.9, 3.0, False),
+        (-3.1, 3.0, True),
+        (10.0, 9.9, True),
+        (10.0, 10.1, False),
+    ],
+)
+def test_a_contradiction_spans_both(apart, limit, said):
+    """Assert that beyond the limit one deviation more reaches from the joined value to the log's.
+
+    2 ± 0.4 from the log and 0.3 known: together 0.5 for the difference, and 0.24 for the joined
+    value, which lies 0.64 of the difference from the log.
+    """
+    fit = Estimate(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
+    known = Known("a", 2.0 + 0.5 * apart, 0.3)
+    found, contradicted = informed(fit, [known], contradiction=limit)
+    assert [*contradicted] == (["a"] if said else [])
+    moved = 0.64 * 0.5 * apart
+    assert found.values == pytest.approx([2.0 + moved])
+    assert found.covariance == pytest.approx(np.array([[0.24**2 + said * moved**2]]))
+
+
+def test_a_contradiction_with_a_sharp_log_reaches_what_is_known():
+    """Assert that two deviations do also where the log alone decides."""
+    fit = Estimate(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))
+    found, contradicted = informed(fit, [Known("a", 7.0, 1.0)])
+    assert contradicted
+    assert found.values[0] + 2.0 * found.deviations[0] >= 7.0

@@ -1,25 +1,23 @@
 """Terms whose constant is sought: ripple, springs that bend, friction that falls off."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, log, made
+from made_joint import fitted, log, made, turned
 
 import flexid.identification.structure.sought_shape as sought_shape
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fits_by_length import FitsByLength, leaves_more
-from flexid.identification.full_model.fitting import fit_to
-from flexid.identification.full_model.model import Fitted, Structure, data_of
+from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Identification
 from flexid.identification.structure.bend import BEND, is_slack
 from flexid.identification.structure.ripple import RIPPLE, numbers
 from flexid.identification.structure.sought_shape import (
@@ -32,8 +30,6 @@ from flexid.identification.structure.stribeck import STRIBECK
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
-from flexid.recording.recording import Recording
-from flexid.recording.velocities import with_velocities
 
 NUMBER, PHASE = 23.4, 0.8
 RIPPLED: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": NUMBER, "ripple_phase": PHASE}
@@ -52,144 +48,12 @@ NO_ERROR = ModelError(0.0, 0.0, 0.0)
 ENOUGH, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
 
 
-def fitted(
-    recording: Recording,
-    constants: dict[str, float],
-    *terms: str,
-    given: Mapping[str, float] | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
-) -> Fitted:
-    """The paper's model with some more terms of given shapes, fitted over segments of 1 s."""
-    recording = with_velocities(recording)
-    joint = flexible()
-    data = data_of(joint, [recording], (0,))
-    joint = joint.scaled(data.samples).with_widths(constants)
-    on = {c for term in (*PAPER_TERMS, *terms) for c in joint.terms[term]}
-    absent = frozenset(joint.optional - on)
-    structure = Structure(joint, absent, Timing("cubic"), dict(given or {}), dict(bounds or {}))
-    return fit_to(structure, data, COEFFICIENTS, 1.0)[0]
-
-
-@pytest.fixture(scope="module")
-def rippled() -> Identification:
-    """A drive with a ripple, identified by itself."""
-    return identify([log(made(1, 12.0, **RIPPLED))])
-
-
-def test_ripple_is_found_untold(rippled: Identification):
-    """Assert that the number of periods is found, and size and phase with it, and all else."""
-    found = rippled
-    assert found.choices.terms == (*PAPER_TERMS, "torque_ripple")
-    number = pytest.approx(NUMBER, abs=0.02)
-    assert found.choices.shapes == {"ripple_number": number, "ripple_origin": 0.0}
-    parameters = found.parameters
-    assert parameters["torque_ripple"].value == pytest.approx(0.3, rel=1e-3)
-    assert parameters["ripple_angle"].value == pytest.approx(-PHASE, abs=0.01)
-    assert parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
-    assert max(found.residual_excess.values()) < 1.05
-    periods = parameters["ripple_number"]
-    assert periods.interval[0] <= NUMBER <= periods.interval[1]
-    assert periods.interval[1] - periods.interval[0] < 0.02
-    assert (periods.unit, periods.verdict) == ("1", "determined")
-
-
-def test_a_ripple_far_from_zero_counts_from_where_it_is(rippled: Identification):
-    """Assert that thirty turns away nothing is less known, and that the angle says whence."""
-    near = rippled
-    far = identify([log(turned(made(1, 12.0, **RIPPLED), -30))])
-    origin = -30.0 * 2.0 * np.pi
-    assert far.choices.shapes["ripple_origin"] == pytest.approx(origin)
-    assert f"its angle counted from {origin:.5g} rad" in far.summary[0]
-    assert far.choices.shapes["ripple_number"] == pytest.approx(
-        near.choices.shapes["ripple_number"], abs=1e-3
-    )
-    for name in ("ripple_angle", "torque_ripple", "motor_inertia"):
-        a, b = near.parameters[name], far.parameters[name]
-        assert b.value == pytest.approx(a.value, abs=a.std)
-        assert b.std == pytest.approx(a.std, rel=0.2)
-
-
-def test_stribeck_friction_is_found_untold():
-    """Assert that the velocity is found over which friction falls off, and both its levels."""
-    found = identify([log(made(1, 12.0, **STICKING))])
-    assert found.choices.terms == (*PAPER_TERMS, "motor_coulomb", "motor_stribeck")
-    assert found.choices.shapes == {"stribeck_velocity": pytest.approx(0.15, rel=0.03)}
-    assert found.parameters["motor_stribeck_friction"].value == pytest.approx(0.6, rel=0.03)
-    assert found.parameters["motor_coulomb_friction"].value == pytest.approx(1.0, rel=1e-3)
-    low, high = found.parameters["stribeck_velocity"].interval
-    assert low <= 0.15 <= high
-    assert high - low < 0.08
-    assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
-    assert max(found.residual_excess.values()) < 1.05
-
-
-def test_a_bend_is_found_untold():
-    """Assert that where the spring bends is found, and both stiffnesses."""
-    found = identify([log(made(2, 12.0, **BENT))])
-    assert found.choices.terms == (*PAPER_TERMS, "bent_spring")
-    assert found.choices.shapes == {"bend_deflection": pytest.approx(0.3, rel=1e-3)}
-    assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-3)
-    assert found.parameters["bend_stiffness"].value == pytest.approx(40.0, rel=1e-2)
-    low, high = found.parameters["bend_deflection"].interval
-    assert low <= 0.3 <= high
-    assert high - low < 0.003
-
-
-def test_what_is_left_beside_one_shape_is_sought_again():
-    """Assert that a ripple is found beside a bend that had to be found first."""
-    found = identify([log(made(3, 12.0, **RIPPLED, **BENT))])
-    assert found.choices.terms == (*PAPER_TERMS, "torque_ripple", "bent_spring")
-    assert found.choices.shapes["bend_deflection"] == pytest.approx(0.3, rel=1e-3)
-    assert found.choices.shapes["ripple_number"] == pytest.approx(NUMBER, abs=0.02)
-    assert found.parameters["torque_ripple"].value == pytest.approx(0.3, rel=1e-3)
-    assert found.parameters["bend_stiffness"].value == pytest.approx(40.0, rel=1e-2)
-    assert max(found.residual_excess.values()) < 1.1
-
-
-@pytest.mark.thorough
-def test_a_bend_next_to_a_preload():
-    """Assert that it is found where the deflection swings about it."""
-    preload = {"link_offset": 30.0, "motor_offset": -30.0}
-    found = identify([log(made(2, 8.0, **preload, **BENT))])
-    assert found.choices.shapes == {"bend_deflection": pytest.approx(0.3, rel=1e-2)}
-    assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-3)
-    assert max(found.residual_excess.values()) < 1.1
-
-
 def test_a_bound_that_contradicts_a_shape_is_said_to():
     """Assert that the constant takes up nothing of what a bound forbids."""
     settings = Settings(bounds={"alpha_stribeck": (0.0, 1.0)})
     found = identify([log(made(1, 12.0, **STICKING))], settings)
     assert any("alpha_stribeck is bounded by 1, which contradicts" in w for w in found.warnings)
     assert {p.verdict for p in found.parameters.values()} == {"undetermined"}
-
-
-def test_a_bend_of_the_link_alone():
-    """Assert that a bend is found without the motor's row."""
-    found = identify([log(made(2, 12.0, **BENT))], Settings(model="link"))
-    assert found.choices.shapes["bend_deflection"] == pytest.approx(0.3, rel=0.01)
-    ratio = found.parameters["bend_stiffness_per_link_inertia"]
-    assert ratio.value == pytest.approx(40.0, rel=0.03)
-
-
-@pytest.mark.thorough
-def test_two_logs_have_one_number():
-    """Assert that the motions of two logs are taken together."""
-    logs = [log(made(seed, 8.0, **RIPPLED)) for seed in (1, 2)]
-    found = identify(logs)
-    assert found.choices.shapes["ripple_number"] == pytest.approx(NUMBER, abs=0.02)
-    assert max(found.residual_excess.values()) < 1.05
-
-
-def test_what_is_asked_for_is_sought_at_its_constant():
-    """Assert that terms that are given have the constant that suits the log, found or not."""
-    terms = (*PAPER_TERMS, "torque_ripple")
-    found = identify([log(made(1, 12.0, **RIPPLED))], Settings(terms=terms))
-    assert found.choices.terms == terms
-    assert found.choices.shapes["ripple_number"] == pytest.approx(NUMBER, abs=0.02)
-    absent = identify([log(made(1, 12.0))], Settings(terms=terms))
-    assert absent.parameters["torque_ripple"].value < 1e-3
-    assert absent.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -208,9 +72,9 @@ def test_a_constant_goes_where_the_sum_of_squares_is_least(
     A velocity comes from as far as candidates are apart.
     """
     recording = made(3, **made_with)
-    exact = fitted(recording, {shape.constant: truth}, *terms)
+    exact = fitted(recording, *terms, widths={shape.constant: truth})
     for away in aways:
-        first = fitted(recording, {shape.constant: away * truth}, *terms)
+        first = fitted(recording, *terms, widths={shape.constant: away * truth})
         found = at_its_constant(shape, first)
         assert found.minimum.equations.cost < first.minimum.equations.cost
         assert found.minimum.equations.cost < exact.minimum.equations.cost + 20.0
@@ -228,7 +92,7 @@ def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
         return -abs(np.log(value / velocity))
 
     monkeypatch.setattr(sought_shape, "_promised", promised)
-    plain = fitted(made(4, 4.0), {})
+    plain = fitted(made(4, 4.0))
     (_, best), *_ = sought_shape._promising(STRIBECK, plain, plain.structure)
     assert STRIBECK.of(best) == pytest.approx(velocity, rel=0.15)
     assert len(asked) == len(STRIBECK.candidates(plain.structure, plain.data)) + 2 * 5
@@ -264,7 +128,7 @@ def test_a_constant_is_sought_where_the_coefficients_are_given(
     terms, shape, made_with, constant, truth, given
 ):
     """Assert that what a user knows of a size leaves the constant free, and in the intervals."""
-    first = fitted(made(3, **made_with), {constant: 0.995 * truth}, *terms, given=given)
+    first = fitted(made(3, **made_with), *terms, widths={constant: 0.995 * truth}, fixed=given)
     found = at_its_constant(shape, first)
     assert shape.of(found.structure) == pytest.approx(truth, rel=5e-4)
     estimate = widened(found, NO_ERROR)
@@ -280,7 +144,7 @@ def test_a_constant_is_sought_where_something_ended_at_a_bound(bounded):
     """Assert that the coefficient stays there, and that what moves is what was sought."""
     truth = {"alpha_bend": 40.0 / 0.3, "alpha1": 100.0 / 0.3}[bounded]
     bounds = {bounded: (0.0, 0.9 * truth)}
-    first = fitted(made(3, **BENT), {"bend_deflection": 0.3}, "bent_spring", bounds=bounds)
+    first = fitted(made(3, **BENT), "bent_spring", widths={"bend_deflection": 0.3}, bounds=bounds)
     assert first.at_bound == {bounded: pytest.approx(0.9 * truth)}
     found = at_its_constant(BEND, first)
     if bounded in BEND.coefficients:  # the bend would take up what the bound forbids
@@ -292,23 +156,10 @@ def test_a_constant_is_sought_where_something_ended_at_a_bound(bounded):
     assert np.isfinite(moved).all()
 
 
-@pytest.mark.parametrize(
-    "known", [{}, pytest.param({"motor_inertia": 0.3}, marks=pytest.mark.thorough)]
-)
-def test_a_stiffness_that_is_known_contradicts_nothing(known):
-    """Assert that a bend of a known stiffness is found where it is, with or without an inertia."""
-    settings = Settings(known={"bend_stiffness": 40.0, **known})
-    found = identify([log(made(2, 12.0, **BENT))], settings)
-    assert found.choices.shapes["bend_deflection"] == pytest.approx(0.3, rel=1e-3)
-    assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-3)
-    assert {p.verdict for p in found.parameters.values()} == {"determined"}
-    assert not any("contradicts" in warning for warning in found.warnings)
-
-
 @pytest.mark.parametrize("preload", [0.0, 3.0, -3.0])
 def test_a_preload_moves_where_a_bend_is_looked_for(preload):
     """Assert that candidates lie close, on both sides of the deflection's mean."""
-    plain = fitted(made(4, 4.0), {})
+    plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     moved = replace(recording, positions=recording.positions + np.array([preload, 0.0]))
     data = replace(plain.data, samples=(moved,))
@@ -323,7 +174,7 @@ def test_a_preload_moves_where_a_bend_is_looked_for(preload):
 
 def test_a_constant_of_nothing_stays():
     """Assert that a fit without the term is returned as it is, and its estimate as well."""
-    plain = fitted(made(3), {})
+    plain = fitted(made(3))
     assert at_its_constant(RIPPLE, plain) is plain
     estimate = widened(plain, NO_ERROR)
     assert with_free_constant(RIPPLE, estimate, plain) is estimate
@@ -331,23 +182,12 @@ def test_a_constant_of_nothing_stays():
 
 def test_what_fits_worse_is_not_taken(monkeypatch):
     """Assert that a fit stays where another constant has none, or a worse one."""
-    first = fitted(made(3, **RIPPLED), {"ripple_number": 23.2}, "torque_ripple")
+    first = fitted(made(3, **RIPPLED), "torque_ripple", widths={"ripple_number": 23.2})
     monkeypatch.setattr(sought_shape, "fit_like", lambda *_: None)
     assert at_its_constant(RIPPLE, first) is first
-    worse = fitted(made(3, **RIPPLED), {"ripple_number": 23.0}, "torque_ripple")
+    worse = fitted(made(3, **RIPPLED), "torque_ripple", widths={"ripple_number": 23.0})
     monkeypatch.setattr(sought_shape, "fit_like", lambda *_: worse)
     assert at_its_constant(RIPPLE, first) is first
-
-
-def turned(recording: Recording, turns: int) -> Recording:
-    """The same motion that many turns further, where gravity is the same."""
-    away = 2.0 * np.pi * turns
-    assert recording.link_position is not None
-    return replace(
-        recording,
-        link_position=recording.link_position + away,
-        motor_position=recording.motor_position + away,
-    )
 
 
 def test_the_interval_knows_that_the_number_was_sought():
@@ -362,7 +202,7 @@ def test_the_interval_knows_that_the_number_was_sought():
     for seed in range(10, 22):
         recording = turned(made(seed, 6.0, **RIPPLED), 3)
         constants = {"ripple_number": NUMBER + 1e-3, "ripple_origin": 0.0}
-        found = at_its_constant(RIPPLE, fitted(recording, constants, "torque_ripple"))
+        found = at_its_constant(RIPPLE, fitted(recording, "torque_ripple", widths=constants))
         estimate = widened(found, NO_ERROR)
         own = [found.names.index(name) for name in ("alpha_ripple_sine", "alpha_ripple_cosine")]
         off = found.values[own] - truth
@@ -375,7 +215,7 @@ def test_the_interval_knows_that_the_number_was_sought():
 
 def test_the_spectrum_by_position_shows_the_number():
     """Assert that what least squares leaves has its largest peak within half the resolution."""
-    plain = fitted(made(4, **RIPPLED), {})
+    plain = fitted(made(4, **RIPPLED))
     resolution = RIPPLE.resolution(plain.structure.joint, plain.data)
     few, peaks = np.split(np.array(numbers(plain.structure, plain.data)), [5])
     assert peaks[0] == pytest.approx(NUMBER, abs=0.5 * resolution)
@@ -481,7 +321,7 @@ def test_smoothed_friction_has_no_such_terms(asked):
 @pytest.mark.parametrize("shape", [RIPPLE, BEND, STRIBECK])
 def test_where_nothing_moves_nothing_is_sought(shape):
     """Assert that a joint at rest shows no constant, and that asking for the term is refused."""
-    plain = fitted(made(4, 4.0), {})
+    plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     none = np.zeros_like(recording.positions)
     resting = replace(recording, positions=none, velocities=none)
@@ -495,7 +335,7 @@ def test_where_nothing_moves_nothing_is_sought(shape):
 
 def test_many_turns_need_no_more_memory():
     """Assert that the spectrum of a motor that turns on and on is no longer than it may be."""
-    plain = fitted(made(4, 4.0), {})
+    plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     away = np.linspace(0.0, 1e6, len(recording))[:, None]
     turning = replace(recording, positions=recording.positions + away)
@@ -506,7 +346,7 @@ def test_many_turns_need_no_more_memory():
 
 def test_a_constant_that_is_hardly_known_widens_in_proportion(monkeypatch):
     """Assert that values move by as many steps as its deviation has, and no constant below zero."""
-    first = fitted(made(3, 4.0, **RIPPLED), {"ripple_number": 20.0}, "torque_ripple")
+    first = fitted(made(3, 4.0, **RIPPLED), "torque_ripple", widths={"ripple_number": 20.0})
     asked = []
 
     def following(_, fitted, change):
@@ -525,6 +365,6 @@ def test_a_constant_that_is_hardly_known_widens_in_proportion(monkeypatch):
 
 def test_a_sum_of_squares_that_overflows_moves_no_constant(monkeypatch):
     """Assert that a constant stays where another one has no finite sum of squares."""
-    first = fitted(made(3, 4.0, **RIPPLED), {"ripple_number": 23.2}, "torque_ripple")
+    first = fitted(made(3, 4.0, **RIPPLED), "torque_ripple", widths={"ripple_number": 23.2})
     monkeypatch.setattr(sought_shape, "_following", lambda *_: (np.inf, first.values))
     assert at_its_constant(RIPPLE, first) is first

@@ -1,5 +1,6 @@
 """What is stated of physical parameters, in terms of coefficients; and what excludes itself."""
 
+from dataclasses import replace
 from math import inf, isclose
 
 import numpy as np
@@ -147,9 +148,9 @@ ESTIMATE = Estimate(
 )
 
 
-def joined(**statements):
+def joined(thresholds=THRESHOLDS, **statements):
     """Join statements to a stiffness of 100 N m/rad and a link inertia of 2 kg m²."""
-    return with_prior_knowledge(JOINT, ESTIMATE, {}, of(**statements), "N m", THRESHOLDS)
+    return with_prior_knowledge(JOINT, ESTIMATE, {}, of(**statements), "N m", thresholds)
 
 
 def constrained(conditions):
@@ -220,3 +221,5 @@ def test_what_the_log_contradicts_is_said_of_bounds_too():
     assert sentence.startswith("joint_stiffness is bounded by 150, which contradicts the log")
     (sentence,) = joined(known={"joint_stiffness": 150.0}).contradicted
     assert sentence.startswith("joint_stiffness is known as 150")
+    patient = replace(THRESHOLDS, contradiction=1e6)
+    assert joined(patient, known={"joint_stiffness": 150.0}).contradicted == ()

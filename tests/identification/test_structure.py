@@ -72,11 +72,23 @@ def left(quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=LIMITS) -
     return (names & JOINT.optional) - structure.absent | {*structure.timing.sought}
 
 
-def alone(name: str, deviations: float, **more) -> _Quadratic:
-    """Spring and gain beside one number so many standard deviations from zero."""
-    names = ("theta2", "alpha1", "beta1", name)
-    values = np.array([100.0, 300.0, 3.0, 0.1 * deviations])
-    return _Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0]), **more)
+BASE = ("theta2", "alpha1", "beta1")
+
+
+def beside(values: dict[str, float], correlation: float = 0.0, **more: Any) -> _Quadratic:
+    """Spring and gain beside numbers so many standard deviations of 0.1 from zero."""
+    n = len(values)
+    information = np.zeros((3 + n, 3 + n))
+    information[:3, :3] = 1e4 * np.eye(3)
+    spread = 0.01 * ((1.0 - correlation) * np.eye(n) + correlation)
+    information[3:, 3:] = np.linalg.inv(spread)
+    sizes = [0.1 * size for size in values.values()]
+    return _Quadratic((*BASE, *values), np.array([100.0, 300.0, 3.0, *sizes]), information, **more)
+
+
+def alone(name: str, deviations: float, **more: Any) -> _Quadratic:
+    """One such number."""
+    return beside({name: deviations}, **more)
 
 
 def normal(chance: float) -> float:
@@ -84,110 +96,116 @@ def normal(chance: float) -> float:
     return float(norm.isf(chance / 2.0))
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize(
-    ("name", "chance"), [("theta_offset", 0.02), ("theta1", 0.02), ("alpha_saturation", 0.001)]
-)
-def test_chance_decides(name, chance, side):
-    """Assert that a usual term stays if chance is below one in 50, a shape if below one in 1000."""
-    assert left(alone(name, side * (normal(chance) + 0.02))) == {name}
-    assert left(alone(name, side * (normal(chance) - 0.02))) == set()
+GEAR = ("alpha_ecc_sine", "alpha_ecc_cosine")
+TWO_NUMBERS = float(np.sqrt(chi2.isf(0.001, 2)))
+FEW = float(np.sqrt(2.0 * f.isf(0.001, 2, 5.0)))  # two numbers of five degrees of freedom
+assert FEW > TWO_NUMBERS + 0.5
+EDGES: dict[str, tuple[float, dict[str, float], dict[str, Any]]] = {
+    # Where a term begins to stay; its coefficients for one deviation; what is known of the fit.
+    "a usual term: one in 50": (normal(0.02), {"theta_offset": 1.0}, {}),
+    "gravity, of either sign": (normal(0.02), {"theta1": -1.0}, {}),
+    "a shape: one in 1000": (normal(0.001), {"alpha_saturation": -1.0}, {}),
+    "one offset of two": (normal(0.02), {"theta_offset[1]": 0.0, "theta_offset[2]": 1.0}, {}),
+    **{
+        f"amplitude and phase together, at {phase}": (
+            TWO_NUMBERS,
+            dict(zip(GEAR, (np.cos(phase), np.sin(phase)), strict=True)),
+            {},
+        )
+        for phase in (0.0, 0.7, np.pi / 2.0, 3.0)
+    },
+    **{
+        f"the fewer degrees of freedom, of {name}": (
+            FEW,
+            dict(zip(GEAR, (1.0, 0.0), strict=True)),
+            {"freedom": (*[MANY] * 3, *(5.0 if name == each else MANY for each in GEAR))},
+        )
+        for name in GEAR
+    },
+    "Student's t": (float(t.isf(0.01, 5.0)), {"theta_offset": 1.0}, {"freedom": 5.0}),
+    "thrice white noise": (3.0 * normal(0.02), {"theta_offset": 1.0}, {"spread": 3.0}),
+    "blocks that agree by chance": (normal(0.02), {"theta_offset": 1.0}, {"spread": 0.1}),
+    **{
+        f"negative {name}": (4.0, {name: -1.0}, {})
+        for name in ("alpha2", "theta_viscous", "theta_coulomb", "alpha_damping", "alpha_drag")
+    },
+}
 
 
-@pytest.mark.parametrize(("beyond", "stays"), [(0.02, {"theta_offset"}), (-0.02, set())])
-def test_the_first_coefficient_is_judged_like_the_last(beyond, stays):
-    """Assert that a term's place among the unknowns is of no account."""
-    names = ("theta_offset", "theta2", "alpha1", "beta1")
-    values = np.array([0.1 * (normal(0.02) + beyond), 100.0, 300.0, 3.0])
-    fit = _Quadratic(names, values, np.diag([100.0, 1e4, 1e4, 1e4]))
-    assert left(fit) == stays
-    _, (evidence,) = eliminate(cast(Fitted, fit), (), LIMITS)
-    assert (evidence.name, evidence.std) == ("theta_offset", pytest.approx(0.1))
+@pytest.mark.parametrize("case", EDGES)
+def test_what_is_beyond_chance_stays(case):
+    """Assert where each kind of term begins to stay; all of a term's coefficients or none."""
+    edge, direction, more = EDGES[case]
+    for away, stays in ((0.05, True), (-0.05, False)):
+        sizes = {name: (edge + away) * part for name, part in direction.items()}
+        names = {name.partition("[")[0] for name in direction}
+        assert left(beside(sizes, **more)) == (names if stays else set())
 
 
-@pytest.mark.parametrize("phase", [0.0, 0.7, np.pi / 2.0, 3.0])
-def test_amplitude_and_phase_are_one_term(phase):
-    """Assert that both components of an eccentric gear stay, or none, whatever its phase.
-
-    Together they are that far from zero one time in 1000 for two degrees of freedom.
-    """
-    names = ("theta2", "alpha1", "beta1", "alpha_ecc_sine", "alpha_ecc_cosine")
-    edge = float(np.sqrt(chi2.isf(0.001, 2)))
-
-    def found(deviations: float) -> set[str]:
-        values = np.array([100.0, 300.0, 3.0, 0.0, 0.0])
-        values[3:] = 0.1 * deviations * np.cos(phase), 0.1 * deviations * np.sin(phase)
-        return left(_Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0])))
-
-    assert found(edge + 0.02) == {"alpha_ecc_sine", "alpha_ecc_cosine"}
-    assert found(edge - 0.02) == set()
-
-
-@pytest.mark.parametrize("pair", [(5.0, MANY), (MANY, 5.0)])
-def test_a_term_is_as_sure_as_the_less_sure_of_its_coefficients(pair):
-    """Assert that the fewer degrees of freedom of amplitude and phase decide, by Fisher's F."""
-    names = ("theta2", "alpha1", "beta1", "alpha_ecc_sine", "alpha_ecc_cosine")
-    edge = float(np.sqrt(2.0 * f.isf(0.001, 2, 5.0)))
-    assert edge > float(np.sqrt(chi2.isf(0.001, 2))) + 0.5
-
-    def found(deviations: float) -> set[str]:
-        values = np.array([100.0, 300.0, 3.0, 0.1 * deviations, 0.0])
-        information = np.diag([1e4, 1e4, 1e4, 100.0, 100.0])
-        return left(_Quadratic(names, values, information, freedom=(MANY, MANY, MANY, *pair)))
-
-    assert found(edge + 0.02) == {"alpha_ecc_sine", "alpha_ecc_cosine"}
-    assert found(edge - 0.02) == set()
-
-
-def test_half_an_eccentric_gear_that_is_kept_keeps_the_other():
-    """Assert that what stays by wish takes its other half along."""
-    names = ("theta2", "alpha1", "beta1", "alpha_ecc_sine", "alpha_ecc_cosine")
-    values = np.array([100.0, 300.0, 3.0, 0.0, 0.0])
-    fit = _Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0]))
-    assert left(fit, ("alpha_ecc_sine",)) == {"alpha_ecc_sine", "alpha_ecc_cosine"}
-
-
-@pytest.mark.parametrize(
-    ("edge", "more"),
-    [
-        (float(t.isf(0.01, 5.0)), {"freedom": 5.0}),
-        (3.0 * normal(0.02), {"spread": 3.0}),
-        (normal(0.02), {"spread": 0.1}),
-    ],
-    ids=["Student's t", "three times white noise", "blocks that agree by chance"],
-)
-def test_deviations_are_those_of_the_blocks_but_no_less_than_noise(edge, more):
-    """Assert that what a term needs follows from the scatter of blocks and their number."""
-    assert left(alone("theta_offset", edge + 0.05, **more)) == {"theta_offset"}
-    assert left(alone("theta_offset", edge - 0.05, **more)) == set()
-
-
-@pytest.mark.parametrize(
-    "name", ["alpha2", "theta_viscous", "theta_coulomb", "alpha_damping", "alpha_drag"]
-)
-def test_negative_friction_goes(name):
-    """Assert that a friction up to four deviations below zero is none, and stays beyond."""
-    assert left(alone(name, -3.9)) == set()
-    assert left(alone(name, -4.1)) == {name}
-    assert left(alone(name, 3.9)) == {name}
-
-
-def test_negative_gravity_stays():
-    """Assert that what may have either sign is not taken for a friction."""
-    assert left(alone("theta1", -3.9)) == {"theta1"}
-
-
-def test_what_is_to_stay_stays():
-    """Assert that what the user names stays whatever the log says, be it negative."""
+def test_what_has_to_stay_stays():
+    """Assert that spring and gain do, and what the user names with its other half."""
+    structure, (evidence,) = eliminate(cast(Fitted, alone("theta1", 0.1)), (), LIMITS)
+    assert not {*BASE} & structure.absent
+    assert (evidence.name, evidence.std) == ("theta1", pytest.approx(0.1))
     assert left(alone("alpha2", -0.1), kept=("alpha2",)) == {"alpha2"}
+    assert left(beside(dict.fromkeys(GEAR, 0.0)), kept=GEAR[:1]) == {*GEAR}
+    assert left(beside({"theta_offset[1]": 0.5, "theta_offset[2]": 10.0})) == {"theta_offset"}
 
 
-def test_spring_and_gain_stay():
-    """Assert that what every joint has is no term that could go."""
-    quadratic = alone("theta1", 0.1)
+def test_a_term_s_place_is_of_no_account():
+    """Assert that the first coefficient is judged like the last."""
+    for beyond, stays in ((0.02, {"theta_offset"}), (-0.02, set())):
+        values = np.array([0.1 * (normal(0.02) + beyond), 100.0, 300.0, 3.0])
+        information = np.diag([100.0, 1e4, 1e4, 1e4])
+        fit = _Quadratic(("theta_offset", *BASE), values, information)
+        assert left(fit) == stays
+        _, (evidence,) = eliminate(cast(Fitted, fit), (), LIMITS)
+        assert (evidence.name, evidence.std) == ("theta_offset", pytest.approx(0.1))
+
+
+def test_others_follow_along_the_quadratic_form():
+    """Assert that what stays is judged by its value after the others went, with its new width.
+
+    Offset and cosine share their information, r = 0.9: with one gone the other's deviation falls
+    to √(1 - r²) of what it was, and its value moves by r times that of the one that went.
+    """
+    r = 0.9
+    quadratic = beside({"theta_cosine": 1.5, "theta_offset": 2.0}, r)
     structure, tests = eliminate(cast(Fitted, quadratic), (), LIMITS)
-    assert not {"theta2", "alpha1", "beta1"} & structure.absent
-    assert [test.name for test in tests] == ["theta1"]
+    found = {test.name: test for test in tests}
+    assert "theta_cosine" in structure.absent
+    assert not found["theta_cosine"].kept
+    assert (found["theta_cosine"].value, found["theta_cosine"].std) == pytest.approx((0.15, 0.1))
+    offset = found["theta_offset"]
+    assert offset.kept == ("theta_offset" not in structure.absent)
+    moved, deviation = 2.0 - r * 1.5, np.sqrt(1.0 - r**2)
+    assert (offset.value, offset.std) == pytest.approx((0.1 * moved, 0.1 * deviation))
+    assert offset.probability == pytest.approx(2.0 * norm.sf(moved / deviation), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "stays"),
+    [
+        # The one nearer to zero goes, and saves the other, which alone is far from it.
+        ({"theta1": 1.9, "theta_offset": 1.6}, "theta1"),
+        ({"theta1": 1.6, "theta_offset": 1.9}, "theta_offset"),
+        # A shape goes that chance could make, though a usual term is nearer to zero.
+        ({"theta_offset": 0.8, "alpha_backlash": 2.5}, "theta_offset"),
+    ],
+)
+def test_of_two_that_share_their_information_one_goes(sizes, stays):
+    """Assert which, where both are less than three deviations from zero."""
+    assert left(beside(sizes, -0.95)) == {stays}
+
+
+def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
+    """Assert that a shape that does just what a usual term does goes first, wherever it stands."""
+    information = np.diag([1e4, 1e4, 1e4, 0.0, 0.0])
+    information[3:, 3:] = 100.0
+    for pair in (("alpha_coulomb", "alpha_drag"), ("alpha_backlash", "alpha_offset")):
+        values = np.array([100.0, 300.0, 3.0, 0.5, 0.5])
+        (usual,) = {*pair} - JOINT.shapes
+        assert left(_Quadratic((*BASE, *pair), values, information)) == {usual}
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -200,90 +218,6 @@ def test_delays_go_like_terms(side, size, margin, stays):
     quadratic = alone(INPUT, side * size, sought=(INPUT,), margin=margin)
     structure, _ = eliminate(cast(Fitted, quadratic), (), LIMITS)
     assert structure.timing.sought == ((INPUT,) if stays else ())
-
-
-def test_others_follow_along_the_quadratic_form():
-    """Assert that what stays is judged by its value after the others went, with its new width.
-
-    Offset and cosine share their information, r = 0.9: with one gone the other's deviation falls
-    to √(1 - r²) of what it was, and its value moves by r times that of the one that went.
-    """
-    r = 0.9
-    covariance = np.array([[1.0, r], [r, 1.0]])
-    information = np.zeros((5, 5))
-    information[:3, :3] = 1e4 * np.eye(3)
-    information[3:, 3:] = np.linalg.inv(covariance)
-    names = ("theta2", "alpha1", "beta1", "theta_cosine", "theta_offset")
-    values = np.array([100.0, 300.0, 3.0, 1.5, 2.0])
-    quadratic = _Quadratic(names, values, information)
-    structure, tests = eliminate(cast(Fitted, quadratic), (), LIMITS)
-    found = {test.name: test for test in tests}
-    assert "theta_cosine" in structure.absent
-    assert not found["theta_cosine"].kept
-    assert (found["theta_cosine"].value, found["theta_cosine"].std) == pytest.approx((1.5, 1.0))
-    assert found["theta_offset"].kept == ("theta_offset" not in structure.absent)
-    offset = (2.0 - r * 1.5, np.sqrt(1.0 - r**2))
-    assert (found["theta_offset"].value, found["theta_offset"].std) == pytest.approx(offset)
-    expected = 2.0 * norm.sf(offset[0] / offset[1])
-    assert found["theta_offset"].probability == pytest.approx(expected, rel=1e-3)
-
-
-def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
-    """Assert that a shape that does just what a usual term does goes first, wherever it stands."""
-    information = np.diag([1e4, 1e4, 1e4, 0.0, 0.0])
-    information[3:, 3:] = 100.0
-    for pair in (("alpha_coulomb", "alpha_drag"), ("alpha_backlash", "alpha_offset")):
-        names = ("theta2", "alpha1", "beta1", *pair)
-        values = np.array([100.0, 300.0, 3.0, 0.5, 0.5])
-        (usual,) = {*pair} - JOINT.shapes
-        assert left(_Quadratic(names, values, information)) == {usual}
-
-
-def test_the_less_usual_goes_before_the_less_probable():
-    """Assert that a shape that chance could make goes first, though a usual term is nearer to zero.
-
-    They share their information, r = 0.95; the shape at 2.5 deviations would make up for the
-    offset at 0.8, which alone is far from zero.
-    """
-    r = 0.95
-    information = np.zeros((5, 5))
-    information[:3, :3] = 1e4 * np.eye(3)
-    information[3:, 3:] = np.linalg.inv(np.array([[1.0, -r], [-r, 1.0]]))
-    names = ("theta2", "alpha1", "beta1", "theta_offset", "alpha_backlash")
-    quadratic = _Quadratic(names, np.array([100.0, 300.0, 3.0, 0.8, 2.5]), information)
-    assert left(quadratic) == {"theta_offset"}
-
-
-def test_least_probable_goes_first():
-    """Assert that of two that could go the one goes that is nearer to zero, and saves the other.
-
-    Both together are each less than two deviations from zero; either alone is far from it.
-    """
-    r = 0.95
-    information = np.zeros((5, 5))
-    information[:3, :3] = 1e4 * np.eye(3)
-    information[3:, 3:] = np.linalg.inv(np.array([[1.0, -r], [-r, 1.0]]))
-    names = ("theta2", "alpha1", "beta1", "theta1", "theta_offset")
-    for values, expected in (([1.9, 1.6], "theta1"), ([1.6, 1.9], "theta_offset")):
-        quadratic = _Quadratic(names, np.array([100.0, 300.0, 3.0, *values]), information)
-        assert left(quadratic) == {expected}
-
-
-def test_offset_of_one_log_keeps_the_term():
-    """Assert that an offset which one log shows is sought in all logs."""
-    names = ("theta2", "alpha1", "beta1", "theta_offset[1]", "theta_offset[2]")
-    values = np.array([100.0, 300.0, 3.0, 0.05, 1.0])
-    assert left(_Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0]))) == {
-        "theta_offset"
-    }
-
-
-@pytest.mark.parametrize(("beyond", "expected"), [(0.02, {"theta_offset"}), (-0.02, set())])
-def test_offsets_of_two_logs_are_two_numbers(beyond, expected):
-    """Assert that one log's offset is judged by itself: the other log's makes it no chance."""
-    names = ("theta2", "alpha1", "beta1", "theta_offset[1]", "theta_offset[2]")
-    values = np.array([100.0, 300.0, 3.0, 0.0, 0.1 * (normal(0.02) + beyond)])
-    assert left(_Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0]))) == expected
 
 
 def test_the_narrowest_fit_that_converged_is_best():
