@@ -6,15 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from flexid.estimators.samples import Samples
-
-TRUTH = {
-    "theta1": 5.0,
-    "theta2": 100.0,
-    "alpha1": 1000 / 3,
-    "alpha2": 1 / 3,
-    "beta1": 10 / 3,
-}
-"""Coefficients of Huang (2003), Table I, and 1/Jr."""
+from made_estimates import TRUE as TRUTH
 
 VALUES = np.array(list(TRUTH.values()))
 SAMPLE_TIME = 1e-3
@@ -28,8 +20,8 @@ def torque(time):
 
 
 @cache
-def clean_motion(duration: float = 30.0) -> tuple[np.ndarray, np.ndarray]:
-    """Time, shape (n,), and states x1 to x4, shape (n, 4), from rest."""
+def clean_motion(coulomb: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Time, shape (n,), and states x1 to x4, shape (n, 4), from rest; friction if asked."""
     theta1, theta2, alpha1, alpha2, beta1 = VALUES
 
     def right_hand_side(t, x):
@@ -38,10 +30,10 @@ def clean_motion(duration: float = 30.0) -> tuple[np.ndarray, np.ndarray]:
             x[1],
             -theta1 * np.sin(x[0]) - theta2 * twist,
             x[3],
-            alpha1 * twist - alpha2 * x[3] + beta1 * torque(t),
+            alpha1 * twist - alpha2 * x[3] + beta1 * torque(t) - coulomb * np.tanh(x[3] / 0.1),
         ]
 
-    time = np.arange(round(duration / SAMPLE_TIME) + 1) * SAMPLE_TIME
+    time = np.arange(30_001) * SAMPLE_TIME
     solution = solve_ivp(
         right_hand_side,
         (0.0, time[-1]),

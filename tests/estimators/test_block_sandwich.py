@@ -40,22 +40,6 @@ def test_correlated_residuals_widen_the_interval():
     assert np.sum(influences**2) == pytest.approx(1.0 / (n * (1.0 - rho) ** 2), rel=0.3)
 
 
-def test_one_block_says_nothing():
-    """Assert that a single block, however long, has no degrees of freedom."""
-    regressor = np.random.default_rng(2).standard_normal((2, 10))
-    inverse = np.linalg.inv(regressor @ regressor.T).astype(np.float64)
-    influences, degrees_of_freedom = block_influences(regressor, np.zeros(10), inverse, [10])
-    assert np.all(influences == 0.0)
-    assert np.all(degrees_of_freedom == 0.0)
-
-
-def test_a_row_without_unknowns():
-    """Assert that a row in which all is fixed has no influences, and no error."""
-    influences, freedom = block_influences(np.zeros((0, 9)), np.ones(9), np.zeros((0, 0)), [4, 5])
-    assert influences.shape == (0, 2)
-    assert freedom.shape == (0,)
-
-
 def test_rows_share_the_noise_of_the_positions():
     """Assert that the correlation between rows is foretold, as physical parameters need it.
 
@@ -82,3 +66,14 @@ def test_blocks_cover_the_recordings(lengths, rate, count):
     blocks = block_lengths(lengths, [1e-3] * len(lengths), rate, 3)
     assert len(blocks) == count
     assert {*np.cumsum(lengths).tolist()} <= {*np.cumsum(blocks).tolist()}
+
+
+def test_what_says_nothing():
+    """Assert that one block has no degrees of freedom, and a row without unknowns no influences."""
+    regressor = np.random.default_rng(2).standard_normal((2, 10))
+    inverse = np.linalg.inv(regressor @ regressor.T).astype(np.float64)
+    influences, freedom = block_influences(regressor, np.zeros(10), inverse, [10])
+    assert not influences.any()
+    assert not freedom.any()
+    influences, freedom = block_influences(np.zeros((0, 9)), np.ones(9), np.zeros((0, 0)), [4, 5])
+    assert (influences.shape, freedom.shape) == ((0, 2), (0,))

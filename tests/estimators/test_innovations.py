@@ -71,19 +71,15 @@ AT_REST = Point(VALUES, np.zeros((1, 4)))
 
 
 def test_steady_covariance_is_that_of_the_riccati_equation():
-    """Assert that doubling the time ends where SciPy solves the equation."""
+    """Assert that doubling the time ends where SciPy solves the equation of the linear motion."""
+    assert motion(disturbed_samples(1)).linearised(AT_REST, 0) == pytest.approx(
+        jacobian(), rel=1e-12
+    )
     system = sampled()
     found = steady_covariance(system.step, system.noise, system.sees, system.sensors)
     exact = riccati(system)
     scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
     assert np.abs((found - exact) / scale).max() < 1e-8
-
-
-def test_linearised_motion_is_that_of_the_equations():
-    """Assert that derivatives of the rates are those of the joint's equations."""
-    samples = disturbed_samples(1)
-    found = motion(samples).linearised(AT_REST, 0)
-    assert found == pytest.approx(jacobian(), rel=1e-12)
 
 
 def apart(problem: SegmentedMotion, samples: Samples) -> float:
@@ -96,21 +92,17 @@ def apart(problem: SegmentedMotion, samples: Samples) -> float:
 
 
 def test_kernel_is_a_kalman_filter():
-    """Assert that the kernel, given Kalman's gains, foresees what the exact filter does."""
+    """Assert that the kernel, given Kalman's gains or its own, foresees what the exact filter does.
+
+    Its own correct states as Kalman's do.
+    """
     samples = disturbed_samples(2)
     problem = observed(samples)
     assert problem.observer is not None
     gain = kalman_gain()[None]
     observer = replace(problem.observer, gain=gain[:, :4], disturbance_gain=gain[:, 4:])
     assert apart(replace(problem, observer=observer), samples) < 1e-3
-
-
-def test_gains_are_kalmans():
-    """Assert that states are corrected as by the exact filter, and foreseen as well."""
-    samples = disturbed_samples(2)
-    problem = observed(samples)
-    assert problem.observer is not None
-    assert problem.observer.gain[0] == pytest.approx(kalman_gain()[:4], rel=1e-6)
+    assert problem.observer.gain[0] == pytest.approx(gain[0, :4], rel=1e-6)
     assert apart(problem, samples) < 1e-3
 
 

@@ -1,6 +1,5 @@
 """Segmented prediction error on problems whose answer is known."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -121,17 +120,16 @@ def test_held_input_is_integrated_exactly():
 
 @pytest.mark.parametrize("velocities", [False, True])
 def test_accuracy_at_one_second(velocities):
-    """Assert a median worst coefficient below 0.003 % and RMS errors within 1.2 of the bound."""
+    """Assert a median worst coefficient below 0.003 % and RMS errors within 1.2 of the bound.
+
+    Segments of 5 s tell more.
+    """
     fits = [fit(joint_samples(seed), 1.0, velocities) for seed in range(10)]
     assert np.median([worst_error(found.values) for found in fits]) <= 0.003
     bound = cramer_rao_bound(30)
     ratios = np.array([(found.values - VALUES) / bound for found in fits])
     assert np.sqrt(np.mean(ratios**2)) < 1.2
-
-
-def test_longer_segments_tell_more():
-    """Assert a median of the worst coefficient below 0.001 % at 5 s."""
-    errors = [worst_error(fit(joint_samples(seed), 5.0).values) for seed in range(10)]
+    errors = [worst_error(fit(joint_samples(seed), 5.0, velocities).values) for seed in range(10)]
     assert np.median(errors) <= 0.001
 
 
@@ -140,17 +138,6 @@ def test_predicted_standard_deviation_is_the_bound():
     found = fit(replace(joint_samples(3), velocities=None))
     assert of_white_noise(found) == pytest.approx(cramer_rao_bound(30), rel=0.02)
     assert found.noise == pytest.approx([POSITION_NOISE] * 2, rel=0.02)
-
-
-def test_fourteen_bit_encoders():
-    """Assert a median below 0.003 % where rounding to 14 bits per turn is the only noise."""
-    step = 2 * np.pi / 2**14
-    errors = []
-    for first in (0, 300, 600, 900, 1200):
-        clean = joint_samples(first=first)
-        rounded = np.round(clean.positions / step) * step
-        errors.append(worst_error(fit(replace(clean, positions=rounded)).values))
-    assert np.median(errors) <= 0.003
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.9])
@@ -192,12 +179,16 @@ def test_a_wrong_start_is_never_a_wrong_answer(which, factor):
     assert worst_error(found.values) < 0.02
 
 
-def test_a_wrong_fit_to_start_from_is_refused():
-    """Assert that an answer far from the least squares that it started from is an error."""
-    start = filtered_least_squares([joint_samples(0)], JOINT)
-    wrong = replace(start, values=VALUES * np.array([1.0, 0.45, 0.45, 1.0, 0.45]))
-    with pytest.raises(ConvergenceError):
-        prediction_error([joint_samples(0)], JOINT, wrong)
+def test_what_leads_nowhere_is_an_error():
+    """Assert that neither a motion that runs away nor an answer far from its start is a number."""
+    least_squares = filtered_least_squares([joint_samples(0)], JOINT)
+    wrong = VALUES * np.array([1.0, 0.45, 0.45, 1.0, 0.45])
+    for start in (
+        TRUTH | {"theta2": -1e5, "alpha2": -1e4},
+        replace(least_squares, values=wrong),
+    ):
+        with pytest.raises(ConvergenceError):
+            prediction_error([joint_samples(0)], JOINT, start)
 
 
 def test_intervals_from_three_segments():
@@ -206,13 +197,6 @@ def test_intervals_from_three_segments():
     assert min(found.degrees_of_freedom) > 10.0
     ratios = found.standard_deviations / of_white_noise(found)
     assert np.all(np.abs(np.log(ratios)) < np.log(2.0))
-
-
-def test_a_segment_that_diverges_is_said():
-    """Assert that a start from which the motion runs away is an error, not a number."""
-    start: Mapping[str, float] = TRUTH | {"theta2": -1e5, "alpha2": -1e4}
-    with pytest.raises(ConvergenceError):
-        prediction_error([joint_samples(0)], JOINT, start)
 
 
 def test_threads_change_no_digit(monkeypatch: pytest.MonkeyPatch):

@@ -4,8 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from noisy_joint import SAMPLE_TIME, TRUTH, VALUES, joint_samples, torque, worst_error
-from scipy.integrate import solve_ivp
+from noisy_joint import (
+    SAMPLE_TIME,
+    TRUTH,
+    VALUES,
+    clean_motion,
+    joint_samples,
+    torque,
+    worst_error,
+)
 from scipy.stats import t
 
 from flexid.estimators.online import Status
@@ -76,7 +83,16 @@ def test_standard_deviations_are_those_of_the_errors():
 
 
 def test_standard_deviations_after_two_seconds():
-    """Assert that intervals exist early and hold what is true: most of them in 20 seeds at 4 s."""
+    """Assert that intervals exist early and hold what is true: most of them in 20 seeds at 4 s.
+
+    In the first second the variance is infinite, and Student's t has no freedom.
+    """
+    samples = encoders(0)
+    part = replace(samples, positions=samples.positions[:900], inputs=samples.inputs[:900])
+    history, estimator = replayed(part)
+    covariance, freedom = estimator.covariance(history.state)
+    assert np.all(np.isinf(np.diag(covariance)))
+    assert np.all(freedom == 0.0)
     held = []
     for seed in range(20):
         samples = encoders(seed)
@@ -87,16 +103,6 @@ def test_standard_deviations_after_two_seconds():
         width = t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
         held.append(np.abs(history.coefficients[-1] - VALUES) <= width)
     assert np.mean(held) > 0.85
-
-
-def test_no_deviation_before_there_are_blocks():
-    """Assert that in the first second the variance is infinite, and Student's t has no freedom."""
-    samples = encoders(0)
-    part = replace(samples, positions=samples.positions[:900], inputs=samples.inputs[:900])
-    history, estimator = replayed(part)
-    covariance, freedom = estimator.covariance(history.state)
-    assert np.all(np.isinf(np.diag(covariance)))
-    assert np.all(freedom == 0.0)
 
 
 def test_what_excites_is_called_so():
@@ -130,7 +136,9 @@ def test_coulomb_friction_with_velocities_of_its_own():
     """Assert that encoders alone give Coulomb friction within 2 %, the others within 0.3 %."""
     truth = {**TRUTH, "alpha_coulomb": 5.0}
     joint = flexible_joint(terms=("gravity", "motor_viscous", "motor_coulomb"))
-    samples = _motion_of(truth, noise=1e-4)
+    time, states = clean_motion(coulomb=5.0)
+    noise = 1e-4 * np.random.default_rng(2).standard_normal((len(time), 2))
+    samples = Samples(states[:, [0, 2]] + noise, None, torque(time)[:, None], SAMPLE_TIME)
     estimator = recursive_least_squares(joint, SAMPLE_TIME)
     history = estimator.replay(estimator.init(), estimator.pack(samples))
     found = dict(zip(joint.coefficients, history.coefficients[-1].tolist(), strict=True))
@@ -148,26 +156,3 @@ def test_the_fastest_filter_is_about_the_fastest_that_noise_allows():
 
     assert error(FASTEST) < 0.3
     assert error(4.0 * FASTEST) > 10.0 * error(FASTEST)
-
-
-def _motion_of(truth: dict[str, float], duration: float = 30.0, noise: float = 0.0) -> Samples:
-    """Encoders of the joint of the tests with other coefficients, from rest."""
-    time = np.arange(round(duration / SAMPLE_TIME)) * SAMPLE_TIME
-    coulomb = truth.get("alpha_coulomb", 0.0)
-
-    def right_hand_side(now, x):
-        twist = x[0] - x[2]
-        motor = truth["alpha1"] * twist - truth["alpha2"] * x[3] + truth["beta1"] * torque(now)
-        return [
-            x[1],
-            -truth["theta1"] * np.sin(x[0]) - truth["theta2"] * twist,
-            x[3],
-            motor - coulomb * np.tanh(x[3] / 0.1),
-        ]
-
-    solution = solve_ivp(
-        right_hand_side, (0.0, time[-1]), np.zeros(4), "DOP853", t_eval=time, rtol=1e-9, atol=1e-10
-    )
-    positions = solution.y.T[:, [0, 2]]
-    positions = positions + noise * np.random.default_rng(2).standard_normal(positions.shape)
-    return Samples(positions, None, torque(time)[:, None], SAMPLE_TIME)

@@ -1,10 +1,7 @@
 """Records cut into segments."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from noisy_joint import clean_motion, joint_samples
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import FEWEST_SAMPLES, divide, first_states
@@ -17,41 +14,39 @@ def record(n: int, sample_time: float = 0.01, start_time: float = 0.0) -> Sample
 
 
 def test_segments_cover_every_recording_and_cross_none():
-    """Assert that segments follow each other without a gap, and that recordings are borders."""
+    """Assert that segments follow each other without a gap, and that recordings are borders.
+
+    Every output column stands beside the state that it measures.
+    """
     segments = divide([record(1050), record(250, start_time=100.0)], 3.0)
     assert segments.lengths.sum() == 1300
     assert np.array_equal(segments.starts[1:], np.cumsum(segments.lengths)[:-1])
     assert 1050 in segments.starts
     assert len(segments) == 5
     assert segments.start_times[-1] == 100.0
-
-
-def test_outputs_alternate_with_velocities():
-    """Assert that every output column stands beside the state that it measures."""
+    assert divide([record(40)], 1.0).outputs[3].tolist() == [3.0]
     with_velocities = divide([record(40)], 1.0, use_velocities=True)
     assert with_velocities.measured.tolist() == [0, 1]
     assert with_velocities.outputs[3].tolist() == [3.0, 30.0]
-    assert divide([record(40)], 1.0).outputs[3].tolist() == [3.0]
 
 
 def test_halves_start_where_the_whole_did():
-    """Assert that halving keeps the samples and that every other start is an old one."""
+    """Assert that halving keeps the samples and that every other start is an old one.
+
+    Halves put together are the whole ones, and an odd number of segments has no pairs.
+    """
     segments = divide([record(1001, start_time=5.0)], 2.5)
     halves = segments.halved()
     assert np.array_equal(halves.starts[::2], segments.starts)
     assert np.array_equal(halves.start_times[::2], segments.start_times)
     assert halves.lengths.sum() == segments.lengths.sum()
     assert halves.start_times[1] == pytest.approx(5.0 + 0.01 * halves.starts[1])
-
-
-def test_first_states_are_near_the_truth():
-    """Assert that initial states come from positions alone, to a few per cent of the motion."""
-    samples = replace(joint_samples(0), velocities=None)
-    segments = divide([samples], 1.0)
-    _, states = clean_motion()
-    error = first_states(segments) - states[segments.starts]
-    assert np.abs(error[:, ::2]).max() < 1e-3
-    assert np.abs(error[:, 1::2]).max() < 0.1
+    segments = divide([record(400), record(250, start_time=9.0)], 1.0, margin=0.05)
+    whole = segments.halved().merged()
+    assert whole is not None
+    for name in ("starts", "lengths", "sample_times", "start_times", "recordings"):
+        assert np.array_equal(getattr(whole, name), getattr(segments, name))
+    assert divide([record(400), record(300)], 1.0).merged() is None
 
 
 @pytest.mark.parametrize(("frequency", "error"), [(0.5, 0.15), (40.0, 0.2)])
@@ -124,16 +119,6 @@ def test_margins_belong_to_no_segment():
         assert (segments.starts + segments.lengths)[own].max() == stop
     assert segments.lengths.sum() == 480
     assert segments.start_times[segments.recordings == 1].min() == pytest.approx(50.05)
-
-
-def test_merging_undoes_halving():
-    """Assert that halves put together are the whole ones, and that an odd number has no pairs."""
-    segments = divide([record(400), record(250, start_time=9.0)], 1.0, margin=0.05)
-    whole = segments.halved().merged()
-    assert whole is not None
-    for name in ("starts", "lengths", "sample_times", "start_times", "recordings"):
-        assert np.array_equal(getattr(whole, name), getattr(segments, name))
-    assert divide([record(400), record(300)], 1.0).merged() is None
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.05])
