@@ -78,59 +78,6 @@ def test_new_runs_replace_those_of_the_same_tool_and_log_only():
     assert list(together["tools"]) == ["numpy", "casadi"]
 
 
-RUNS = [
-    {
-        "case": "encoders, noise × 1",
-        "seed": seed,
-        "seconds": seconds,
-        "processor": 3.0 * seconds,
-        "errors": [error, 0.001],
-        "inside": [True, seed < 2],
-        "widest": width,
-    }
-    for seed, (error, seconds, width) in enumerate([(-0.5, 2.0, 1.0), (0.1, 1.0, 3.0), (0.2, 9, 2)])
-]
-
-
-def compared(**runs: list[dict]) -> str:
-    """The page of accuracy of some tools."""
-    stamp = {"date": "2000-01-01", "load": 0.1}
-    tools = {
-        tool: {"version": "1.0", "lines": 3, "runs": [stamp | run for run in found]}
-        for tool, found in runs.items()
-    }
-    return accuracy_page.render({"machine": "one", "python": "3", "tools": tools})
-
-
-def row(block: str, table: str) -> list[str]:
-    """Cells of the first line of a table, its title left out."""
-    lines = block.partition(f"### {table}\n")[2].splitlines()
-    first = next(place for place, line in enumerate(lines) if line.startswith("|---")) + 1
-    return [cell.strip() for cell in lines[first].strip("|").split("|")][1:]
-
-
-def test_tables_of_accuracy():
-    """Assert medians and largest errors without sign, all intervals counted, failures said."""
-    block = compared(numpy=RUNS)
-    shown = [row(block, table) for table in ("Accuracy", "Intervals", "Time")]
-    assert shown == [["0.2/0.5"], ["5/6 ±2"], ["2/6"]]
-    failed = {"case": RUNS[0]["case"], "seed": 3, "failed": "SomeError: gave up"}
-    block = compared(numpy=[*RUNS, failed])
-    assert row(block, "Accuracy") == ["0.2/0.5, 1 of 4 failed"]
-    assert "NumPy least squares, encoders, noise × 1: SomeError: gave up" in block
-    without = ("inside", "widest")
-    bare = [{key: value for key, value in r.items() if key not in without} for r in RUNS]
-    assert row(compared(numpy=bare), "Intervals") == ["–"]
-
-
-def test_equal_accuracy_is_compared_on_the_same_logs():
-    """Assert that only seeds that both tools finished enter the ratio of their times."""
-    other = [{**RUNS[1], "seconds": 50.0, "processor": 240.0}]
-    block = " ".join(compared(flexid_10s=RUNS, casadi=other).split())
-    assert "takes 50 times as long" in block
-    assert "80 times by the processors" in block
-
-
 def test_lines_of_code(tmp_path: Path):
     """Assert that only code between the marks counts, and that the page has today's."""
     source = tmp_path / "tool.py"

@@ -1,7 +1,6 @@
 """Files that cannot be used: one sentence with the place and the remedy."""
 
 import gzip
-import io
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -296,20 +295,6 @@ def test_any_bytes(tmp_path: Path, content: bytes) -> None:
 
 
 @FUZZ
-@given(data=st.data())
-def test_any_mutation(tmp_path: Path, data: st.DataObject) -> None:
-    """Assert that a mutated CSV file raises nothing but a `RecordingError`."""
-    content = bytearray(GOOD)
-    for _ in range(data.draw(st.integers(1, 4))):
-        start = data.draw(st.integers(0, len(content) - 1))
-        length = data.draw(st.sampled_from([0, 1, 1, 2, 30, 2000]))
-        patches = [b"", b",", b"\n", b'"', b";", b"-", b"e", b"e99", b"e-300", b"0", b"9" * 30]
-        patch = data.draw(st.sampled_from(patches) | st.binary(max_size=6))
-        content[start : start + length] = patch
-    read_or_refuse(tmp_path, "log.csv", bytes(content))
-
-
-@FUZZ
 @given(
     cells=st.lists(
         st.tuples(
@@ -330,15 +315,3 @@ def test_any_number(tmp_path: Path, cells: list[tuple[int, int, float]]) -> None
     for row, column, value in cells:
         columns[[*columns][column]][row] = value
     read_or_refuse(tmp_path, "log.csv", csv_text(columns).encode())
-
-
-@settings(FUZZ, max_examples=20)
-@given(start=st.integers(4, 10_000), patch=st.binary(min_size=1, max_size=3))
-def test_any_parquet_mutation(tmp_path: Path, start: int, patch: bytes) -> None:
-    """Assert that a damaged Parquet file raises nothing but a `RecordingError`."""
-    buffer = io.BytesIO()
-    pl.DataFrame(joint_columns(60)).write_parquet(buffer)
-    content = bytearray(buffer.getvalue())
-    start = 4 + start % (len(content) - 8 - len(patch))
-    content[start : start + len(patch)] = patch
-    read_or_refuse(tmp_path, "log.parquet", bytes(content))

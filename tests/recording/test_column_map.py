@@ -10,14 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from joint_log import assert_words, joint_columns, read_columns, refused, without, write_csv
 
 from flexid.arrays import FloatArray
-from flexid.errors import RecordingError
 from flexid.recording import Log, read_log
-from flexid.recording.column_map import read_map
 
 COLUMNS = joint_columns()
 RAW_MAP = """
@@ -274,23 +270,3 @@ def test_unreadable_maps(tmp_path: Path, content: bytes | None, words: str) -> N
     if content is not None:
         path.write_bytes(content)
     assert_words(words, refused(read_columns, RAW, path))
-
-
-@settings(
-    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(data=st.data())
-def test_any_map(tmp_path: Path, data: st.DataObject) -> None:
-    """Assert that a mutated map raises nothing but a `RecordingError`."""
-    content = bytearray(RAW_MAP.encode())
-    for _ in range(data.draw(st.integers(1, 3))):
-        start = data.draw(st.integers(0, len(content) - 1))
-        length = data.draw(st.sampled_from([0, 1, 5]))
-        patches = [b"", b"inf", b"1e308", b"-", b'"', b"{", b"[", b"9", b"e99"]
-        patch = data.draw(st.sampled_from(patches) | st.binary(max_size=4))
-        content[start : start + length] = patch
-    path = tmp_path / "columns.toml"
-    path.write_bytes(bytes(content))
-    with suppress(RecordingError):
-        read_map(path)
-        read_columns(RAW, path)
