@@ -25,9 +25,13 @@ GAIN = 1.0 / 0.3  # rad/s^2 for each unit of the input
 STEP = 2e-3  # s
 TONES = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0, 25.0])  # rad/s
 NOISE = 2e-5  # rad
+REST = 1.5  # s
+STICKING = 0.25  # V, which friction holds
 
 
-def recorded(dead_zone: float, limit: float, unit: str = "V", *, square: bool = False) -> Recording:
+def recorded(
+    dead_zone: float, limit: float, unit: str = "V", *, square: bool = False, rests: bool = False
+) -> Recording:
     """A log of the commanded input, made by an integrator that is not flexid's."""
     rng = np.random.default_rng(20261124)
     times = STEP * np.arange(6000)
@@ -35,6 +39,9 @@ def recorded(dead_zone: float, limit: float, unit: str = "V", *, square: bool = 
     command = 2.5 * np.sin(np.outer(times, TONES) + phases).sum(axis=1)
     if square:
         command = 4.0 * np.sign(np.sin(2.0 * times))
+    if rests:  # with a voltage that friction holds, as an integral control leaves it
+        held = STICKING * np.sign(np.sin(np.pi * times / REST + 0.3))
+        command = np.where(times % (2.0 * REST) < REST, 0.4 * command, held)
     plant = PLANT._replace(dead_zone=dead_zone, saturation=limit - dead_zone)
     nothing = np.zeros((len(times), 3))
     run = simulate(plant, times, command, Law(), nothing, nothing[:, 1:], 0.0, 5e-4)
@@ -87,6 +94,16 @@ def test_what_cannot_be_seen_is_not_corrected(square: bool):
     found = identified(recording)
     assert found.choices.amplifier == IDEAL
     assert not any("amplifier" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("dead_zone", [0.0, 0.15])
+def test_a_motor_that_sticks_shows_no_dead_zone(dead_zone: float):
+    """Assert that what friction holds at rest is not taken for a dead zone, nor hides one."""
+    recording = recorded(dead_zone, np.inf, rests=True)
+    found = identified(recording)
+    assert found.choices.amplifier.dead_zone == pytest.approx(dead_zone, abs=0.03)
+    gain = found.parameters["input_gain_per_motor_inertia"]
+    assert gain.value == pytest.approx(GAIN, rel=0.02)
 
 
 def test_a_torque_has_no_amplifier():

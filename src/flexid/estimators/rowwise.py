@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from flexid.arrays import FloatArray
@@ -36,6 +37,13 @@ class RowFit:
     def residual_sum(self) -> float:
         """Sum of squares of what the fit leaves."""
         return float(np.sum((self.left_hand_side - self.fitted) ** 2))
+
+    def over(self, some: NDArray[np.bool_]) -> FloatArray:
+        """Least squares of some equations alone, shape (k,), from whether each is one of them."""
+        regressors = self.regressors[:, some]
+        gram = regressors @ regressors.T
+        inverse, _ = scaled_inverse(gram, np.sqrt(np.diag(gram)))
+        return inverse @ (regressors @ self.left_hand_side[some])
 
 
 @dataclass(frozen=True, eq=False)

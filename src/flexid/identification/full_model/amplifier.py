@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.identification.full_model.model import Data, Structure
@@ -26,6 +27,11 @@ _RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
 # 4 % save half and more where an input takes all values, and hardly anything where it is a square
 # wave, whose dead zone is a smaller gain.
 _LEAST_SAVED = 0.1
+_SLOW = 0.1  # of the motor's usual speed, up to which it may stick
+# Of a filter's memory, the share that may be of a slow motor: with more, rests show in the
+# equations as dead zones of 4 to 10 % that are none.
+_REMEMBERED = 0.02
+_FEWEST = 100  # equations of a moving motor: ten for each coefficient
 _DRIVEN = ("motor", "rigid")  # rows that an input drives
 
 
@@ -67,9 +73,13 @@ def amplifier_of(structure: Structure, data: Data) -> Amplifier:
     """The dead zone and the limit that a log shows."""
     largest = max(float(np.abs(samples.inputs[:, 0]).max()) for samples in data.samples)
 
+    moves = {rate: _moves(data, rate) for rate in _RATES}
+    if min(map(np.count_nonzero, moves.values())) < _FEWEST:
+        return IDEAL
+
     @cache  # the best of a search was tried within it
     def misfits(candidate: Amplifier) -> FloatArray:
-        return np.array([_misfit(structure, data, candidate, rate) for rate in _RATES])
+        return np.array([_misfit(structure, data, candidate, *each) for each in moves.items()])
 
     def with_dead_zone(share: float) -> Amplifier:
         return replace(found, dead_zone=share * largest)
@@ -110,8 +120,10 @@ def _best(
     return corrected(float(least.x))
 
 
-def _misfit(structure: Structure, data: Data, amplifier: Amplifier, rate: float) -> float:
-    """Sum of squares that least squares leaves of the driven balance."""
+def _misfit(
+    structure: Structure, data: Data, amplifier: Amplifier, rate: float, moves: NDArray[np.bool_]
+) -> float:
+    """Sum of squares that least squares leaves of the driven balance where its motor moves."""
     samples = tuple(
         replace(
             own,
@@ -121,4 +133,23 @@ def _misfit(structure: Structure, data: Data, amplifier: Amplifier, rate: float)
     )
     _, fit = least_squares_start(structure, replace(data, samples=samples), rate)
     (row,) = (row for row in fit.rows if row.name in _DRIVEN)
-    return row.residual_sum
+    left = row.left_hand_side - row.over(moves) @ row.regressors
+    return float(np.sum(left[moves] ** 2))
+
+
+def _moves(data: Data, rate: float) -> NDArray[np.bool_]:
+    """Equations of a filter that hardly remembers that the motor was slow.
+
+    While it sticks, its friction takes up whatever voltage acts, as a dead zone would.
+    """
+    from scipy.signal import lfilter  # late, as above
+
+    speeds = []
+    for samples in data.samples:
+        assert samples.velocities is not None
+        speeds.append(np.abs(samples.velocities[:, -1]))
+    slow = _SLOW * np.sqrt(np.mean(np.concatenate(speeds) ** 2))
+    pole = np.exp(-rate * data.samples[0].sample_time)
+    gain, poles = (1.0 - pole) ** 2, (1.0, -2.0 * pole, pole**2)
+    remembered = [lfilter((gain,), poles, speed <= slow)[1:-1] for speed in speeds]
+    return np.concatenate(remembered) <= _REMEMBERED

@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.state_variable_filter import filtered_least_squares
@@ -89,11 +88,7 @@ def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
         few = np.count_nonzero(moving) < _FEWEST_EACH * len(row.coefficients)
         if few or moving.all():
             continue
-        regressors = row.regressors[:, moving]
-        gram = regressors @ regressors.T
-        inverse, _ = scaled_inverse(gram, np.sqrt(np.diag(gram)))
-        values = inverse @ (regressors @ row.left_hand_side[moving])
-        found |= dict(zip(row.coefficients, values.tolist(), strict=True))
+        found |= dict(zip(row.coefficients, row.over(moving).tolist(), strict=True))
     return found
 
 
