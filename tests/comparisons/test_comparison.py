@@ -80,9 +80,7 @@ def test_a_ratio_has_its_interval_on_the_logarithm():
 
 def test_angles_are_compared_round_the_circle():
     """Assert that 3.1 and -3.1 rad are 0.083 rad apart, of which no percentage is made."""
-    found = compared(
-        *(number(x, 0.01, name="gravity_angle", unit="rad") for x in (3.1, -3.1)),
-    )
+    found = compared(*(number(x, 0.01, name="gravity_angle", unit="rad") for x in (3.1, -3.1)))
     assert found.value == pytest.approx(2.0 * np.pi - 6.2)
     assert np.isnan(found.percent)
 

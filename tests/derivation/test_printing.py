@@ -80,14 +80,6 @@ def test_flexible_joint_is_equations_5_and_6():
         assert sp.expand(found - wanted) == 0
 
 
-def test_abbreviations_are_the_paper_s():
-    """Assert that s and r of (6) are found, s with the opposite sign of the acceleration."""
-    observer = derive_observer(PAPER)
-    rows = printable_rows(observer, fresh_names(observer))
-    assert [str(row.abbreviation) for row in rows] == ["s", "r"]
-    assert str(rows[0].meaning) == "theta1_hat*sin(x1) + theta2_hat*(x1 - x3)"
-
-
 Arrays = dict[str, np.ndarray]
 
 

@@ -23,8 +23,7 @@ TWO_MEMORIES = ParametricSystem(
     memories=(Memory("h", "x - y", "grip"), Memory("g", "y", "hold")),
 )
 COSTLY = ParametricSystem(
-    "costly",
-    (Row("mass", "q", "v", {"stop": "tanh(q)", "gain": "u"}, known="-exp(v)"),),
+    "costly", (Row("mass", "q", "v", {"stop": "tanh(q)", "gain": "u"}, known="-exp(v)"),)
 )
 SYSTEMS = {**ALL, "jumps": JUMPS, "two memories": TWO_MEMORIES, "costly": COSTLY}
 

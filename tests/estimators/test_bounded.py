@@ -11,10 +11,7 @@ from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
-from flexid.estimators.state_variable_filter import (
-    filtered_least_squares,
-    filtered_signals,
-)
+from flexid.estimators.state_variable_filter import filtered_least_squares, filtered_signals
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row

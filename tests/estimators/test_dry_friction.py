@@ -16,8 +16,7 @@ from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.terms import with_dry_friction
 
 OSCILLATOR = ParametricSystem(
-    "oscillator",
-    (Row("mass", "q", "v", {"spring": "-q", "coulomb": "-sign(v)", "gain": "u"}),),
+    "oscillator", (Row("mass", "q", "v", {"spring": "-q", "coulomb": "-sign(v)", "gain": "u"}),)
 )
 BLOCK = Unknowns(OSCILLATOR, {"spring": 0.0})
 JOINT = with_dry_friction(

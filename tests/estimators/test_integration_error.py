@@ -55,8 +55,7 @@ def problem_of(samples: Samples, noise: float) -> tuple[SegmentedMotion, Point]:
 
 
 @pytest.mark.parametrize(
-    ("moved", "times"),
-    [(0.5, 1), (1.5, 2), (10.0, 2), (25.0, 3), (150.0, MOST), (1e5, MOST)],
+    ("moved", "times"), [(0.5, 1), (1.5, 2), (10.0, 2), (25.0, 3), (150.0, MOST), (1e5, MOST)]
 )
 def test_steps_are_as_many_as_the_noise_asks_for(moved: float, times: int):
     """Assert what follows from the closed form: (error / negligible error)^(1/4), rounded up."""

@@ -5,14 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_motion import CART, fall, held_cart
-from noisy_joint import (
-    POSITION_NOISE,
-    TRUTH,
-    VALUES,
-    clean_motion,
-    joint_samples,
-    worst_error,
-)
+from noisy_joint import POSITION_NOISE, TRUTH, VALUES, clean_motion, joint_samples, worst_error
 from scipy.signal import lfilter
 from scipy.stats import t
 from segment_bound import cramer_rao_bound, segment_derivatives
@@ -183,10 +176,7 @@ def test_what_leads_nowhere_is_an_error():
     """Assert that neither a motion that runs away nor an answer far from its start is a number."""
     least_squares = filtered_least_squares([joint_samples(0)], JOINT)
     wrong = VALUES * np.array([1.0, 0.45, 0.45, 1.0, 0.45])
-    for start in (
-        TRUTH | {"theta2": -1e5, "alpha2": -1e4},
-        replace(least_squares, values=wrong),
-    ):
+    for start in (TRUTH | {"theta2": -1e5, "alpha2": -1e4}, replace(least_squares, values=wrong)):
         with pytest.raises(ConvergenceError):
             prediction_error([joint_samples(0)], JOINT, start)
 

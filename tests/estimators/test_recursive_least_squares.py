@@ -4,22 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from noisy_joint import (
-    SAMPLE_TIME,
-    TRUTH,
-    VALUES,
-    clean_motion,
-    joint_samples,
-    torque,
-    worst_error,
-)
+from noisy_joint import SAMPLE_TIME, TRUTH, VALUES, clean_motion, joint_samples, torque, worst_error
 from scipy.stats import t
 
 from flexid.estimators.online import Status
-from flexid.estimators.recursive_least_squares import (
-    LEAST_INFORMATION,
-    recursive_least_squares,
-)
+from flexid.estimators.recursive_least_squares import LEAST_INFORMATION, recursive_least_squares
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import FASTEST, filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint

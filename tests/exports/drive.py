@@ -22,11 +22,7 @@ DRIVES = {
     "least squares, encoders": {"log": LOG},
     "least squares, encoders, straight lines": {"sample_time": 1e-3, "hold": "linear"},
     "least squares, velocities": {"sample_time": 1e-3, "velocities": True},
-    "constant gain": {
-        "sample_time": 1e-3,
-        "velocities": True,
-        "gain": {"link": 1.0, "motor": 2.0},
-    },
+    "constant gain": {"sample_time": 1e-3, "velocities": True, "gain": {"link": 1.0, "motor": 2.0}},
     "velocities from positions": {
         "sample_time": 1e-3,
         "terms": ("gravity", "motor_viscous", "motor_coulomb"),

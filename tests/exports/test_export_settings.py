@@ -111,9 +111,7 @@ def test_a_log_of_another_input_is_refused(tmp_path):
 def test_the_command_prints_what_it_wrote(flexid, tmp_path, model):
     """Assert that the command writes the five files and names them."""
     out = tmp_path / "drive"
-    done = flexid(
-        *("export", model, "--to", "c99", "--sample-time", "0.001", "--out", str(out)),
-    )
+    done = flexid(*("export", model, "--to", "c99", "--sample-time", "0.001", "--out", str(out)))
     assert done.status == 0
     assert {Path(line).name for line in done.stdout.splitlines()} == {
         "README.md",

@@ -338,10 +338,10 @@ def test_names_that_it_has_itself_are_refused(tmp_path):
         write_fmu(request, tmp_path)
 
 
-def test_the_command_writes_them(flexid_command, tmp_path):
+def test_the_command_writes_them(command, tmp_path):
     """Assert that a model gives an estimator alone, the same file for the same model."""
     for folder in ("one", "two"):
-        outcome = flexid_command(
+        outcome = command(
             *("export", "flexible-joint", "--to", "fmu", "--sample-time", "0.001"),
             *("--out", tmp_path / folder),
         )
@@ -350,9 +350,3 @@ def test_the_command_writes_them(flexid_command, tmp_path):
     assert names == ["estimator_fmi2.fmu", "estimator_fmi3.fmu"]
     for name in names:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-
-
-@pytest.fixture
-def flexid_command(request):
-    """The command, under a name that leaves the library's to the library."""
-    return request.getfixturevalue("flexid")

@@ -24,9 +24,7 @@ from flexid.derivation.sampled_loop import sampled_loop_source
 from flexid.derivation.sensitivities import sensitivity_functions
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.parametric_observer import parametric_observer
-from flexid.estimators.recursive_least_squares import (
-    recursive_least_squares,
-)
+from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import By, Point, segmented_motion
 from flexid.estimators.segments import divide

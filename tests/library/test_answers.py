@@ -29,12 +29,6 @@ def experiment(tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def command(request):
-    """The command, under a name that leaves the library's to the library."""
-    return request.getfixturevalue("flexid")
-
-
 def test_a_run(experiment, command, tmp_path):
     """Assert that a run is the command's, with the numbers that were set, and is a log."""
     run = flexid.simulate(experiment, set={"controller.proportional": 45})

@@ -163,9 +163,9 @@ def test_a_saved_estimate_is_the_same(estimate, loaded):
     assert loaded.document == estimate.document
 
 
-def test_the_command_writes_the_same_file(estimate, flexid_command, log, tmp_path):
+def test_the_command_writes_the_same_file(estimate, command, log, tmp_path):
     """Assert that `load` reads what the command writes, and finds what the library found."""
-    outcome = flexid_command(
+    outcome = command(
         *("identify", log, "--out", tmp_path, "--terms", "gravity,motor_viscous"),
         *("--hold", "zero", "--segment-duration", "2"),
     )
@@ -179,12 +179,6 @@ def test_the_command_writes_the_same_file(estimate, flexid_command, log, tmp_pat
 def loaded_lines(found):
     """The table of parameters as the library has it."""
     return found.summary().splitlines()[2:8]
-
-
-@pytest.fixture
-def flexid_command(request):
-    """The command, under a name that leaves the library's to the library."""
-    return request.getfixturevalue("flexid")
 
 
 def test_a_loaded_estimate_says_that_it_has_no_series(loaded):

@@ -5,11 +5,7 @@ import pytest
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS, TIES, flexible_joint
 from flexid.models.parameter_kinds import Quotient
-from flexid.models.physical import (
-    joint_coefficients,
-    physical_parameters,
-    rigid_parameters,
-)
+from flexid.models.physical import joint_coefficients, physical_parameters, rigid_parameters
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
 
 TRUTH = {

@@ -4,16 +4,7 @@ import numpy as np
 from rich.text import Text
 
 from flexid.report.chart import Axis, Band, Chart, Level, Line, Panel, Points
-from flexid.report.page import (
-    Answer,
-    Command,
-    Facts,
-    Folded,
-    Item,
-    Page,
-    Section,
-    Warned,
-)
+from flexid.report.page import Answer, Command, Facts, Folded, Item, Page, Section, Warned
 from flexid.report.page import Bullets as Bullets
 from flexid.report.terminal import Cell, Column, Table, numbers
 

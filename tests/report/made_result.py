@@ -39,10 +39,7 @@ CHOICES = Choices(
         TermEvidence("alpha_cubic", False, 0.456, 0.789, 0.57),
         TermEvidence("theta_cosine", False, 0.0, INFINITE, 1.0),
     ),
-    segment_evidence=(
-        SegmentEvidence(0.995, 1.21, 0.0345),
-        SegmentEvidence(1.99, 1.44, 0.0123),
-    ),
+    segment_evidence=(SegmentEvidence(0.995, 1.21, 0.0345), SegmentEvidence(1.99, 1.44, 0.0123)),
 )
 
 VALIDATION = Validation(
@@ -70,7 +67,7 @@ def made_result(model_error: ModelError | None = None) -> Identification:
         parameters={
             "gravity_torque": ParameterEstimate(
                 "gravity_torque", "N m", 7.0, 0.1, (6.8, 7.2), "determined"
-            ),
+            )
         },
         least_squares={"theta1": 5.0456},
         excitation={"link": excitation_of_gram("link", ["theta1", "theta2"], gram)},

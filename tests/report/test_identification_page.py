@@ -12,13 +12,8 @@ from made_result import made_result
 import flexid
 from flexid.identification.preparation.settings import Settings
 from flexid.report.identification_charts import identification_charts
-from flexid.report.identification_page import (
-    identification_command,
-    identification_page,
-)
-from flexid.report.identification_page import (
-    mapped as is_mapped,
-)
+from flexid.report.identification_page import identification_command, identification_page
+from flexid.report.identification_page import mapped as is_mapped
 
 HOSTILE = "<script>alert(1)<"
 FILE = '"><img src=x onerror=alert(2)>.csv'
@@ -41,11 +36,7 @@ def estimate(examples, tmp_path_factory):
     log = tmp_path_factory.mktemp("log") / FILE
     log.write_text(header + text[text.index("\n") :])
     return flexid.identify(
-        log,
-        columns=COLUMNS,
-        terms=["gravity", "motor_viscous"],
-        hold="zero",
-        segment_duration=2.0,
+        log, columns=COLUMNS, terms=["gravity", "motor_viscous"], hold="zero", segment_duration=2.0
     )
 
 

@@ -254,8 +254,7 @@ def test_bad_estimates_are_one_sentence(log, document, complaint):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [b"", b"{}", b"[]", b"null", b"\xff\xfe", b"[" * 100_000, b'{"model": ', b"1" * 5000],
+    "content", [b"", b"{}", b"[]", b"null", b"\xff\xfe", b"[" * 100_000, b'{"model": ', b"1" * 5000]
 )
 def test_bad_files_are_one_sentence(log, tmp_path, content):
     """Assert that a file that is no estimate is refused by name."""

@@ -185,18 +185,14 @@ def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str, tm
     save_session(opened_session(options, None), tmp_path / "state.json")
 
 
-def test_a_late_channel_is_warned_of(result):
-    """Assert that a delay is said from a tenth of a sample on: a stream is taken as it comes."""
+def test_what_a_stream_is_not_corrected_by_is_warned_of(result):
+    """Assert that a delay is said from a tenth of a sample on, and an amplifier's dead zone."""
     late = Delay(0.002, 1e-4, (0.0018, 0.0022), "found")
     alignment = replace(result.choices.alignment, input_delay=late)
     made = replace(result, choices=replace(result.choices, alignment=alignment))
     (warning,) = not_accounted_for(made, 0.019)
     assert "the input late by 2 ms" in warning
     assert [*not_accounted_for(made, 0.021)] == []
-
-
-def test_a_corrected_voltage_is_warned_of(result):
-    """Assert that an amplifier's dead zone in the estimate is said: a stream is not corrected."""
     choices = replace(result.choices, amplifier=Amplifier(dead_zone=0.2))
     (warning,) = not_accounted_for(replace(result, choices=choices), 0.01)
     assert "send the voltage at the motor" in warning

@@ -27,12 +27,7 @@ def test_poles_are_those_of_the_plant_written_by_hand():
     # u_F = -third (x4 + second (x3 + first (x2 + k x1))) at qd = 0, linearised.
     u = -third * np.array([second * first * k, second * first, second, 1.0])
     plant = np.array(
-        [
-            [0, 1, 0, 0],
-            [-5 - 100, 0, 100, 0],
-            [0, 0, 0, 1],
-            [100 / 0.3, 0, -100 / 0.3, -0.1 / 0.3],
-        ]
+        [[0, 1, 0, 0], [-5 - 100, 0, 100, 0], [0, 0, 0, 1], [100 / 0.3, 0, -100 / 0.3, -0.1 / 0.3]]
     )
     plant[3] += u / 0.3
     expected = np.sort_complex(np.linalg.eigvals(plant))

@@ -1,25 +1,29 @@
-"""The pages of a run, a campaign and the paper."""
+"""Pages and charts of a simulated run, and the page of the paper."""
 
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
 from flexid.report import reproduction as reproduced
 from flexid.report import simulated_run
+from flexid.report.chart import Band, Level, Line
 from flexid.report.page import Command, page_html
 from flexid.report.reproduction_charts import reproduction_charts
+from flexid.report.simulated_run import motion_chart, observer_chart
+from flexid.simulation.run import Run
 
-FOLDER = Path(__file__).parents[2] / "experiments"
+EXPERIMENT = read_experiment(Path(__file__).parents[2] / "experiments" / "huang2003.toml")
 NAN = float("nan")
 
 
 @pytest.fixture(scope="module")
 def simulated():
     """Return a short experiment, its run and that in numbers."""
-    experiment = read_experiment(FOLDER / "huang2003.toml").with_values({"run.duration": 1.0})
+    experiment = EXPERIMENT.with_values({"run.duration": 1.0})
     run = experiment.run()
     return experiment, run, measure(run)
 
@@ -66,3 +70,47 @@ def test_the_paper_is_on_its_page(reproduction):
     made = page_html(page)
     assert made.count('class="chart wide"') == len(charts)
     assert len(made) < 1_000_000
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    """Return Table I, run for some seconds."""
+    return EXPERIMENT.with_values({"run.duration": 25.0}).run()
+
+
+def test_transient_does_not_hide_the_rest(run: Run):
+    """Assert that the torque of the first instants leaves the frame, and the title says so."""
+    drive = motion_chart("Table I", run).panels[2]
+    assert np.abs(run.inputs).max() > 1e6
+    assert drive.y.limits is not None
+    assert drive.y.limits[1] < 200
+    assert drive.title.startswith("Motor torque; beyond the frame: up to ")
+
+
+def test_the_motion_is_that_of_the_run(run: Run):
+    """Assert that reference, tracked state, error and torque are the run's, with units."""
+    chart = motion_chart("Table I", run)
+    drawn = [mark.y for panel in chart.panels for mark in panel.marks if isinstance(mark, Line)]
+    wanted = (run.reference[:, 0], run.states[:, 0], run.tracking_error, run.inputs[:, 0])
+    for found, values in zip(drawn, wanted, strict=True):
+        assert np.array_equal(found, values)
+    assert [panel.y.unit for panel in chart.panels] == ["rad", "rad", "N m"]
+    largest = np.abs(run.tracking_error[run.time >= 12.5]).max()
+    assert f"stays within {largest:.3g} rad" in chart.says
+
+
+def test_every_estimate_is_drawn_beside_its_truth(run: Run):
+    """Assert that each panel holds the estimate, the true value and the band about it."""
+    chart = observer_chart("Table I", run)
+    system = run.loop.system
+    for place, (panel, name) in enumerate(zip(chart.panels, system.coefficients, strict=True)):
+        band, true, estimate = panel.marks
+        assert panel.title == name
+        assert isinstance(band, Band)
+        assert isinstance(true, Level)
+        assert isinstance(estimate, Line)
+        assert true.value == run.loop.coefficients[name]
+        assert [band.low[0], band.high[0]] == pytest.approx([0.95 * true.value, 1.05 * true.value])
+        assert np.array_equal(estimate.y, run.estimates[:, place])
+    settled = sum(abs(e) < 0.05 * run.loop.coefficients[n] for n, e in run.final_errors().items())
+    assert f"At the end {settled} of 4" in chart.says
