@@ -20,9 +20,7 @@ def fitted(names, information, values, robust=1.0) -> Any:
         values=np.asarray(values, dtype=np.float64),
         unit_deviations=unit,
         fit=SimpleNamespace(deviations=robust * unit),
-        minimum=SimpleNamespace(
-            reduced=SimpleNamespace(values_step=np.zeros(len(names))),
-        ),
+        minimum=SimpleNamespace(reduced=SimpleNamespace(values_step=np.zeros(len(names)))),
     )
 
 

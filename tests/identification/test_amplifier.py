@@ -12,15 +12,7 @@ from flexid.identification.identify import identify
 from flexid.identification.result.identification import Identification
 from flexid.recording.recording import Log, Recording
 
-PLANT = Plant(
-    1.0,
-    0.3,
-    100.0,
-    motor_viscous=0.2,
-    back_emf=1.0,
-    coulomb=0.3,
-    friction_width=1e-2,
-)
+PLANT = Plant(1.0, 0.3, 100.0, motor_viscous=0.2, back_emf=1.0, coulomb=0.3, friction_width=1e-2)
 GAIN = 1.0 / 0.3  # rad/s^2 for each unit of the input
 STEP = 2e-3  # s
 TONES = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0, 25.0])  # rad/s

@@ -6,6 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from made_fits import made_fit
 
 import flexid.identification.full_model.beginning as beginning
 from flexid.errors import ConvergenceError
@@ -38,14 +39,9 @@ MARGIN = 0.01  # s
 
 def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNamespace:
     """A fit of which only residuals, segments and delay are known."""
-    return SimpleNamespace(
-        problem=SimpleNamespace(segments=segments),
-        minimum=SimpleNamespace(equations=SimpleNamespace(cost=excess * SAMPLES)),
-        excess=excess,
-        unexplained=0.0,
-        structure=SimpleNamespace(timing=SimpleNamespace(sought=("late",))),
-        has_partners=late <= MARGIN,
-    )
+    structure = SimpleNamespace(timing=SimpleNamespace(sought=("late",)))
+    given = {"structure": structure, "unexplained": 0.0, "has_partners": late <= MARGIN}
+    return made_fit(excess, cost=excess * SAMPLES, segments=segments, **given)
 
 
 @pytest.fixture

@@ -8,11 +8,7 @@ from disturbed_drive import TRUTH, data, drive, recording, stopping
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.estimation.disturbed import (
-    Disturbed,
-    disturbed_estimate,
-    fit_disturbed,
-)
+from flexid.identification.estimation.disturbed import Disturbed, disturbed_estimate, fit_disturbed
 from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.preparation.joint import flexible

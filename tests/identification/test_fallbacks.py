@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from made_fits import made_fit
 
 import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fits_by_length as fits_by_length
@@ -15,13 +16,9 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 def held(hold: str, cost: float, *, converged: bool = True) -> Any:
     """As much of a fit as a choice of the hold needs, without a delay."""
-    return SimpleNamespace(
-        structure=SimpleNamespace(timing=SimpleNamespace(hold=hold)),
-        minimum=SimpleNamespace(equations=SimpleNamespace(cost=cost)),
-        names=(),
-        excess=1.0,
-        converged=converged,
-        delays={INPUT: 0.0},
+    structure = SimpleNamespace(timing=SimpleNamespace(hold=hold))
+    return made_fit(
+        cost=cost, structure=structure, names=(), converged=converged, delays={INPUT: 0.0}
     )
 
 

@@ -18,12 +18,7 @@ from flexid.identification.full_model.fitting import (
     refit,
     with_steps_refined,
 )
-from flexid.identification.full_model.model import (
-    FINE,
-    ROUGH,
-    Data,
-    Fitted,
-)
+from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 
@@ -32,12 +27,7 @@ STIFF = {"joint_stiffness": 1500.0, "motor_coulomb_up": 2.0, "motor_coulomb_down
 FINE_NOISE, COARSE_NOISE = 1e-6, 1e-3  # rad
 
 STRUCTURE = structure(*TERMS, hold="zero")
-START = {
-    **COEFFICIENTS,
-    "theta2": 1500.0,
-    "alpha1": 5000.0,
-    "alpha_coulomb": 2.0 / 0.3,
-}
+START = {**COEFFICIENTS, "theta2": 1500.0, "alpha1": 5000.0, "alpha_coulomb": 2.0 / 0.3}
 
 
 def recorded(noise: float) -> Data:

@@ -183,8 +183,7 @@ def identified(name: str) -> Identification:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=[pytest.mark.thorough] if n in THOROUGH else []) for n in CASES],
+    "name", [pytest.param(n, marks=[pytest.mark.thorough] if n in THOROUGH else []) for n in CASES]
 )
 def test_what_a_log_shows_is_found(name):
     """Assert that terms, hold and values are right, and hardly surer than they are."""

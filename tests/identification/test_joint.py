@@ -7,12 +7,7 @@ import pytest
 
 from flexid.estimators.samples import Samples
 from flexid.identification.preparation.joint import flexible, rigid
-from flexid.models.flexible_joint import (
-    BACKLASH_WIDTH,
-    COEFFICIENT_UNITS,
-    PAPER_TERMS,
-    TERMS,
-)
+from flexid.models.flexible_joint import BACKLASH_WIDTH, COEFFICIENT_UNITS, PAPER_TERMS, TERMS
 from flexid.models.rigid_joint import RIGID_UNITS
 
 FLEXIBLE = flexible()

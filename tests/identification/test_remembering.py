@@ -1,28 +1,22 @@
 """Which grip of a hysteresis is tried, and when: on made-up fits."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from made_fits import JOINT, WITHOUT, made_fit, over
 
 import flexid.identification.full_model.fits_by_length as fits_by_length
 from flexid.errors import ConvergenceError
-from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     fit_with_hysteresis,
     turning,
 )
-from flexid.identification.full_model.model import Structure
-from flexid.identification.preparation.joint import flexible
 from flexid.identification.structure.job import _least_gain
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
-JOINT = flexible()
 (GRIP,) = JOINT.grips.values()
-WITHOUT = Structure(JOINT, frozenset(JOINT.optional), Timing("cubic"))
 JUST, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
 
 
@@ -51,38 +45,13 @@ def tried(monkeypatch):
         monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])
         monkeypatch.setattr(fits_by_length, "with_best_hold", lambda found, *_: found)
         segments = range(4)
-        fitted: Any = SimpleNamespace(
-            excess=9.0,
-            structure=WITHOUT,
-            duration=1.0,
-            by_name={},
-            problem=SimpleNamespace(segments=segments),
-        )
+        fitted = made_fit(9.0, segments=segments)
         by_length = FitsByLength((fitted,), cast(Any, (segments,)), True, ("cubic",), "")
         found = fit_with_hysteresis(by_length, fitted, lambda _: None)
         assert (found is not None) == (holding in begun)
         return begun
 
     return grips
-
-
-def first_steps(excess: float, values: Mapping[str, float] | None = None) -> Any:
-    """A fit after a few steps."""
-    point = SimpleNamespace(initial_states="there")
-    minimum = SimpleNamespace(point=point)
-    by_name = dict(values or {})
-    return SimpleNamespace(excess=excess, structure=WITHOUT, by_name=by_name, minimum=minimum)
-
-
-def left(excess: float) -> Any:
-    """A fit without memory that leaves so much."""
-    return SimpleNamespace(
-        excess=excess,
-        data=None,
-        problem=SimpleNamespace(segments=range(4)),
-        structure=WITHOUT,
-        minimum=SimpleNamespace(point=SimpleNamespace(initial_states="here")),
-    )
 
 
 def test_the_grip_that_promises_more_is_tried_first(tried):
@@ -111,10 +80,10 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
     def fit_by_length(structure, data, start, segments, states=None, *, insist, iterations=None):
         asked.append((iterations, start, states))
         excess = 1.5 if iterations else 1.0
-        return [first_steps(excess, {"excess": excess})]
+        return [made_fit(excess, by_name={"excess": excess}, states="there")]
 
     monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
-    before = left(9.0)
+    before = made_fit(9.0, states="here")
     found = fits_by_length.explained_by(before, WITHOUT, {"start": 0.0}, 1.0, THRESHOLDS)
     assert found is not None
     assert found.excess == 1.0
@@ -130,10 +99,10 @@ def test_what_diverges_on_its_way_is_given_up(monkeypatch):
     def fit_by_length(*_, insist, iterations=None):
         if iterations is None:
             raise ConvergenceError("prediction error", "diverges")
-        return [first_steps(1.5)]
+        return [made_fit(1.5)]
 
     monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
-    assert fits_by_length.explained_by(left(9.0), WITHOUT, {}, 1.0, THRESHOLDS) is None
+    assert fits_by_length.explained_by(made_fit(9.0), WITHOUT, {}, 1.0, THRESHOLDS) is None
 
 
 @pytest.mark.parametrize(("floor", "follows"), [(1.0, False), (1.1, True)])
@@ -141,22 +110,11 @@ def test_noise_need_not_be_taken_away(monkeypatch, floor, follows):
     """Assert that what short segments leave, too, is none of what memory has to explain."""
 
     def fit_by_length(*_, insist, iterations=None):
-        return [first_steps(1.12)]
+        return [made_fit(1.12)]
 
     monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
-    found = fits_by_length.explained_by(left(1.28), WITHOUT, {}, floor, THRESHOLDS)
+    found = fits_by_length.explained_by(made_fit(1.28), WITHOUT, {}, floor, THRESHOLDS)
     assert (found is not None) == follows
-
-
-def over(segments: int, structure: Structure, excess: float) -> Any:
-    """A fit over segments of 2 s divided by their number."""
-    return SimpleNamespace(
-        excess=excess,
-        structure=structure,
-        duration=2.0 / segments,
-        by_name={},
-        problem=SimpleNamespace(segments=range(segments)),
-    )
 
 
 @pytest.mark.parametrize(("short", "floor"), [(1.02, 1.02), (0.97, 1.0), (1.09, 1.09)])
@@ -174,17 +132,17 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
     monkeypatch.setattr(fits_by_length, "with_best_hold", lambda found, *_: found)
     wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
     by_length = FitsByLength(
-        (over(16, wide, short),), cast(Any, (range(16),)), True, ("cubic",), ""
+        (over(16, short, wide),), cast(Any, (range(16),)), True, ("cubic",), ""
     )
-    leaner = over(4, WITHOUT, 5.0)
+    leaner = over(4, 5.0)
     assert fit_with_hysteresis(by_length, leaner, lambda _: None) is not None
     assert asked == [(leaner, wide.absent - JOINT.remembered, floor)]
 
 
 def test_the_shortest_segments_that_last_half_a_second_show_what_is_missing():
     """Assert that shorter ones show it where none lasts as long, and none where all is noise."""
-    found = [over(16, WITHOUT, 1.05), over(8, WITHOUT, 2.0), over(4, WITHOUT, 5.0)]
-    longer = over(2, WITHOUT, 9.0)
+    found = [over(16, 1.05), over(8, 2.0), over(4, 5.0)]
+    longer = over(2, 9.0)
     assert turning([*found, longer], THRESHOLDS) is found[2]
     assert turning(found[:2], THRESHOLDS) is found[1]
     assert turning(found[:1], THRESHOLDS) is None
@@ -193,7 +151,7 @@ def test_the_shortest_segments_that_last_half_a_second_show_what_is_missing():
 @pytest.mark.parametrize(("away", "shows"), [(-0.001, False), (0.001, True)])
 def test_what_may_be_an_error_of_the_noise_shows_nothing(away, shows):
     """Assert that a fit within the threshold counts as noise, and one beyond it does not."""
-    fitted = over(4, WITHOUT, THRESHOLDS.sensor_excess + away)
+    fitted = over(4, THRESHOLDS.sensor_excess + away)
     assert (turning([fitted], THRESHOLDS) is fitted) == shows
 
 
@@ -203,11 +161,10 @@ def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
     (name,) = JOINT.grips
 
     def fit_by_length(*_, insist, iterations=None):
-        return [first_steps(1.0, {name: size})]
+        return [made_fit(1.0, by_name={name: size})]
 
     monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
-    before = left(9.0)
-    found = fits_by_length.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS)
+    found = fits_by_length.explained_by(made_fit(9.0), WITHOUT, {}, 1.0, THRESHOLDS)
     assert (found is not None) == follows
 
 

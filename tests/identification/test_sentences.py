@@ -9,11 +9,7 @@ from flexid.identification.judgement.estimates import widest
 from flexid.identification.preparation.alignment import Delay
 from flexid.identification.result.identification import _delay
 from flexid.identification.result.warnings import model_warnings, validation_warnings
-from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
-    Disturbances,
-    ModelError,
-)
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, Disturbances, ModelError
 from flexid.recording.caution import Caution, Rank, cautions, ranked
 
 

@@ -7,16 +7,15 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from made_fits import over
 from made_joint import fitted, log, made, turned
 
 import flexid.identification.structure.sought_shape as sought_shape
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fits_by_length import FitsByLength, leaves_more
-from flexid.identification.full_model.model import Fitted, Structure
+from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
-from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.bend import BEND, is_slack
 from flexid.identification.structure.ripple import RIPPLE, numbers
@@ -220,19 +219,6 @@ def test_the_spectrum_by_position_shows_the_number():
     few, peaks = np.split(np.array(numbers(plain.structure, plain.data)), [5])
     assert peaks[0] == pytest.approx(NUMBER, abs=0.5 * resolution)
     assert few == pytest.approx(resolution * np.linspace(1.0, 4.0, 5))
-
-
-def over(segments: int, excess: float = 9.0) -> Any:
-    """A fit over segments of 2 s divided by their number."""
-    joint = flexible()
-    return SimpleNamespace(
-        excess=excess,
-        structure=Structure(joint, frozenset(joint.optional), Timing("cubic")),
-        duration=2.0 / segments,
-        by_name={},
-        data=None,
-        problem=SimpleNamespace(segments=range(segments)),
-    )
 
 
 @pytest.fixture

@@ -193,10 +193,7 @@ def test_a_known_stiffness_is_the_constrained_minimum():
         (
             {"joint_stiffness": (0.0, 99.0), "link_inertia": (2.04, inf)},
             {"joint_stiffness": (99.0, "at its bound"), "link_inertia": (2.04, "at its bound")},
-            [
-                ("ineq", lambda p: 99.0 - p[1] / p[2]),
-                ("ineq", lambda p: p[1] / p[2] / p[0] - 2.04),
-            ],
+            [("ineq", lambda p: 99.0 - p[1] / p[2]), ("ineq", lambda p: p[1] / p[2] / p[0] - 2.04)],
         ),
         (  # the second bound is broken at first, and kept once the first holds
             {"joint_stiffness": (103.0, inf), "link_inertia": (-inf, 1.99)},

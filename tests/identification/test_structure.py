@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from made_fits import JOINT, made_fit
 from scipy.stats import chi2, f, norm, t
 
 import flexid.identification.structure.elimination as elimination
@@ -14,11 +15,9 @@ import flexid.identification.structure.job as job
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.model import Fitted, Structure
-from flexid.identification.preparation.joint import flexible
 from flexid.identification.structure.elimination import best_length, eliminate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
-JOINT = flexible()
 LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.001, friction_sign=4.0)
 MANY = 1e9  # degrees of freedom: as good as normal
 
@@ -228,11 +227,7 @@ def test_the_narrowest_fit_that_converged_is_best():
 
     def fit(width: float, converged: bool = True) -> Fitted:
         covariance = _Fit(np.array([[width**2]]), (MANY,))
-        names, values = ("theta2",), np.ones(1)
-        return cast(
-            Fitted,
-            SimpleNamespace(converged=converged, fit=covariance, names=names, values=values),
-        )
+        return made_fit(converged=converged, fit=covariance, names=("theta2",), values=np.ones(1))
 
     wide, narrow, not_ended = fit(0.2), fit(0.1), fit(0.01, converged=False)
     assert best_length([wide, narrow, not_ended]) is narrow
@@ -277,8 +272,7 @@ def leanest(monkeypatch):
             if found is None:
                 return None
             cost, count = found
-            minimum = SimpleNamespace(equations=SimpleNamespace(cost=cost))
-            return SimpleNamespace(minimum=minimum, names=range(count), excess=excess)
+            return made_fit(excess, cost=cost, names=range(count))
 
         monkeypatch.setattr(elimination, "eliminate", left)
         monkeypatch.setattr(elimination, "fit_like", fit)
@@ -318,20 +312,13 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained):
     """Assert that unusual terms join as far as they lead there, and not at all elsewhere."""
     excess = THRESHOLDS.sensor_excess + (-0.001 if explained else 0.001)
     shapes = JOINT.shapes
-    narrow: Any = SimpleNamespace(
-        excess=excess,
-        duration=1.0,
-        data=None,
-        by_name={},
-        structure=Structure(JOINT, shapes, Timing("zero")),
-        problem=SimpleNamespace(segments="segments"),
-        minimum=SimpleNamespace(point=SimpleNamespace(initial_states="states")),
-    )
+    without = Structure(JOINT, shapes, Timing("zero"))
+    narrow = made_fit(excess, segments="segments", states="states", structure=without)
 
     def fit_by_length(structure, data, start, divisions, states, *, insist):
         assert (divisions, states, insist) == (["segments"], "states", False)
         assert structure.absent == shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
-        return [SimpleNamespace(excess=excess, structure=structure)]
+        return [made_fit(excess, structure=structure)]
 
     monkeypatch.setattr(elimination, "fit_like", lambda *_: None)
     monkeypatch.setattr(elimination, "fit_by_length", fit_by_length)
@@ -346,14 +333,8 @@ def test_terms_that_lead_astray_do_not_join(monkeypatch):
     def fit_by_length(*_, insist):
         raise ConvergenceError("prediction error", "diverges")
 
-    narrow: Any = SimpleNamespace(
-        data=None,
-        by_name={},
-        problem=SimpleNamespace(segments=None),
-        minimum=SimpleNamespace(point=SimpleNamespace(initial_states=None)),
-    )
     monkeypatch.setattr(elimination, "fit_by_length", fit_by_length)
-    assert elimination._as_far_as_it_leads(USUAL, narrow) is None
+    assert elimination._as_far_as_it_leads(USUAL, made_fit()) is None
 
 
 @pytest.mark.parametrize(
@@ -369,9 +350,7 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
     """Assert that the usual terms win at once with as few coefficients, or else if far better."""
 
     def chosen(fit_by_length, kept, with_shapes, *_):
-        fitted = SimpleNamespace(
-            names=range(7 if with_shapes and fewer else 8), excess=1.0, duration=1.0
-        )
+        fitted = made_fit(names=range(7 if with_shapes and fewer else 8))
         structure = UNUSUAL if with_shapes else Structure(JOINT, JOINT.shapes, Timing("zero"))
         return SimpleNamespace(
             structure=structure,
@@ -396,6 +375,54 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
     assert ("unusual" if choice.with_shapes else "usual") == expected
 
 
+RIVALS: dict[str, tuple[dict[str, Any], list[str]]] = {
+    "nothing else": ({}, []),
+    "fewer coefficients": ({"generous": USUAL.without({"theta_offset"})}, []),
+    "more coefficients": ({"generous": replace(USUAL, absent=frozenset())}, ["generous"]),
+    "a friction that drives": ({"values": (9.0, -1e-9)}, ["braking"]),
+    "one that is to be kept": ({"values": (9.0, -1e-9), "kept": ("alpha2",)}, []),
+    "more than noise": ({"excess": 1.101}, ["other length"]),
+    "more than noise, and bounds": ({"excess": 1.101, "bounds": {"alpha2": (0.0, 1.0)}}, []),
+}
+
+
+@pytest.mark.parametrize("case", RIVALS)
+def test_what_held_out_data_may_prefer(monkeypatch, case):
+    """Assert which other fits are made, each where there is a reason for it."""
+    changes, expected = RIVALS[case]
+    given = {"generous": USUAL, "values": (9.0, 0.1), "kept": (), "excess": 1.099, "bounds": {}}
+    given |= changes
+    structure = replace(USUAL, bounds=given["bounds"])
+    names = {given["generous"].absent: "generous", USUAL.absent | {"alpha2"}: "braking"}
+    more = {"names": ("theta1", "alpha2"), "values": np.array(given["values"])}
+    fitted = made_fit(given["excess"], structure=structure, **more)
+    found: Any = (fitted, SimpleNamespace(duration=0.5, name="other length"))
+    monkeypatch.setattr(
+        elimination, "fit_like", lambda one, _: SimpleNamespace(name=names[one.absent])
+    )
+    monkeypatch.setattr(elimination, "settled", lambda one: one.name)
+    rivals = elimination._rivals(fitted, given["generous"], found, given["kept"], THRESHOLDS)
+    assert [*rivals] == expected
+
+
+@pytest.mark.parametrize(
+    ("errors", "taken"), [((0.5, 0.501), 0), ((0.5, 0.499), 1), ((0.4, 0.3), 1), ((0.2, 0.3), 2)]
+)
+def test_a_rival_has_to_predict_far_better(monkeypatch, errors, taken):
+    """Assert that it saves what is asked, and that of several the best is taken."""
+    limit = 0.5 + THRESHOLDS.generous_gain
+    fits: list[Any] = [
+        SimpleNamespace(structure=USUAL, error=error) for error in (limit, *errors[::-1])
+    ]
+    choice: Any = elimination.Choice(USUAL, UNUSUAL, fits[0], (), (), cast(Any, None), (*fits[1:],))
+    monkeypatch.setattr(job, "validate", lambda fitted, *_: fitted)
+    monkeypatch.setattr(job, "misprediction", lambda fitted: fitted.error)
+    recordings: Any = SimpleNamespace(starts=())
+    best, validation = job._preferred(choice, cast(Any, None), recordings, THRESHOLDS)
+    assert fits.index(best.fitted) == fits.index(cast(Any, validation)) == taken
+    assert (best.structure is USUAL) == (taken > 0)
+
+
 @pytest.mark.parametrize(
     ("duration", "unexplained", "sought"),
     [(0.5, 0.119, True), (0.5, 0.121, False), (0.25, 0.059, True), (0.25, 0.061, False)],
@@ -405,13 +432,7 @@ def test_shapes_are_sought_where_the_model_follows_half_a_second(
 ):
     """Assert the limit, in proportion over shorter segments; play is tried all the same."""
     monkeypatch.setattr(job, "SOUGHT", ())
-    joint = SimpleNamespace(remembered={"memory"})
-    fitted: Any = SimpleNamespace(
-        excess=9.0,
-        duration=duration,
-        unexplained=unexplained,
-        structure=SimpleNamespace(joint=joint, absent={"memory"}),
-    )
+    fitted = made_fit(9.0, duration=duration, unexplained=unexplained)
     fitted.unexplained_over = partial(Fitted.unexplained_over, fitted)
     choice: Any = SimpleNamespace(by_length=SimpleNamespace(found=(fitted,)), found=())
     tried = [*job._beside(choice, lambda _: None, THRESHOLDS)]
@@ -424,5 +445,4 @@ def test_shapes_are_sought_where_the_model_follows_half_a_second(
 )
 def test_what_explains_the_log_ends_the_search(excess, duration, expected):
     """Assert that noise is left, over segments in which a spring turns round."""
-    fitted: Any = SimpleNamespace(excess=excess, duration=duration)
-    assert job._explains(fitted, THRESHOLDS) == expected
+    assert job._explains(made_fit(excess, duration=duration), THRESHOLDS) == expected
