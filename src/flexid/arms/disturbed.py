@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.arms.fitting import LATE, UNUSUAL_FALL, FittedArm, estimate_of, with_term
+from flexid.arms.fitting import COARSER, estimate_of
+from flexid.arms.unusual import UNUSUAL_FALL, FittedArm, late, promises, unusual_terms
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_motion import balance_columns
@@ -29,9 +30,10 @@ from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.torque_balance import TorqueBalance
 
-_COARSER = 0.3  # substeps over those of a fit without disturbances, exact to 1e-6 of the phase
-_MOST_SUBSTEPS = 12  # per sample
+_MOST_SUBSTEPS = 9  # per sample: those of a resonance at the Nyquist frequency
+_STEPS = (4, 8)  # of values; friction that sticks makes the bottom rough, and further ones are idle
 _SEGMENT = 5.0  # s: long against what an observer remembers, and work for several cores
+_FAR_STEPS, NEAR_STEPS = 6, 3  # of values alone, from afar and from values nearly right
 RIVAL = 30.0  # of twice the negative logarithm of the likelihood, by which another minimum is worse
 _LIKELIER = 5.0  # the same, by which it is better, and its sizes are sought
 _SAME = 0.1  # standard deviations, by which values of one minimum may differ
@@ -70,7 +72,7 @@ class Job:
         hold = "zero" if self.factor == 1 else "cubic"
         structure = replace(self.structure, timing=replace(self.structure.timing, hold=hold))
         undirected = np.zeros((0, len(self.balance.rows)))
-        rest = self.slowest, own.noise, _SEGMENT, _COARSER, _MOST_SUBSTEPS
+        rest = self.slowest, own.noise, _SEGMENT, COARSER, _MOST_SUBSTEPS, _STEPS
         return InBand(structure, own, undirected, *rest)
 
 
@@ -145,23 +147,26 @@ def fit_disturbed(
             "of the torques and angles, the order of the joints, and the lengths",
         )
     best, *rivals = ends
-    found = DisturbedFit(job, best, tuple(rivals))
-    for name in job.balance.unusual:
-        if name in found.job.structure.fixed:
-            found = _likelier(found, with_term(found.job.structure, name))
-    return _likelier(found, replace(found.job.structure, timing=LATE))
+    return _suited(DisturbedFit(job, best, tuple(rivals)))
 
 
-def _likelier(found: DisturbedFit, structure: Structure[ElasticArm]) -> DisturbedFit:
-    """The fit of another structure, if that is clearly likelier."""
-    best, job = found.best, replace(found.job, structure=structure)
-    start = best.fitted.by_name
-    with suppress(ConvergenceError):
-        near = job.in_band.with_gains_of(best.fitted, start)
-        if _squares(best.fitted) - _squares(near) > UNUSUAL_FALL:
-            other = job.in_band.fit(near.by_name, best.sizes)
-            if other.cost < best.cost - UNUSUAL_FALL:
-                return DisturbedFit(job, other, ())
+def _suited(found: DisturbedFit) -> DisturbedFit:
+    """The same fit, with each unusual term or delay that makes it clearly likelier."""
+    structure = found.fitted.structure
+    parts = [*unusual_terms(structure), late(structure.timing)]
+    while parts:
+        squares, best = _squares(found.fitted), found.best
+        promised, part = min(promises(best.fitted, parts), key=lambda each: each[0])
+        if promised > squares - UNUSUAL_FALL:
+            break
+        parts.remove(part)
+        job = replace(found.job, structure=part.added(found.job.structure))
+        with suppress(ConvergenceError):
+            near = job.in_band.with_gains_of(best.fitted, best.fitted.by_name, NEAR_STEPS)
+            if _squares(near) < squares - UNUSUAL_FALL:
+                other = job.in_band.fit(near.by_name, best.sizes, near)
+                if other.cost < best.cost - UNUSUAL_FALL:
+                    found = DisturbedFit(job, other, ())
     return found
 
 
@@ -174,18 +179,19 @@ def _go_on(job: Job, start: Mapping[str, float], ends: list[ArmInBand]) -> None:
 
     Sizes are sought once more only where the values are likelier with those of the best.
     """
-    sizes = None
     if ends:
         best = ends[0]
-        near = job.in_band.with_gains_of(best.fitted, start)
+        near = job.in_band.with_gains_of(best.fitted, start, _FAR_STEPS)
         more = _squares(near) - _squares(best.fitted)
         if more > RIVAL or _is_same(near, best.fitted):
             return
         if more > -_LIKELIER:
             ends.append(FitInBand(near, best.sizes, best.cost + more))
             return
-        start, sizes = near.by_name, best.sizes
-    ends.append(job.in_band.fit(start, sizes))
+        end = job.in_band.fit(near.by_name, best.sizes, near)
+    else:
+        end = job.in_band.fit(start)
+    ends.append(end)
     ends.sort(key=lambda end: end.cost)
 
 

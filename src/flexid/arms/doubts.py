@@ -12,9 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.arms.disturbed import RIVAL, DisturbedFit, Job
-from flexid.arms.fitting import FittedArm, effect_sizes
+from flexid.arms.disturbed import NEAR_STEPS, RIVAL, DisturbedFit, Job
+from flexid.arms.fitting import effect_sizes
 from flexid.arms.play import changes_by_play
+from flexid.arms.unusual import FittedArm
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.threads import cores
@@ -103,7 +104,7 @@ def noise_of_the_inputs(doubted: Doubted) -> FloatArray:
             for r, noise in zip(samples, drawn, strict=True)
         )
         other = replace(job, data=replace(job.data, samples=noisy)).in_band
-        moved = moved + 0.5 * other.with_gains_of(fitted, fitted.by_name).values
+        moved = moved + 0.5 * other.with_gains_of(fitted, fitted.by_name, NEAR_STEPS).values
     return moved[:, None]
 
 
@@ -111,7 +112,8 @@ def halves_of_the_log(doubted: Doubted) -> FloatArray:
     """What is not random differs between the halves of the log, fitted with its gains."""
     fitted, found = doubted.fitted, []
     for data in doubted.job.data.halves():
-        half = replace(doubted.job, data=data).in_band.with_gains_of(fitted, fitted.by_name)
+        in_band = replace(doubted.job, data=data).in_band
+        half = in_band.with_gains_of(fitted, fitted.by_name, NEAR_STEPS)
         found.append(Repeat(half.values, half.unit_deviations**2))
     return between_halves(*found)
 
@@ -119,7 +121,7 @@ def halves_of_the_log(doubted: Doubted) -> FloatArray:
 def another_band(doubted: Doubted) -> FloatArray:
     """What is not random differs between bands."""
     best, job = doubted.disturbed.best, replace(doubted.job, factor=2 * doubted.job.factor)
-    other = DisturbedFit(job, job.in_band.fit(best.fitted.by_name, best.sizes), ())
+    other = DisturbedFit(job, job.in_band.fit(best.fitted.by_name, best.sizes, best.fitted), ())
     own, narrower = (
         Repeat(each.fitted.values, np.diag(each.estimate.covariance))
         for each in (doubted.disturbed, other)

@@ -3,14 +3,21 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
+from flexid.arms.unusual import (
+    UNUSUAL_FALL,
+    FittedArm,
+    Unusual,
+    late,
+    promises,
+    unusual_terms,
+)
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_start import filtered, starts
-from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import shrunken
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import Segments
@@ -19,18 +26,23 @@ from flexid.identification.full_model.fitting import (
     Steps,
     fit_segments,
     lengths,
-    motion_at,
     over_longer,
 )
-from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import TorqueBalance
 
-# Substeps of a stiff joint are limited where another fit follows: a model that is much faster than
-# the samples is not yet the right one.
-_ROUGHLY = Steps(0.1, insist=False, iterations=8, most_substeps=8)
+COARSER = 0.3
+"""Steps of integration over the usual ones, where little depends on their error.
+
+It is 1e-4 of the phase: another fit follows, or an observer corrects the motion at each sample.
+"""
+
+# Those of a stiff joint are limited there: a model that is much faster than the samples is not yet
+# the right one.
+_ROUGHLY = Steps(0.1, insist=False, iterations=8, coarser=COARSER, most_substeps=8)
 _TRIAL = replace(_ROUGHLY, iterations=3)  # of each start
 _BETWEEN = replace(_ROUGHLY, iterations=5)  # between the first segments and those that count
 _FINE = Steps(1e-3, insist=False, iterations=8, most_substeps=30)
@@ -39,17 +51,13 @@ _USUAL = 1.7  # s: segments that a fit goes up to in any case
 _GROWTH = 1.01  # of the residuals' variance with the segments' length, up to which it goes on
 _UNFINISHED = 1.0  # standard deviations, of the step that would come next
 _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows, and bent springs
-LATE = Timing("zero", {}, (INPUT,))
-_TIMINGS = (LATE, Timing("linear", {}, (INPUT,)))  # that are unusual
-UNUSUAL_FALL = 25.0  # of the weighted squares, over their variance, that what is unusual brings
+_TIMINGS = (Timing("zero"), Timing("linear"))  # in which inputs may be late
 _UNUSUAL_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
 _UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
 _PROMISING = 1.2  # the same, up to which no better start is looked for
 
 EFFECT_BAND = 20.0
 """Frequency in Hz up to which a parameter's torque is taken."""
-
-FittedArm = Fitted[ElasticArm]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,37 +151,29 @@ def _near_noise(fitted: FittedArm) -> bool:
 
 
 def _suited(fitted: FittedArm) -> FittedArm:
-    """The same fit, with each unusual term or timing of the inputs that is clearly better."""
-    best = fitted
-    for change in (
-        *(partial(with_term, name=name) for name in fitted.structure.joint.balance.unusual),
-        *(partial(replace, timing=timing) for timing in _TIMINGS),
-    ):
+    """The same fit, with each unusual term or timing of the inputs that is clearly better.
+
+    Another behaviour of the inputs looks much like a delay, which is tried first.
+    """
+    held, straight = map(late, _TIMINGS)
+    best = _with_better(fitted, [*unusual_terms(fitted.structure), held])
+    return _with_better(best, [straight])
+
+
+def _with_better(best: FittedArm, parts: list[Unusual]) -> FittedArm:
+    """The fit with each part that is clearly better, the most promising ones first."""
+    while parts:
+        promised, part = min(promises(best, parts), key=lambda each: each[0])
+        if not _falls(best, promised):
+            break
+        parts.remove(part)
+        structure, states = part.added(best.structure), best.minimum.point.initial_states
+        segments = best.problem.segments
         with suppress(ConvergenceError):
-            other = _changed(best, change(best.structure))
-            if other is not None and _falls(best, other.minimum.equations.cost):
+            other = fit_segments(structure, best.data, segments, best.by_name, states, _ROUGHLY)
+            if _falls(best, other.minimum.equations.cost):
                 best = other
     return best
-
-
-def with_term(structure: Structure[ElasticArm], name: str) -> Structure[ElasticArm]:
-    """The structure with a parameter sought that was fixed."""
-    fixed = {other: value for other, value in structure.fixed.items() if other != name}
-    return replace(structure, fixed=fixed)
-
-
-def _changed(fitted: FittedArm, structure: Structure[ElasticArm]) -> FittedArm | None:
-    """The fit of another structure; None where the first step from the old one promises little."""
-    states, segments = fitted.minimum.point.initial_states, fitted.problem.segments
-    problem, point = motion_at(structure, fitted.data, segments, fitted.by_name, states)
-    problem = replace(problem, substeps=fitted.problem.substeps)
-    equations = problem.equations(point)
-    # A fit that has not ended would go on as it is as well.
-    left = fitted.minimum.reduced.decrement
-    promised = equations.cost - problem.solve(equations).decrement + left
-    if not _falls(fitted, promised):
-        return None
-    return fit_segments(structure, fitted.data, segments, fitted.by_name, states, _ROUGHLY)
 
 
 def _falls(before: FittedArm, cost: float) -> bool:
@@ -218,7 +218,7 @@ def begun(structure: Structure[ElasticArm], data: Data, segments: Segments) -> F
                 break
     for found in sorted(tried, key=lambda one: one.minimum.equations.cost):
         with suppress(ConvergenceError):
-            return fit_segments(structure, data, segments, found.by_name, None, _ROUGHLY)
+            return fit_segments(structure, data, segments, found.by_name, None, _BETWEEN)
     raise ConvergenceError(
         "arm",
         "the model cannot follow the log from any start: check the signs and units of the "

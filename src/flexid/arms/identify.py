@@ -12,7 +12,6 @@ from flexid.analysis.excitation import excitation_of_gram
 from flexid.arms.disturbed import fit_disturbed
 from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import (
-    FittedArm,
     effect_sizes,
     exact_fits,
     explains,
@@ -22,6 +21,7 @@ from flexid.arms.fitting import (
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, joint_of_name
+from flexid.arms.unusual import FittedArm
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexid.arms.disturbed import DisturbedFit, resonances
-from flexid.arms.fitting import FittedArm
+from flexid.arms.disturbed import NEAR_STEPS, DisturbedFit, resonances
+from flexid.arms.unusual import FittedArm
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.samples import Samples
@@ -60,7 +60,7 @@ def disturbed_run(disturbed: DisturbedFit) -> tuple[Mapping[str, float], dict[in
     beginning = replace(job, data=replace(job.data, samples=first)).in_band
     follow = observer_following(beginning.directions, disturbed.best.sizes)
     try:
-        values = beginning.with_gains_of(fitted, fitted.by_name).values
+        values = beginning.with_gains_of(fitted, fitted.by_name, NEAR_STEPS).values
 
         def shares(duration: float, followed: float) -> dict[str, float]:
             windows = divide(last, duration)

@@ -26,11 +26,12 @@ from flexid.estimators.spectra import cost_by_spectra
 from flexid.estimators.steady_gains import Sizes, steady_gains, transition_of
 
 _ROUNDS = (4, 2)  # of sizes and coefficients in turn, from afar and from values nearly right
-_STEPS = (8, 30)  # of Gauss and Newton in each, and in the last
+STEPS = (8, 30)  # of Gauss and Newton in each, and in the last
 _TRIALS = (80, 40)  # of sizes and rates in each
 _OF_ONE_JOINT = 6  # sizes and rates: those of two sensors and two rows
 _SEARCHES = 3  # of the sizes of more joints by their spectra, in each round
 _ITERATIONS = 30  # of each of these
+_NO_FALL = 0.1  # of the cost, in an iteration that is the last one
 _SEARCHED = 10.0  # of the cost, that a search brings at least where another one follows
 _SPREAD = 0.7  # natural logarithm, by which the first trials differ; less in later rounds
 _FINE = 0.03  # standard deviations, of a step that ends an iteration
@@ -56,6 +57,7 @@ def fit_innovations(
     directions: FloatArray,  # (n_samples, n_rows)
     slowest: float,  # in 1/s
     sizes: Sizes | None = None,
+    steps: tuple[int, int] = STEPS,
 ) -> Innovations:
     """Fit coefficients, and sizes of noise and disturbances, in turn.
 
@@ -82,7 +84,7 @@ def fit_innovations(
                 "prediction error", "the disturbed motion diverges from the starting values"
             )
         minimum = minimise(
-            seen.motion, point, _FINE, insist=False, iterations=_STEPS[turn == rounds - 1]
+            seen.motion, point, _FINE, insist=False, iterations=steps[turn == rounds - 1]
         )
         point = minimum.point
         found = Innovations(seen.motion, minimum, sizes, minimum.equations.cost + seen.entropy)
@@ -237,7 +239,7 @@ class _Observing:
                 np.clip(sizes.logarithms, *bounds),
                 method="L-BFGS-B",
                 bounds=np.column_stack(bounds),
-                options={"maxiter": _ITERATIONS},
+                options={"maxiter": _ITERATIONS, "ftol": _NO_FALL / max(abs(best.cost), 1.0)},
             )
             other = Sizes.of_logarithms(found.x, n)
             seen = self.with_sizes(other)

@@ -286,7 +286,7 @@ class SegmentedMotion:
         speeds = np.zeros((0, len(late)))  # by the model
         if self.observer is not None:  # its gain is for outputs at its own samples
             outputs, late = channels.on_time(delays), np.zeros_like(late)
-            if by == "everything":
+            if by == "everything" and {*channels.output_delays} & {*self.timing.sought}:
                 speeds = channels.rates_on_time(delays)
         drives = channels.drives(delays[INPUT])
         dry = self._dry(coefficients, wanted)

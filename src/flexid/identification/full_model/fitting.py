@@ -42,7 +42,8 @@ class Steps:
     insist: bool = True  # on convergence
     iterations: int = ITERATIONS  # at most
     enough: float = 0.0  # variance of the residuals, up to which convergence is not insisted on
-    most_substeps: float = np.inf  # of integration per sample
+    coarser: float = 1.0  # steps of integration over the usual ones
+    most_substeps: float = np.inf  # of these per sample
 
 
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
@@ -141,14 +142,16 @@ def fit_to(
     return fitted, [*found[:-1], fitted, *_beyond(fitted)]
 
 
-def expanded(structure: Structure, fitted: Fitted) -> Fitted:
+def expanded(structure: Structure[M], fitted: Fitted[M]) -> Fitted[M]:
     """A wider structure about the values of a fit, not fitted itself: its quadratic form there."""
+    before, timing = fitted.problem, structure.timing
     unknowns = structure.unknowns(fitted.data.groups)
     problem = replace(
-        structure.joint.motion(fitted.problem.segments, fitted.problem.timing, unknowns),
-        timing=replace(fitted.problem.timing, sought=structure.timing.sought),
-        substeps=fitted.problem.substeps,
-        weights=fitted.problem.weights,
+        structure.joint.motion(before.segments, before.timing, unknowns),
+        timing=replace(before.timing, hold=timing.hold, sought=timing.sought),
+        substeps=before.substeps,
+        weights=before.weights,
+        observer=before.observer,
     )
     values = {**structure.timing.delays, **fitted.by_name}
     point = Point(
@@ -267,7 +270,8 @@ def fit_segments(
     """Fit over given segments, without bounds."""
     finer = data.refinement if steps.tolerance <= FINE else 1
     problem, point = motion_at(structure, data, segments, start, states, finer)
-    problem = replace(problem, substeps=int(min(problem.substeps, steps.most_substeps)))
+    substeps = int(min(np.ceil(steps.coarser * problem.substeps), steps.most_substeps))
+    problem = replace(problem, substeps=substeps)
     found = minimise(
         problem,
         point,
