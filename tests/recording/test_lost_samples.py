@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.recording.lost_samples import (
+from flexid.recording.outliers import (
     counted_anew,
     counted_on,
     lost_by_the_clock,

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexid.recording.overview import survey
 from flexid.recording.recording import Log, Recording
-from flexid.recording.survey import survey
 
 RATE = 200.0  # Hz
 NOISE = 1e-4  # rad

@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from flexid.recording.write import write_parquet
+from flexid.recording.frame import write_parquet
 
 FULL = Path("/dev/full")
 TABLE = pl.DataFrame({"time": [0.0, 0.1]})

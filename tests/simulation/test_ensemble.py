@@ -21,8 +21,7 @@ from flexid.simulation.ensemble import (
     simulate_ensemble,
     simulate_sampled_ensemble,
 )
-from flexid.simulation.loop import ClosedLoop
-from flexid.simulation.run import Run
+from flexid.simulation.loop import ClosedLoop, Run
 from flexid.simulation.sampled import Sampling, simulate_sampled
 
 LOOP = table_1(controller=pd_gravity())

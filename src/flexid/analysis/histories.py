@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from flexid.arrays import FloatArray
 from flexid.models.expression import FUNCTIONS, OPERATIONS, Algebra, fold
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.run import Run
+from flexid.simulation.loop import Run
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexid.analysis.histories import RowHistory, row_histories
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.simulation.run import Run
+from flexid.simulation.loop import Run
 
 SETTLED = 1e-3
 """Share of an error's first value within which it has to stay to count as settled or vanished."""

@@ -14,7 +14,7 @@ from flexid.campaigns.plan import Plan
 from flexid.errors import CampaignError
 from flexid.experiments.variation import MOST_RUNS
 from flexid.files import write_atomically
-from flexid.recording.write import write_parquet
+from flexid.recording.frame import write_parquet
 
 FILE = "campaign.json"
 _LOCK = ".campaign.lock"

@@ -29,7 +29,7 @@ from flexid.kernels.templates.bound import BOUND
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import SMOOTHING, without_jumps
 from flexid.recording.names import cut
-from flexid.simulation.substeps import STEPS_PER_TIME_CONSTANT, fastest_pole
+from flexid.simulation.sampled import STEPS_PER_TIME_CONSTANT, fastest_pole
 
 _FIRST_INTEGER = 1001  # value reference of the first integer output
 

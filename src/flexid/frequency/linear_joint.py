@@ -29,7 +29,7 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import slopes_of
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.substeps import plain_model
+from flexid.simulation.sampled import plain_model
 from flexid.stored_estimates.joint_model import JointModel
 from flexid.symmetric import eigen
 

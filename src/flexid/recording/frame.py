@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import polars as pl
 
 from flexid.errors import RecordingError
 from flexid.readers.arrays import known_times
@@ -150,3 +153,12 @@ def _digest(frame: polars.DataFrame) -> str:
         numbers = column.dtype.is_numeric() and not column.null_count()
         digest.update(column.to_numpy().tobytes() if numbers else repr(column.to_list()).encode())
     return digest.hexdigest()
+
+
+def write_parquet(table: pl.DataFrame, path: Path) -> None:
+    """Write a table; a full disk, for which Polars has its own error, raises an `OSError`."""
+    try:
+        table.write_parquet(path)
+    except pl.exceptions.ComputeError as error:
+        reason = str(error).rpartition(": ")[2]
+        raise OSError(errno.EIO, reason, str(path)) from None

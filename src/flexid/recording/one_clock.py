@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.caution import Rank
-from flexid.recording.channel import INPUTS, VELOCITIES
-from flexid.recording.draft import Draft
+from flexid.recording.channel import INPUTS, VELOCITIES, Draft
 from flexid.recording.names import quoted
 from flexid.recording.sampling import EVEN, GAP, MOST_GAPS, interpolated
 

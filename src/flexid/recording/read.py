@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 
 from flexid.arrays import FloatArray
 from flexid.recording import checks
-from flexid.recording.channel import INPUTS, VELOCITIES
+from flexid.recording.channel import ENCODERS, INPUTS, VELOCITIES, Draft
+from flexid.recording.checks import drop_frozen
 from flexid.recording.columns import read_channels
-from flexid.recording.draft import ENCODERS, Draft
-from flexid.recording.frozen import drop_frozen
-from flexid.recording.measured_velocity import is_used
 from flexid.recording.one_clock import drop_holes
 from flexid.recording.outliers import mend
 from flexid.recording.recording import Log, Recording
@@ -20,6 +18,7 @@ from flexid.recording.sampling import drop_repeats, even_grid, to_grid
 from flexid.recording.series import table_of_file
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.table import Table
+from flexid.recording.velocities import is_used
 from flexid.recording.wraps import count_on, unwrap
 
 if TYPE_CHECKING:

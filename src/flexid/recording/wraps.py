@@ -4,7 +4,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.recording.caution import Rank
-from flexid.recording.draft import ENCODERS, Draft
+from flexid.recording.channel import ENCODERS, Draft
 from flexid.recording.sampling import GAP
 
 TURN = 2.0 * np.pi  # rad

@@ -21,11 +21,11 @@ from flexid.experiments.measures import (
     log_columns,
     run_columns,
 )
-from flexid.recording.write import write_parquet
+from flexid.recording.frame import write_parquet
 from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Panel
 from flexid.report.page import Answer, Bullets, Command, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, number, numbers
-from flexid.simulation.run import Run
+from flexid.simulation.loop import Run
 
 
 def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:

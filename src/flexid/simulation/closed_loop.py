@@ -13,8 +13,7 @@ from flexid.control.loop import LoopDeclaration
 from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.kernels.templates.bound import BOUND
-from flexid.simulation.loop import ClosedLoop
-from flexid.simulation.run import Run, SampleGrid, check_positive, split_columns
+from flexid.simulation.loop import ClosedLoop, Run, SampleGrid, check_positive, split_columns
 
 _FIRST_STEP = 1e-6
 _LONGEST_STEP = 1.0

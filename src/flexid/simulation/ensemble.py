@@ -22,8 +22,7 @@ from flexid.simulation.closed_loop import (
     integrate_loops,
     loop_kernel,
 )
-from flexid.simulation.loop import ClosedLoop
-from flexid.simulation.run import SampleGrid, split_columns
+from flexid.simulation.loop import ClosedLoop, SampleGrid, split_columns
 from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
 
 

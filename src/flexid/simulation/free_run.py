@@ -12,7 +12,7 @@ from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-from flexid.simulation.substeps import runge_kutta_substeps
+from flexid.simulation.sampled import runge_kutta_substeps
 
 
 @dataclass(frozen=True, eq=False)

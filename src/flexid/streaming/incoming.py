@@ -18,7 +18,7 @@ from flexid.recording.column_map import MapSource
 from flexid.recording.columns import channels_of, recipes_of
 from flexid.recording.series import tables_of_file
 from flexid.streaming.channels import StreamChannels, chosen_channels
-from flexid.streaming.sources import TURN, Source
+from flexid.streaming.sources import WAIT, Source
 from flexid.streaming.text_stream import TextStream
 
 BLOCK = 65_536  # rows of a log that are read at once
@@ -155,7 +155,7 @@ class Replay:
         if not self._at_once:
             now = time.monotonic() - self._begun
             if self._due[self._taken] > now:
-                time.sleep(TURN)
+                time.sleep(WAIT)
                 now = time.monotonic() - self._begun
             stop = int(np.searchsorted(self._due, now, side="right"))
         found = self._samples[self._taken : stop]

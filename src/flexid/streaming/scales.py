@@ -8,8 +8,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording import checks
-from flexid.recording.channel import INPUTS
-from flexid.recording.draft import ENCODERS, Draft
+from flexid.recording.channel import ENCODERS, INPUTS, Draft
 from flexid.recording.read import add_link_position, recording_of
 from flexid.recording.sampling import GAP
 from flexid.recording.slow_motion import check_motion

@@ -21,7 +21,7 @@ from urllib.parse import parse_qs, urlsplit
 from flexid.errors import RecordingError, SettingError
 from flexid.files import check_file, shown
 
-TURN = 0.1  # seconds after which a source says that nothing has come
+WAIT = 0.1  # seconds after which a source says that nothing has come
 MOST = 1 << 20  # bytes that are handed over at once
 LINGER = 1.0  # seconds for which a file that was replaced has got nothing before it is left
 
@@ -88,7 +88,7 @@ class GrowingFile:
             return found
         if self._stop_at_end:
             return None
-        time.sleep(TURN)
+        time.sleep(WAIT)
         return b""
 
     def _read_on(self) -> bytes:
@@ -156,7 +156,7 @@ class StandardInput:
 
     def read(self) -> bytes | None:
         """What came; a console of Windows keeps us waiting for it."""
-        if os.name == "posix" and not select.select([self._file], [], [], TURN)[0]:
+        if os.name == "posix" and not select.select([self._file], [], [], WAIT)[0]:
             return b""
         return os.read(self._file, MOST) or None
 
@@ -184,7 +184,7 @@ class Datagrams:
         family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
-        self._socket.settimeout(TURN)
+        self._socket.settimeout(WAIT)
         try:
             self._socket.bind((str(address), port))
         except OSError as error:
@@ -204,7 +204,7 @@ class Datagrams:
 
     def read(self) -> bytes | None:
         """Lines of the datagrams that came."""
-        self._some.wait(TURN)
+        self._some.wait(WAIT)
         self._some.clear()
         with self._lock:
             came, self._came, self._size = self._came, deque(), 0
@@ -250,7 +250,7 @@ class SerialPort:
                 "source", "a serial port needs pyserial: pip install 'flexid[serial]'"
             ) from None
         try:
-            self._port = serial.Serial(address, int(rates[0]), timeout=TURN)
+            self._port = serial.Serial(address, int(rates[0]), timeout=WAIT)
         except (serial.SerialException, ValueError, OSError) as error:
             raise RecordingError(
                 self.name, "", f"the port cannot be opened ({error}): check its name and rights"

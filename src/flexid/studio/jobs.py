@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from flexid.identification.vocabulary.progress import Progress
-    from flexid.recording.overview import FileOverview
-    from flexid.recording.survey import LogSurvey
+    from flexid.recording.overview import FileOverview, LogSurvey
     from flexid.report.svg import Drawn
     from flexid.studio.choices import Choices
 
@@ -205,8 +204,8 @@ def look(_: Progress, name: str) -> FileOverview:
 def check(_: Progress, name: str, choices: Choices) -> Checked:
     """Read a log as it would be identified, and say what it shows."""
     from flexid.identification.preparation.joint import Kind, joint_of
+    from flexid.recording.overview import survey
     from flexid.recording.read import read_log
-    from flexid.recording.survey import survey
     from flexid.report.free_run_chart import log_chart
     from flexid.report.svg import drawn
     from flexid.studio.choices import ALL_TERMS
