@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from flexid.errors import SettingError
-from flexid.exports.mjcf import mjcf_scene
-from flexid.exports.mjcf_scene import Scene
+from flexid.exports.mjcf import Scene, mjcf_scene
 from flexid.stored_estimates.joint_model import JointModel
 
 PAPER = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}

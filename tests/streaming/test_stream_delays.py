@@ -9,7 +9,7 @@ from moving_joint import LINK, MOTOR, OPTIONS, TORQUE, H, stream
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
 from flexid.recording.recording import Recording
 from flexid.recording.shift import SETTLING
-from flexid.streaming.delays import Delays
+from flexid.streaming.learner import Delays
 
 LATE = [(0.0, 2.4), (0.6, -1.3), (-2.0, 3.0), (1.5, 0.0), (-0.3, 0.25)]
 """Delays of the input and of the link, in samples."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexid.studies.claims import Claim, Finding
+from flexid.studies.reproduction import Claim, Finding
 
 VERDICTS = {
     "no acceleration": "holds",

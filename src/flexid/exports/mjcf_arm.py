@@ -14,9 +14,9 @@ import numpy as np
 from flexid.arms.disturbed import resonances
 from flexid.arms.result import ArmIdentification
 from flexid.errors import SettingError
-from flexid.exports.mjcf import TORQUE
-from flexid.exports.mjcf_scene import (
+from flexid.exports.mjcf import (
     NOTHING,
+    TORQUE,
     Body,
     Joint,
     Scene,

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from flexid.experiments.measures import Measures
     from flexid.recording.recording import Log
     from flexid.simulation.loop import Run
-    from flexid.studies.claims import Claim
-    from flexid.studies.reproduction import Reproduction
+    from flexid.studies.reproduction import Claim, Reproduction
 
 
 class SimulatedRun(ReportedAnswer, TabularAnswer):

@@ -14,7 +14,6 @@ from flexid.report.page import Answer, Page, Presenter, Section, sections_of
 from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.studies.cases import TheoremCase
-from flexid.studies.claims import Claim, Verdict
 from flexid.studies.readings import (
     AMPLITUDE,
     ATTENUATION,
@@ -29,7 +28,7 @@ from flexid.studies.readings import (
     Reading,
     SteadyRun,
 )
-from flexid.studies.reproduction import Reproduction
+from flexid.studies.reproduction import Claim, Reproduction, Verdict
 
 _COLOURS: dict[Verdict, str] = {
     "holds": "green",

@@ -1,4 +1,4 @@
-"""A closed loop with all its values: what a simulation starts from."""
+"""A closed loop with all its values: what a simulation starts from, and a run of it."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy

@@ -1,10 +1,21 @@
-"""All runs of the study, in order, and what they amount to."""
+"""The reproduction of Huang (2003): all runs in order, and the claims that they decide.
 
-from collections.abc import Callable
+`claims.toml` lists the claims, each with the numbers that decide it.
+"""
+
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from importlib.resources import files
+from typing import Any, Literal, TypeVar
 
+import numpy as np
+
+from flexid.analysis.excitation import WEAK_CONDITION
+from flexid.analysis.lyapunov import ALLOWED_RISE
 from flexid.control.laws import pd_gravity
+from flexid.errors import AccelerationError
+from flexid.models.physical import physical_parameters
 from flexid.simulation.closed_loop import simulate
 from flexid.studies.cases import (
     ATTENUATIONS,
@@ -16,15 +27,17 @@ from flexid.studies.cases import (
     late_tracking_errors,
     peak_torque,
     rate_points,
+    steady_condition,
     theorem_case,
 )
-from flexid.studies.claims import Claim, decide_claims
 from flexid.studies.readings import (
     ATTENUATION,
     DURATION,
     EARLIER_ATTENUATION,
     MEANINGS,
+    PHYSICAL,
     TRUE,
+    UNKNOWN,
     Exponents,
     Reading,
     SteadyRun,
@@ -33,6 +46,213 @@ from flexid.studies.readings import (
     study_reading,
     table1_loop,
 )
+
+Relation = Literal["<=", ">="]
+
+Verdict = Literal["holds", "does not hold", "depends on the reading"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One number that decides a claim for one subject."""
+
+    # what was looked at: a reading such as "1,2,3"; "any" where readings do not matter
+    subject: str
+    quantity: str  # what was measured
+    value: float  # what came out
+    relation: Relation  # how the value has to compare for the claim to hold
+    limit: float  # with what
+    unit: str = "1"  # unit of value and limit; dimensionless if left out
+
+    @property
+    def holds(self) -> bool:
+        """Whether the claim holds for this subject; never for a value that is not a number."""
+        return self.value <= self.limit if self.relation == "<=" else self.value >= self.limit
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the paper and what decides it."""
+
+    key: str  # short name
+    source: str  # where the paper makes it
+    statement: str  # what it says, in our words
+    findings: tuple[Finding, ...]  # one per subject
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether all findings, none, or only some bear the claim out."""
+        outcomes = {finding.holds for finding in self.findings}
+        if len(outcomes) > 1:
+            return "depends on the reading"
+        return "holds" if outcomes == {True} else "does not hold"
+
+
+_LIMITS = {"weak condition": WEAK_CONDITION, "allowed rise": ALLOWED_RISE}
+
+Values = Mapping[str, float | tuple[float, str]]
+"""A quantity by subject; a word that belongs into its name may stand with it."""
+
+
+def decide_claims(
+    readings: Mapping[str, Reading],
+    runs: Mapping[str, SteadyRun],
+    attenuation: Mapping[str, list[AttenuationPoint]],
+    peak_torques: Mapping[float, float],
+    rates: Mapping[str, list[RatePoint]],
+    cases: tuple[TheoremCase, ...],
+    other_controller_error: float,
+) -> tuple[Claim, ...]:
+    """Decide every claim."""
+    values = {
+        **_of_the_design(runs["1,1,3"]),
+        **_of_the_theorem(runs, rates, cases),
+        **_of_the_controller(readings, attenuation, peak_torques),
+        **_of_the_results(runs, attenuation),
+        "any controller": [{"PD": other_controller_error}],
+    }
+    text = (files("flexid.studies") / "claims.toml").read_text(encoding="utf-8")
+    return tuple(_claim(key, said, values[key]) for key, said in tomllib.loads(text).items())
+
+
+def _claim(key: str, said: Mapping[str, Any], values: Sequence[Values]) -> Claim:
+    """A claim as the table has it, with what was measured."""
+    findings: list[Finding] = []
+    for measured, by_subject in zip(said["measured"], values, strict=True):
+        relation: Relation = "<=" if "at_most" in measured else ">="
+        stated = measured["at_most" if relation == "<=" else "at_least"]
+        limit = _LIMITS[stated] if isinstance(stated, str) else stated
+        unit = measured.get("unit", "1")
+        for subject, found in by_subject.items():
+            value, word = found if isinstance(found, tuple) else (found, "")
+            quantity = measured["quantity"].format(word)
+            findings.append(Finding(subject, quantity, value, relation, limit, unit))
+    return Claim(key, said["source"], said["statement"], tuple(findings))
+
+
+def _of_the_design(best: SteadyRun) -> dict[str, list[Values]]:
+    """Accelerations, eq. (7), and physical parameters."""
+    estimates = {**TRUE, **best.estimates}
+    return {
+        "no acceleration": [{"any": _accelerations_needed()}],
+        "error dynamics": [{"any": _different_rates()}],
+        "physical parameters": [
+            {"any": _physical_error(TRUE)},
+            {"1,1,3": _physical_error(estimates)},
+        ],
+    }
+
+
+def _accelerations_needed() -> int:
+    """Number of signals beyond states and input that the derived observer asks for."""
+    from flexid.derivation.observer import derive_observer
+
+    try:
+        return len(derive_observer(table1_loop((1, 2, 3)).system).input_rates)
+    except AccelerationError:
+        return 1
+
+
+def _different_rates() -> int:
+    """Number of coefficients whose error rate, derived again, differs from eq. (7)."""
+    from flexid.derivation.observer import derive_observer, error_dynamics
+
+    observer = derive_observer(table1_loop((1, 2, 3)).system)
+    differing = 0
+    for row, rates in zip(observer.rows, error_dynamics(observer), strict=True):
+        regressors = row.row.regressor
+        mismatch = sum(r * e for r, e in zip(regressors, row.errors, strict=True))
+        differing += sum(
+            (rate + row.gain * r * mismatch).expand() != 0
+            for rate, r in zip(rates, regressors, strict=True)
+        )
+    return differing
+
+
+def _physical_error(coefficients: Mapping[str, float]) -> float:
+    """Largest relative error of the physical parameters that follow from coefficients."""
+    found = {
+        p.name: p.value(coefficients)
+        for p in physical_parameters((*UNKNOWN, "beta1"), input_is_torque=True)
+    }
+    return max(abs(found[name] / true - 1.0) for name, true in PHYSICAL.items())
+
+
+def _of_the_theorem(
+    runs: Mapping[str, SteadyRun],
+    rates: Mapping[str, list[RatePoint]],
+    cases: tuple[TheoremCase, ...],
+) -> dict[str, list[Values]]:
+    """Theorem 1, its proof, and its condition (A4)."""
+    excited, standstill, small = cases
+    v = {name: run.monitor.value for name, run in runs.items()}
+    speeds = {row: [p.measured / p.guaranteed for p in points] for row, points in rates.items()}
+
+    def conditions(row: str) -> Values:
+        return {name: run.excitation[row].condition_number for name, run in runs.items()}
+
+    return {
+        "V never rises": [{name: run.monitor.rise_in_tolerances for name, run in runs.items()}],
+        "printed bound": [{name: float(2.0 * x.max() / x[0]) for name, x in v.items()}],
+        "rates vanish": [{"(A4) holds": _late_rate(excited), "standstill": _late_rate(standstill)}],
+        "errors vanish": [{"1,2,3, 300 s": _worst_remaining(excited)}],
+        "only boundedness": [
+            {"standstill": _worst_remaining(standstill), "0.1 rad sine": _worst_remaining(small)}
+        ],
+        "exponential rate": [{f"{row} row": min(found) for row, found in speeds.items()}],
+        "(A4) for f": [conditions("link")],
+        "(A4) for φ": [conditions("motor")],
+        "(A4) at any amplitude": [{"0.3 rad": steady_condition(0.3)}],
+    }
+
+
+def _late_rate(case: TheoremCase) -> float:
+    """The largest rate that is left, over the largest first error."""
+    initial = max(abs(limit.first) for limit in case.limits)
+    return max(limit.largest_rate for limit in case.limits) / initial
+
+
+def _worst_remaining(case: TheoremCase) -> float:
+    return max(abs(limit.last / limit.first) for limit in case.limits)
+
+
+def _of_the_controller(
+    readings: Mapping[str, Reading],
+    attenuation: Mapping[str, list[AttenuationPoint]],
+    peak_torques: Mapping[float, float],
+) -> dict[str, list[Values]]:
+    """The control law, and what its factor k costs; errors are those of 20 to 30 s."""
+    points = attenuation["1,2,3"]
+    errors = {point.k: point.max_tracking_error for point in points}
+    slope = np.polyfit(np.log([*errors]), np.log([*errors.values()]), 1)[0]
+    small, large = ATTENUATION, EARLIER_ATTENUATION
+    return {
+        "bounded signals": [{name: r.rightmost.real for name, r in readings.items()}],
+        "arbitrarily small tracking errors": [
+            {"1,2,3": float(slope)},
+            {"1,1,3": attenuation["1,1,3"][-1].largest_real_part},
+        ],
+        "price of a small k": [{"1,2,3": errors[small] / errors[large]}],
+        "less torque": [{"1,2,3": peak_torques[small] / peak_torques[large]}],
+    }
+
+
+def _of_the_results(
+    runs: Mapping[str, SteadyRun], attenuation: Mapping[str, list[AttenuationPoint]]
+) -> dict[str, list[Values]]:
+    """Errors of the estimates at 30 s, the worst of all; and what k changes of them."""
+    errors = {name: run.relative_errors for name, run in runs.items()}
+    worst = {name: max(each, key=each.__getitem__) for name, each in errors.items()}
+    spreads = {
+        name: float(np.ptp([point.largest_relative_error for point in points]))
+        for name, points in attenuation.items()
+    }
+    ends = {name: f"{points[0].k:g} to {points[-1].k:g}" for name, points in attenuation.items()}
+    return {
+        "zero within 30 s": [{name: (errors[name][c], c) for name, c in worst.items()}],
+        "k leaves the estimates alone": [{n: (spread, ends[n]) for n, spread in spreads.items()}],
+    }
+
 
 _T = TypeVar("_T")
 
