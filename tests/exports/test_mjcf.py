@@ -11,7 +11,6 @@ import pytest
 
 from flexid.errors import SettingError
 from flexid.exports.mjcf import Scene, mjcf_scene
-from flexid.stored_estimates.joint_model import JointModel
 
 PAPER = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 
@@ -28,8 +27,7 @@ def _both(**torques: float) -> dict[str, float]:
 
 
 def _scene(more: Mapping[str, float], unit: str = "N m", **keywords: object) -> Scene:
-    described = JointModel("flexible", {**PAPER, **more}, "zero", **keywords)  # pyright: ignore[reportArgumentType]
-    return mjcf_scene(described, unit)
+    return mjcf_scene("flexible", {**PAPER, **more}, unit, **keywords)  # pyright: ignore[reportArgumentType]
 
 
 def _accelerations(scene: Scene, x: np.ndarray, u: float) -> np.ndarray:
@@ -81,15 +79,15 @@ def test_accelerations_are_those_of_the_model(unit, theta1):
 
 def test_without_gravity():
     """Assert that a link which nothing pulls down has no lever."""
-    described = JointModel("flexible", {c: v for c, v in PAPER.items() if c != "theta1"}, "zero")
-    found = _accelerations(mjcf_scene(described), np.array([0.5, 0.0, 0.5, 0.0]), 0.0)
+    described = {c: v for c, v in PAPER.items() if c != "theta1"}
+    found = _accelerations(mjcf_scene("flexible", described), np.array([0.5, 0.0, 0.5, 0.0]), 0.0)
     np.testing.assert_allclose(found, 0.0, atol=1e-9)
 
 
 def test_a_rigid_joint_is_one_hinge():
     """Assert that a joint with one encoder moves as its one equation says."""
     values = {"gamma1": 4.0, "gamma_cosine": 1.0, "gamma_viscous": 0.5, "gamma_offset": 0.2}
-    scene = mjcf_scene(JointModel("rigid", {**values, "beta1": 2.0}, "zero"))
+    scene = mjcf_scene("rigid", {**values, "beta1": 2.0})
     model = mujoco.MjModel.from_xml_string(scene.xml)
     data = mujoco.MjData(model)
     data.qpos[0], data.qvel[0], data.ctrl[0] = 0.7, -2.0, 3.0
@@ -119,7 +117,7 @@ def test_dry_friction_slides_and_sticks(side, place):
 
 def test_play_is_a_dead_zone():
     """Assert that within the play nothing pulls, and beyond it what is beyond."""
-    scene = _scene({"theta1": 0.0, **_both(backlash=0.2)}, shapes={"backlash_width": 1e-4})
+    scene = _scene({"theta1": 0.0, **_both(backlash=0.2)})
     half_gap = 0.2 / 100.0
     inside = _accelerations(scene, np.array([0.9 * half_gap, 0.0, 0.0, 0.0]), 0.0)
     beyond = _accelerations(scene, np.array([0.0, 0.0, 3.0 * half_gap, 0.0]), 0.0)
@@ -196,4 +194,4 @@ def test_steps_suit_what_is_fast():
 def test_a_link_without_a_motor_is_refused():
     """Assert that what was identified without an input makes no scene."""
     with pytest.raises(SettingError, match="of the link alone"):
-        mjcf_scene(JointModel("link", {"theta2": 100.0}, "zero"))
+        mjcf_scene("link", {"theta2": 100.0})

@@ -14,7 +14,6 @@ from scipy.interpolate import CubicSpline
 from flexid.errors import SettingError, SimulationError
 from flexid.exports.mjcf import mjcf_scene
 from flexid.exports.mujoco_log import mujoco_log
-from flexid.stored_estimates.joint_model import JointModel
 
 JOINT = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 
@@ -25,7 +24,7 @@ SAMPLE_TIME = 2e-3  # s
 def scene(tmp_path):
     """The paper's joint as a file."""
     path = tmp_path / "joint.xml"
-    path.write_text(mjcf_scene(JointModel("flexible", JOINT, "zero")).xml)
+    path.write_text(mjcf_scene("flexible", JOINT).xml)
     return path
 
 
@@ -74,7 +73,7 @@ def test_a_late_torque_is_late(scene, tmp_path, delay):
     from flexid.estimators.channel_timing import held_input
 
     late = tmp_path / "late.xml"
-    late.write_text(mjcf_scene(JointModel("flexible", JOINT, "zero", {"input_delay": delay})).xml)
+    late.write_text(mjcf_scene("flexible", JOINT, delays={"input_delay": delay}).xml)
     torque = _torque(300)
     found = mujoco_log(late, torque, SAMPLE_TIME)
     # Straight lines that act as the delayed torque does, played one by one.
@@ -91,7 +90,7 @@ def test_a_late_torque_is_late(scene, tmp_path, delay):
 def test_a_rigid_scene_has_one_encoder(tmp_path):
     """Assert that a scene with one hinge gives a recording without a link."""
     path = tmp_path / "rigid.xml"
-    path.write_text(mjcf_scene(JointModel("rigid", {"gamma1": 4.0, "beta1": 2.0}, "zero")).xml)
+    path.write_text(mjcf_scene("rigid", {"gamma1": 4.0, "beta1": 2.0}).xml)
     found = mujoco_log(path, np.zeros(200), SAMPLE_TIME, link=None, positions=(9.9, 0.01))
     assert found.link_position is None
     # Small swings of a pendulum: sqrt(4) rad/s.
@@ -101,9 +100,7 @@ def test_a_rigid_scene_has_one_encoder(tmp_path):
 def test_dry_friction_stops(tmp_path):
     """Assert that a joint which only friction acts on stops where it has used up its speed."""
     path = tmp_path / "rigid.xml"
-    path.write_text(
-        mjcf_scene(JointModel("rigid", {"gamma_coulomb": 2.0, "beta1": 1.0}, "zero")).xml
-    )
+    path.write_text(mjcf_scene("rigid", {"gamma_coulomb": 2.0, "beta1": 1.0}).xml)
     found = mujoco_log(path, np.zeros(400), SAMPLE_TIME, link=None, velocities=(9.9, 1.0))
     # v^2 / 2a; with the engine's own friction, which is soft, it comes 1e-4 rad farther.
     assert found.motor_position[-1] == pytest.approx(0.25, abs=8e-6)
@@ -149,7 +146,7 @@ def test_motion_without_bound(tmp_path, monkeypatch, friction, torque):
     Of a torque that it finds too large the engine makes none.
     """
     path = tmp_path / "joint.xml"
-    path.write_text(mjcf_scene(JointModel("flexible", {**JOINT, "alpha2": friction}, "zero")).xml)
+    path.write_text(mjcf_scene("flexible", {**JOINT, "alpha2": friction}).xml)
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log of its own
     with pytest.raises(SimulationError, match="diverges"):
         mujoco_log(path, np.full(500, torque), SAMPLE_TIME)

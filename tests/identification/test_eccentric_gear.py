@@ -16,7 +16,7 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
 from flexid.recording.velocities import with_velocities
-from flexid.stored_estimates.joint_model import JointModel
+from flexid.stored_estimates.structure import structure_of, values_of
 from flexid.streaming.channels import StreamChannels
 from flexid.streaming.health import Health
 from flexid.streaming.options import options_of_stream
@@ -45,8 +45,8 @@ def test_what_follows_is_reported_as_it_follows(found):
         if name in values:
             assert values[name] == pytest.approx(values[a] * values[b] / values[d], rel=1e-9)
     assert values.keys() >= SQUARES
-    again = JointModel.of(found, 0)
-    assert set(again.unknowns.names) == {c for c in values if c not in TIES}
+    again = structure_of(found, values_of(found, 0))
+    assert set(again.unknowns(()).names) == {c for c in values if c not in TIES}
 
 
 def test_least_squares_seeks_no_square(recording):

@@ -13,7 +13,7 @@ residuals are correlated and no model is right; by that factor the prediction fo
 made larger, too.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,10 +22,13 @@ import numpy as np
 from flexid.analysis.information import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.samples import Samples
-from flexid.estimators.segments import divide, first_states
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segments import Segments, divide, first_states
 from flexid.identification.estimation.excitations import row_sizes
-from flexid.identification.full_model.model import Data
+from flexid.identification.full_model.fitting import motion_at
+from flexid.identification.full_model.model import LINK, Data, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.judgement.estimates import verdict
 from flexid.identification.result.identification import Identification
@@ -33,7 +36,6 @@ from flexid.identification.structure.validation import following_states
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Verdict
 from flexid.identification.vocabulary.intervals import POSITIVE, interval
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.stored_estimates.joint_model import JointModel
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ class Outlook:
 class Rehearsal:
     """A model as identified, and the log that other inputs are tried on."""
 
-    model: JointModel
+    structure: Structure
+    values: Mapping[str, float]  # of its coefficients
     result: Identification
     record: Samples  # the beginning of the longest recording
     group: int  # of the logs, which the record comes from
@@ -68,8 +71,7 @@ class Rehearsal:
     @property
     def fastest(self) -> float:
         """Angular frequency in rad/s of the joint's resonance, or else of the pendulum."""
-        p = dict(zip(self.model.unknowns.names, self.model.values.tolist(), strict=True))
-        p |= self.model.unknowns.fixed
+        p = self.values
         squares = (
             p.get("theta2", 0.0) + p.get("alpha1", 0.0),
             p.get("theta1", 0.0),
@@ -103,13 +105,23 @@ class Rehearsal:
     def _states(self) -> FloatArray:
         """States at the start of each segment of the log."""
         segments = divide([self.record], self._duration)
-        problem, point = self.model.motion(segments, self.noise, self.data)
+        problem, point = self._motion(segments)
         return following_states(problem, point.values, segments)
+
+    def _motion(
+        self, segments: Segments, sought: Collection[str] = ()
+    ) -> tuple[SegmentedMotion, Point]:
+        """The model over segments, and where to begin; of what is sought, delays are, too."""
+        timing = self.structure.timing
+        delays = tuple(name for name in (INPUT, LINK) if name in sought)
+        structure = replace(self.structure, timing=replace(timing, sought=delays))
+        data = replace(self.data, noise=self.noise, groups=())
+        return motion_at(structure, data, segments, {**timing.delays, **self.values}, None)
 
     def _run(self, inputs: FloatArray) -> FloatArray:
         """Positions under an input from the start of the record on."""
         whole = divide([replace(self.record, inputs=inputs)], self.data.duration)
-        problem, point = self.model.motion(whole, self.noise, self.data)
+        problem, point = self._motion(whole)
         equations = problem.equations(replace(point, initial_states=self._states[:1]), "nothing")
         if not np.isfinite(equations.cost):
             raise SimulationError("the model's motion diverges: see its coefficients", 0.0)
@@ -148,18 +160,18 @@ class Rehearsal:
     def _deviations(self, states: FloatArray, inputs: FloatArray) -> dict[str, float]:
         """Standard deviations of the coefficients in white noise, segments starting from states."""
         segments = divide([replace(self.record, inputs=inputs)], self._duration)
-        problem, point = self.model.motion(segments, self.noise, self.data, self.result.fit.names)
+        problem, point = self._motion(segments, self.result.fit.names)
         point = replace(point, initial_states=states)
         information = information_at(problem, point)
         deviations = information.standard_deviations / np.sqrt(self.repeats)
         by_name = dict(zip(information.names, deviations.tolist(), strict=True))
-        return {name: by_name[name] for name in self.model.unknowns.names}
+        return {name: by_name[name] for name in self.structure.unknowns(()).names}
 
     @cached_property
     def _sizes(self) -> dict[str, float]:
         """What each coefficient that may be absent does to its row in the log."""
-        joint, rate = self.model.joint, self.result.choices.filter_rate
-        sizes = row_sizes(least_squares_start(self.model.structure, self.data, rate)[1].rows)
+        joint, rate = self.structure.joint, self.result.choices.filter_rate
+        sizes = row_sizes(least_squares_start(self.structure, self.data, rate)[1].rows)
         return {name: size for name, size in sizes.items() if name in joint.optional}
 
     def _judged(self, deviations: Mapping[str, float]) -> Outlook:
@@ -291,7 +303,7 @@ def _tried(rehearsal: Rehearsal) -> Advice:
     best = None
     for rate in _rates(rehearsal).tolist():
         wave = np.sin(rate * time)[:, None]
-        if rehearsal.model.joint.kind == "link":  # whose inputs are a position and its velocity
+        if rehearsal.structure.joint.kind == "link":  # whose inputs are a position and its velocity
             wave = np.hstack((wave, rate * np.cos(rate * time)[:, None]))
         best = (
             _smallest(

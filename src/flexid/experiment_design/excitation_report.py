@@ -6,7 +6,7 @@ input would distinguish them.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from flexid.identification.vocabulary.evidence import CoefficientEstimate
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Log
-from flexid.stored_estimates.joint_model import JointModel
+from flexid.stored_estimates.structure import structure_of, values_of
 from flexid.symmetric import eigen
 
 _DEVIATIONS = 2.0  # half the width of a predicted interval
@@ -164,5 +164,7 @@ def look_into(
 def _rehearsal(result: Identification, data: Data, noise: FloatArray) -> Rehearsal:
     longest = max(range(len(data.samples)), key=lambda recording: len(data.samples[recording]))
     group = data.groups[longest]
-    model = replace(JointModel.of(result, group), given=result.given)
-    return Rehearsal(model, result, beginning(data.samples[longest]), group, noise, data)
+    values = values_of(result, group)
+    structure = structure_of(result, values, given=result.given)
+    record = beginning(data.samples[longest])
+    return Rehearsal(structure, values, result, record, group, noise, data)

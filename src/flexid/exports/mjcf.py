@@ -10,18 +10,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, inf, isclose, sin, sqrt
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from flexid.errors import SettingError
 from flexid.estimators.channel_timing import INPUT as INPUT_DELAY
 from flexid.exports.request import ExportRequest, check_known, rendered
 from flexid.identification.full_model.model import LINK as LINK_DELAY
+from flexid.identification.preparation.joint import Kind
 from flexid.models.flexible_joint import (
     SHAPE_TERMS,
     TERMS,
     TIES,
 )
-from flexid.stored_estimates.joint_model import JointModel
+from flexid.stored_estimates.structure import delays_of, values_of
 
 NOTHING = 1e-9
 """Of the armature: the engine wants every body to have some inertia."""
@@ -175,9 +177,15 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     result = request.identification
     if result is None:
         raise SettingError("mjcf", "needs values: give an estimate.json of flexid identify")
-    model = JointModel.of(result, 0)
-    check_known(model.coefficients)
-    made = mjcf_scene(model, result.input_unit)
+    values = values_of(result, 0)
+    check_known(values)
+    made = mjcf_scene(
+        result.model,
+        values,
+        result.input_unit,
+        delays=delays_of(result),
+        coulomb_velocity=result.choices.coulomb_velocity,
+    )
     (directory / "joint.xml").write_text(made.xml, encoding="utf-8")
     several = [name for name in result.coefficients if name.endswith("[1]")]
     doubts = [
@@ -187,33 +195,40 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     return (*request.doubts, *doubts, *made.notes)
 
 
-def mjcf_scene(joint: JointModel, input_unit: str = TORQUE) -> Scene:
+def mjcf_scene(
+    kind: Kind,
+    coefficients: Mapping[str, float],
+    input_unit: str = TORQUE,
+    *,
+    delays: Mapping[str, float] = MappingProxyType({}),  # s, by name
+    coulomb_velocity: float | None = None,  # rad/s; None where friction is dry
+) -> Scene:
     """Write a joint as a MuJoCo scene."""
-    if joint.kind == "link":
+    if kind == "link":
         raise SettingError(
             "mjcf",
             "needs a joint with its motor, and the estimate is of the link alone: identify a log "
             "with the motor's torque",
         )
-    values = dict(joint.coefficients)  # what the scene has is taken out of them
+    values = dict(coefficients)  # what the scene has is taken out of them
     torque = input_unit == TORQUE
     notes = [] if torque else [_scaled(input_unit)]
     gain = values.pop("beta1")
     inertia = 1.0 / gain if torque else 1.0
     by_motor, by_link = values.pop("alpha1", 0.0), values.pop("theta2", 0.0)
     fastest = sqrt(abs(by_link + by_motor))
-    if joint.kind == "rigid":
+    if kind == "rigid":
         link, motor, spring = None, _side(values, "gamma", inertia), None
     else:
         stiffness = by_motor * inertia
         link = _side(values, "theta", stiffness / by_link)
         motor = _side(values, "alpha", inertia)
         spring = _spring(values, stiffness, inertia, link.inertia, notes)
-    notes += _shapes(joint, values)
+    notes += _shapes(coefficients, coulomb_velocity, values)
     notes += _left_out(values)
     link = None if link is None else _possible(link, "link", notes)
     motor = _possible(motor, "motor", notes)
-    notes += _delays(joint)
+    notes += _delays(kind, delays)
     dry = any(side is not None and side.coulomb > 0.0 for side in (link, motor))
     dry |= spring is not None and spring.hysteresis > 0.0
     bodies = [_pendulum("motor", motor)]
@@ -229,7 +244,7 @@ def mjcf_scene(joint: JointModel, input_unit: str = TORQUE) -> Scene:
         [Joint("", spring, gain * motor.inertia, motor.offset, link_offset)],
         gravity=(0.0, 0.0, -_GRAVITY),
         axis="0 1 0",
-        delay=joint.delays.get(INPUT_DELAY, 0.0),
+        delay=delays.get(INPUT_DELAY, 0.0),
         step=timestep(fastest, dry=dry),
     )
 
@@ -308,15 +323,16 @@ def _possible(side: Side, name: str, notes: list[str]) -> Side:
     return side._replace(coulomb=0.0)
 
 
-def _shapes(joint: JointModel, values: dict[str, float]) -> list[str]:
+def _shapes(
+    coefficients: Mapping[str, float], width: float | None, values: dict[str, float]
+) -> list[str]:
     """What the scene has sharp and the fit has round."""
     notes = []
-    width = joint.coulomb_velocity
-    if width is not None and any(c.endswith("_coulomb") for c in joint.coefficients):
+    if width is not None and any(c.endswith("_coulomb") for c in coefficients):
         notes.append(
             f"Coulomb friction sticks here, where the estimate smooths it over {width:.4g} rad/s"
         )
-    if "alpha_hysteresis" in joint.coefficients:
+    if "alpha_hysteresis" in coefficients:
         reach = 1.0 / values.pop("hysteresis_grip", inf)
         notes.append(
             f"the friction within the spring sticks here, where that of the estimate turns round "
@@ -325,16 +341,16 @@ def _shapes(joint: JointModel, values: dict[str, float]) -> list[str]:
     return notes
 
 
-def _delays(joint: JointModel) -> list[str]:
+def _delays(kind: Kind, delays: Mapping[str, float]) -> list[str]:
     """Delays that have no place in a scene."""
     notes = []
-    early = -joint.delays.get(INPUT_DELAY, 0.0)
+    early = -delays.get(INPUT_DELAY, 0.0)
     if early > 0.0:
         notes.append(
             f"the input acts {1e3 * early:.4g} ms before it was recorded: here it acts at once"
         )
-    late = joint.delays.get(LINK_DELAY, 0.0)
-    if late and joint.kind == "flexible":
+    late = delays.get(LINK_DELAY, 0.0)
+    if late and kind == "flexible":
         which = "late" if late > 0.0 else "early"
         notes.append(
             f"the link's encoder is {abs(1e3 * late):.4g} ms {which}: the scene's is on time"

@@ -56,10 +56,9 @@ def request_of_identification(
     system where it is represented otherwise (`with_memory`).
     """
     from flexid.identification.preparation.joint import joint_of
-    from flexid.stored_estimates.joint_model import JointModel
+    from flexid.stored_estimates.structure import values_of
 
-    found = JointModel.of(result, 0).coefficients
-    values = {name: v for name, v in found.items() if "[" not in name}
+    values = values_of(result, 0)
     given = (result.given | SQUARES) & {*values}
     joint = joint_of(result.model)
     _check_possible(result)

@@ -15,7 +15,7 @@ frequency, magnitude and phase change: to all others the response is, to first o
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import atan2
 from typing import NamedTuple
 
@@ -30,7 +30,7 @@ from flexid.identification.vocabulary.evidence import slopes_of
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.sampled import plain_model
-from flexid.stored_estimates.joint_model import JointModel
+from flexid.stored_estimates.structure import structure_of, values_of
 from flexid.symmetric import eigen
 
 ComplexArray = NDArray[np.complex128]
@@ -113,13 +113,11 @@ class LinearJoint:
 def linear_joint(result: Identification, position: float | None = None) -> LinearJoint:
     """Linearise an identified joint."""
     # Friction is dry here even where it was smoothed: sliding, it is constant.
-    model = replace(JointModel.of(result, 0), coulomb_velocity=None)
     # A friction that remembers its path is constant along it, too.
     remembered = joint_of(result.model).remembered
-    lasting = {c: value for c, value in model.coefficients.items() if c not in remembered}
-    model = replace(model, coefficients=lasting)
-    system = model.unknowns.system
-    given = {name: model.coefficients.get(name, 0.0) for name in system.coefficients}
+    lasting = {c: value for c, value in values_of(result, 0).items() if c not in remembered}
+    system = structure_of(result, lasting, smooth=False).unknowns(()).system
+    given = {name: lasting.get(name, 0.0) for name in system.coefficients}
     lost = np.array([not np.isfinite(value) for value in given.values()])
     found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}
     rest = _hanging(found) if position is None else position

@@ -29,7 +29,7 @@ from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import position_noise
 from flexid.stored_estimates.estimate_file import WANTED, StoredEstimate
-from flexid.stored_estimates.joint_model import JointModel
+from flexid.stored_estimates.structure import structure_of, values_of
 from flexid.toml_file import Refuse
 
 HEAD = 0.5
@@ -56,18 +56,20 @@ def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> Estimate
     estimate cannot be read or run, a `RecordingError` if the logs do not suit it.
     """
     stored = estimate.of_joint
-    model = _model(stored, estimate.refuse)
+    values = values_of(stored)
+    structure = _structure(stored, values, estimate.refuse)
+    joint = structure.joint
     check_distinct(logs)
-    recordings, dropped = _recordings(logs, model.joint.kind)
+    recordings, dropped = _recordings(logs, joint.kind)
     _check_unit(estimate.name, stored, logs)
     recordings = [stored.choices.amplifier.behind(recording) for recording in recordings]
-    data = data_of(model.joint, recordings, [0] * len(recordings))
+    data = data_of(joint, recordings, [0] * len(recordings))
     doubts = [*common_doubts(stored, stored.coefficients, logs)]
     if offsets := dict.fromkeys(n.partition("[")[0] for n in stored.coefficients if "[" in n):
         named = " and ".join(offsets)
         doubts.append(f"the estimate has {named} log by log: for these logs the mean is taken")
-    noise, warnings = _noise(model.joint, data), (*dropped, *cautions(Rank.MODEL, doubts))
-    return _predicted(estimate, model.structure, model.by_coefficient, data, noise, logs, warnings)
+    noise, warnings = _noise(joint, data), (*dropped, *cautions(Rank.MODEL, doubts))
+    return _predicted(estimate, structure, values, data, noise, logs, warnings)
 
 
 def _predicted(
@@ -106,23 +108,22 @@ def _predicted(
     )
 
 
-def _model(stored: Identification, refuse: Refuse) -> JointModel:
+def _structure(stored: Identification, values: Mapping[str, float], refuse: Refuse) -> Structure:
     for name, found in stored.coefficients.items():
         if not isfinite(found.value):
             raise refuse(f"coefficients.{name}.value", "is no number: identify again")
-    model = JointModel.of(stored)
     try:
-        joint = model.joint
+        structure = structure_of(stored, values)
     except SettingError as error:
         raise refuse("", f"is no estimate that can be run: {error}") from None
     for term in stored.choices.terms:
-        if term not in joint.terms:
+        if term not in structure.joint.terms:
             raise refuse(
                 "choices.terms",
                 f"has {term[:40]!r}, no term of the {stored.model} joint: give {WANTED} of this "
                 f"version",
             )
-    return model
+    return structure
 
 
 def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[str]]:

@@ -1,0 +1,94 @@
+"""The structure of an estimate with its values, ready to run over another log."""
+
+from collections.abc import Collection, Mapping
+from math import isclose
+
+import numpy as np
+
+from flexid.errors import SettingError
+from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.identification.full_model.model import LINK, Structure
+from flexid.identification.preparation.joint import Joint, joint_of
+from flexid.identification.result.identification import Choices, Identification
+
+_SAME = 1e-6  # relative difference of a tied coefficient to what it follows from that is rounding
+
+
+def values_of(result: Identification, group: int | None = None) -> dict[str, float]:
+    """A value for each coefficient, for one of the logs, counted from 0, or for all.
+
+    Offsets that were found log by log have nothing to say of another log; their mean is taken.
+    """
+    found: dict[str, list[float]] = {}
+    for name, coefficient in result.coefficients.items():
+        bare, label, _ = name.partition("[")
+        if not label or group is None or name == f"{bare}[{group + 1}]":
+            found.setdefault(bare, []).append(coefficient.value)
+    return {name: float(np.mean(each)) for name, each in found.items()}
+
+
+def delays_of(result: Identification) -> dict[str, float]:
+    """How late input and link are in s, by name."""
+    alignment = result.choices.alignment
+    return {INPUT: alignment.input_delay.value, LINK: alignment.link_delay.value}
+
+
+def structure_of(
+    result: Identification,
+    values: Mapping[str, float],
+    *,
+    given: Collection[str] = (),
+    smooth: bool = True,
+) -> Structure:
+    """The joint with some coefficients, of which those given are not sought.
+
+    A `SettingError` if none can be made of them. Friction may be taken as dry where the estimate
+    smooths it.
+    """
+    joint = joint_of(result.model)
+    unknown = [name for name in values if name not in joint.units]
+    if unknown:
+        raise SettingError(unknown[0], f"is no coefficient of the {result.model} joint")
+    joint = _with_constants(joint, values, result.choices, smooth=smooth)
+    needed = [c for c in joint.system.coefficients if c not in joint.optional and c not in values]
+    if needed:
+        raise SettingError(needed[0], "is missing: every joint of this kind has that coefficient")
+    absent = frozenset(c for c in joint.optional if c not in values)
+    delays = {name: d for name, d in delays_of(result).items() if d}
+    if result.model == "rigid":
+        delays.pop(LINK, None)
+    fixed = {c: value for c, value in values.items() if c in given}
+    fixed |= _untied(joint, values, absent)
+    return Structure(joint, absent, Timing(result.choices.hold, delays), fixed)
+
+
+def _with_constants(
+    joint: Joint, values: Mapping[str, float], choices: Choices, *, smooth: bool
+) -> Joint:
+    used = joint.shapes & {*values}
+    if smooth and choices.coulomb_velocity is not None:
+        if used:
+            raise SettingError(
+                sorted(used)[0], "goes with dry friction only, and coulomb_velocity smooths it"
+            )
+        return joint.with_coulomb_velocity(choices.coulomb_velocity)
+    wanted = joint.constants_of(used)
+    missing = sorted({*wanted} - {*choices.shapes})
+    if missing:
+        raise SettingError(missing[0], "is missing, without which its term says nothing")
+    widths = {name: choices.shapes[name] for name in sorted(wanted)}
+    return joint.with_widths(widths) if widths else joint
+
+
+def _untied(joint: Joint, values: Mapping[str, float], absent: frozenset[str]) -> dict[str, float]:
+    """Coefficients that usually follow from others but have a value of their own here."""
+    own = {}
+    for name, sources in joint.ties.items():
+        if name in values:
+            follows = 0.0
+            if sources[0] not in absent and values[sources[2]]:
+                a, b, d = (values[c] for c in sources)
+                follows = a * b / d
+            if not isclose(values[name], follows, rel_tol=_SAME):
+                own[name] = values[name]
+    return own
