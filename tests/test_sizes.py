@@ -16,6 +16,7 @@ from flexid.models.model_file import read_model
 from flexid.recording import read_log
 from flexid.recording.column_map import read_map
 from flexid.stored_estimates.estimate_file import read_estimate
+from flexid.toml_file import MAX_BYTES
 
 TOML: dict[str, Callable[[Path], object]] = {
     "column map": read_map,
@@ -42,28 +43,39 @@ def refusal(path: Path, raw: bytes, read: Callable[[Path], object]) -> str:
     return message
 
 
-@pytest.mark.parametrize("what", TOML)
-def test_a_million_terms(what: str, tmp_path: Path):
-    """Assert that a TOML file of a million terms is refused by its size."""
-    raw = b"a = [" + b"{x = 1}," * 1_000_000 + b"]"
-    assert "larger than 200 kB" in refusal(tmp_path / "a.toml", raw, TOML[what])
+NOT_TOML = {
+    "a million terms": (b"a = [" + b"{x = 1}," * 1_000_000 + b"]", "larger than 200 kB"),
+    "a byte too many": (b"#" * (MAX_BYTES + 1), "larger than 200 kB"),
+    "arrays": (b"a = " + b"[" * 1000 + b"]" * 1000, "not TOML that can be read"),
+    "arrays without an end": (b"a = " + b"[" * 5000, "not TOML that can be read"),
+    "tables": (b"a = " + b"{a = " * 1000 + b"1" + b"}" * 1000, "not TOML that can be read"),
+    "keys": (b"a" + b".a" * 1000 + b" = 1", "a key of more than 20 parts"),
+    "headers": (b"[a" + b".a" * 1000 + b"]", "a key of more than 20 parts"),
+    "a large number": (b"a = " + b"9" * 6000, "not TOML that can be read"),
+    "a key twice": (b"a = 1\na = 2", "not TOML: Cannot overwrite a value"),
+    "a table without an end": (b"[a", "not TOML: "),
+    "no text": (b"a=\xff\xfe\x00", "not text at byte 2: save it as UTF-8"),
+    "null": (b"a=\0", "not TOML: "),
+}
 
 
 @pytest.mark.parametrize("what", TOML)
-@pytest.mark.parametrize(
-    "raw",
-    [
-        b"a = " + b"[" * 1000 + b"]" * 1000,
-        b"a = " + b"{a = " * 1000 + b"1" + b"}" * 1000,
-        b"a" + b".a" * 1000 + b" = 1",
-        b"[a" + b".a" * 1000 + b"]",
-    ],
-    ids=["arrays", "tables", "keys", "headers"],
-)
-def test_nested_a_thousand_deep(what: str, raw: bytes, tmp_path: Path):
-    """Assert that a TOML file that is nested a thousand deep is refused."""
+@pytest.mark.parametrize("case", NOT_TOML)
+def test_what_is_no_toml(what: str, case: str, tmp_path: Path):
+    """Assert that every reader of TOML refuses it with the file, and by what it is."""
+    raw, words = NOT_TOML[case]
     message = refusal(tmp_path / "a.toml", raw, TOML[what])
-    assert "not TOML that can be read" in message or "a key of more than 20 parts" in message
+    assert words in message
+    assert str(tmp_path / "a.toml") in message
+
+
+@pytest.mark.parametrize("what", TOML)
+def test_what_is_no_file(what: str, tmp_path: Path):
+    """Assert that a path without a file is refused by name, and the largest file is read."""
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(FlexidError, match=path.name):
+            TOML[what](path)
+    assert "larger than" not in refusal(tmp_path / "a.toml", b"#" * MAX_BYTES, TOML[what])
 
 
 @pytest.mark.parametrize("raw", [b"[" * 200_000, b'{"a":' * 100_000], ids=["lists", "objects"])

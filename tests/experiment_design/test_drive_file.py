@@ -138,7 +138,6 @@ def test_what_an_estimate_cannot_give_is_said(examples, stored):
         ("position_noise = 1e-4", "", "position_noise"),
         ("position_noise = 1e-4", "position_noise = 1e-4\nencoder_bits = 12", "position_noise"),
         ('criterion = "E"', 'criterion = "A"', "criterion"),
-        ("[limits]", "[limits", "TOML"),
         ("[sensors]", "[sensor]", "sensor"),
     ],
 )

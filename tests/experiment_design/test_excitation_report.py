@@ -11,7 +11,7 @@ from flexid.experiment_design.advice import advise
 from flexid.experiment_design.excitation_report import examine
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.recording.read import read_log
+from flexid.library.logs import read_log
 from flexid.report.chart import Level, Points
 from flexid.report.excitation import advice_lines, charts
 from joint_logs import FINE, SAMPLE_TIME, steady_sine, write_held_log, write_log
@@ -146,7 +146,7 @@ def test_what_no_input_mends_is_said(faint):
     assert lines == ["Another input does not help:", "The log contradicts it."]
 
 
-def test_a_rigid_joint_is_examined_too(tmp_path):
+def test_a_rigid_joint_is_examined_too():
     """Assert that a log with one encoder is assessed as the rigid joint that identify takes."""
     from flexid.models.rigid_joint import rigid_joint
     from flexid.simulation.free_run import free_run
@@ -154,11 +154,8 @@ def test_a_rigid_joint_is_examined_too(tmp_path):
     true = {"gamma1": 4.0, "beta1": 0.8}
     x = free_run(rigid_joint(("gravity",)), true, np.zeros(2), TONES, SAMPLE_TIME, "zero")
     noisy = x[:, 0] + 1e-4 * np.random.default_rng(1).standard_normal(len(x))
-    path = tmp_path / "rigid.csv"
-    header = "time [s],motor_position [rad],motor_torque [N m]"
-    table = np.column_stack([TIME, noisy, TONES])
-    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
-    report = examine([read_log(path)], Settings(terms=("gravity",)))
+    log = read_log({"time": TIME, "motor_position": noisy, "motor_torque": TONES})
+    report = examine([log], Settings(terms=("gravity",)))
     assert set(report.coefficients) == set(true)
     assert report.identification.supports()
 

@@ -10,14 +10,14 @@ from flexid.arrays import to_json
 from flexid.errors import FlexidError, RecordingError, SettingError
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
+from flexid.library.logs import read_log
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.rigid_joint import rigid_joint
-from flexid.recording.read import read_log
 from flexid.report.validation import parts
 from flexid.simulation.free_run import free_run
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_estimate as validate_stored
-from joint_logs import write_held_log
+from joint_logs import save, write_held_log
 from made_estimates import TRUE, stored_document, stored_value
 
 STEP = 0.002
@@ -117,17 +117,13 @@ def test_an_estimate_of_another_drive_is_said(log):
 
 def test_delays_are_heeded(tmp_path):
     """Assert that an input recorded early is predicted with the delay, and not without."""
-    t, u = torque(3)
+    _, u = torque(3)
     x = free_run(flexible_joint(), TRUE, np.zeros(4), u, STEP, "zero")
     early = np.append(u[5:], np.full(5, u[-1]))  # it acts 10 ms after it was recorded
-    path = tmp_path / "late.csv"
-    header = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
-    np.savetxt(path, np.column_stack([t, x[:, [0, 2]], early]), delimiter=",", header=header)
-    path.write_text(path.read_text().removeprefix("# "))
-    late = stored()
-    late["choices"]["input_delay"]["value"] = 0.01
-    with_delay = validate_estimate(late, [read_log(path)]).horizons[0.2]["deflection"]
-    without = validate_estimate(stored(), [read_log(path)]).horizons[0.2]["deflection"]
+    log = read_log(save(tmp_path / "late.csv", x, early, 0.0, 0))
+    late = with_value(0.01, "choices", "input_delay", "value")
+    with_delay = validate_estimate(late, [log]).horizons[0.2]["deflection"]
+    without = validate_estimate(stored(), [log]).horizons[0.2]["deflection"]
     assert with_delay > 99.5
     assert without < 90.0
 
@@ -160,38 +156,33 @@ def test_offsets_of_several_logs(log):
     assert "alpha_offset" in found.warnings[0]
 
 
-def test_a_rigid_joint(tmp_path):
+def test_a_rigid_joint():
     """Assert that the estimate of a rigid joint predicts the motor's encoder, that of two too."""
     t, u = torque(4)
     true = {"gamma1": 4.0, "beta1": 0.8}
     x = free_run(rigid_joint(("gravity",)), true, np.zeros(2), u, STEP, "zero")
-    path = tmp_path / "one.csv"
-    header = "time [s],motor_position [rad],motor_torque [N m]"
-    noise = NOISE * np.random.default_rng(1).standard_normal(len(t))
-    np.savetxt(path, np.column_stack([t, x[:, 0] + noise, u]), delimiter=",", header=header)
-    path.write_text(path.read_text().removeprefix("# "))
+    motor = x[:, 0] + NOISE * np.random.default_rng(1).standard_normal(len(t))
+    log = read_log({"time": t, "motor_position": motor, "motor_torque": u})
     rigid = stored(true)
     rigid["model"], rigid["choices"]["terms"] = "rigid", ["gravity"]
-    found = validate_estimate(rigid, [read_log(path)])
+    found = validate_estimate(rigid, [log])
     assert set(found.fit_percent) == {"motor_position"}
     assert found.residuals[0.05]["motor_position"] == pytest.approx(NOISE, rel=0.15)
     assert found.residuals[np.inf]["motor_position"] < 5.0 * NOISE
     with pytest.raises(RecordingError, match="link_position"):
-        validate_estimate(stored(), [read_log(path)])
+        validate_estimate(stored(), [log])
 
 
 def test_an_undetermined_value_is_said(log):
     """Assert that what rests on a guess is named."""
-    document = stored()
-    document["coefficients"]["alpha2"]["verdict"] = "undetermined"
+    document = with_value("undetermined", "coefficients", "alpha2", "verdict")
     (warning,) = validate_estimate(document, [log]).warnings
     assert "alpha2" in warning
 
 
 def test_another_input_is_refused(tmp_path, log):
     """Assert that a log of a voltage is refused for an estimate made of torques."""
-    document = stored()
-    document["coefficients"]["beta1"]["unit"] = "rad/s^2/(N m)"
+    document = with_value("rad/s^2/(N m)", "coefficients", "beta1", "unit")
     assert validate_estimate(document, [log]).fit_percent["link_position"] > 99
     other = write_flexible(tmp_path / "volts.csv", column="motor_voltage [V]")
     with pytest.raises(RecordingError, match="input"):
