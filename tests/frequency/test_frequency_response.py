@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 
 import flexid
 from flexid.errors import SettingError
-from flexid.frequency.frequency_response import frequency_response, spectral_estimates
+from flexid.frequency.frequency_response import frequency_response, spectra, spectral_estimates
 from flexid.frequency.linear_joint import linear_joint, response_band
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.report.bode_chart import bode_chart
@@ -199,6 +200,19 @@ def test_a_joint_that_is_none_can_be_drawn(estimate, name, value, still):
     assert all(np.isinf(found.responses[i].upper).all() for i in still)
     assert (name in found.unknown) == np.isnan(value)
     assert draw(bode_chart(found))._repr_png_()  # type: ignore[attr-defined] - in a notebook
+
+
+@pytest.mark.parametrize("length", [64, 65])
+def test_spectra_are_those_of_scipy(length):
+    """Assert that spectra over each other are Welch's, as SciPy has them."""
+    u, y = np.random.default_rng(4).standard_normal((2, 1000))
+    y += np.convolve(u, [1.0, -0.5, 0.2], "same") + 3.0
+    of_u, of_y, between = spectra(u, y, length)
+    (_, power), (_, cross) = (signal.csd(u, one, nperseg=length) for one in (u, y))
+    np.testing.assert_allclose((between / of_u)[1:], (cross / power)[1:], rtol=1e-9)
+    coherence = np.abs(between) ** 2 / (of_u * of_y)
+    expected = signal.coherence(u, y, nperseg=length)[1]
+    np.testing.assert_allclose(coherence[1:], expected[1:], rtol=1e-9)
 
 
 def test_the_spectral_estimate_is_the_model(estimate, log):

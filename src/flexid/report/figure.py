@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis as Ruler
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.ticker import (
@@ -72,7 +73,9 @@ class NotebookFigure(Figure):
 def new_figure(width: float = 7.2, height: float = 4.5) -> Figure:
     """Figure in inches with the common look; needs no display."""
     with mpl.rc_context(STYLE):
-        return NotebookFigure(figsize=(width, height))
+        figure = NotebookFigure(figsize=(width, height))
+    FigureCanvasAgg(figure)  # else whoever asks how large a text is makes a canvas of its own
+    return figure
 
 
 def save(figure: Figure, directory: Path, name: str, formats: Sequence[str] = ("png",)) -> None:
