@@ -11,9 +11,9 @@ from flexid.errors import SettingError
 from flexid.frequency.frequency_response import frequency_response, spectra, spectral_estimates
 from flexid.frequency.linear_joint import linear_joint, response_band
 from flexid.identification.vocabulary.intervals import quantile
-from flexid.report.bode_chart import bode_chart
 from flexid.report.chart import Line
 from flexid.report.figure import draw
+from flexid.report.response_charts import bode_chart
 from flexid.simulation.free_run import free_run
 from joint_logs import DAMPED as TRUE
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from joint_log import assert_words, csv_text, joint_columns, refused
 
 from flexid.errors import RecordingError
-from flexid.recording import limits, read_log, series
+from flexid.recording import channel, read_log, series
 from flexid.streaming.incoming import Replay
 
 GOOD = csv_text(joint_columns(60)).encode()
@@ -223,7 +223,7 @@ def test_parquet_of_more_than_memory_holds(
     most: int, columns: int, rows: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Assert that a file of very many cells is refused before they are unpacked."""
-    monkeypatch.setattr(limits, "MOST_CELLS", most)
+    monkeypatch.setattr(channel, "MOST_CELLS", most)
     path = tmp_path / "log.parquet"
     more = {f"c{k}": np.zeros(50) for k in range(columns - 6)}
     pl.DataFrame({**joint_columns(50), **more}).write_parquet(path)

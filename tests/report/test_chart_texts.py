@@ -15,7 +15,6 @@ from flexid.identification.vocabulary.evidence import FreeRun
 from flexid.recording.recording import Log, Recording
 from flexid.report.chart import Chart
 from flexid.report.comparison import charts as comparison_charts
-from flexid.report.free_run_chart import free_run_chart, log_chart
 from flexid.report.identification_charts import (
     confidence_regions_chart,
     estimates_chart,
@@ -24,6 +23,7 @@ from flexid.report.identification_charts import (
     regions_chart,
 )
 from flexid.report.reproduction_charts import Played, play_chart
+from flexid.report.response_charts import free_run_chart, log_chart
 from made_estimates import STIFFER, TRUE, exact, with_parameter
 
 

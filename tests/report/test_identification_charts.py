@@ -17,12 +17,12 @@ from flexid.identification.vocabulary.evidence import (
     Validation,
 )
 from flexid.report.chart import Band, Line, Panel
-from flexid.report.free_run_chart import residual_chart
 from flexid.report.identification_charts import (
     identification_charts,
     observer_histories,
     parameter_estimate,
 )
+from flexid.report.response_charts import residual_chart
 
 M = TypeVar("M")
 COVARIANCE = np.array([[9.0, 0.05], [0.05, 0.0009]])

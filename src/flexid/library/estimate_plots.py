@@ -11,15 +11,14 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
 from flexid.library.logs import all_recordings
 from flexid.report import validation
-from flexid.report.bode_chart import bode_chart
 from flexid.report.figure import draw
-from flexid.report.free_run_chart import residual_chart
 from flexid.report.identification_charts import (
     estimates_chart,
     excitation_chart,
     fit_chart,
     regions_chart,
 )
+from flexid.report.response_charts import bode_chart, residual_chart
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 if TYPE_CHECKING:

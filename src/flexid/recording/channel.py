@@ -1,4 +1,4 @@
-"""The channels that a log may have, one of them in SI units, and a log while it is read."""
+"""Channels that a log may have, one of them in SI units, a log while it is read, and its limits."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -10,6 +10,25 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.caution import Caution, Rank
 from flexid.recording.names import MOST_TIMES, first_times
+
+LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in memory
+MOST_ROWS = 5_000_000  # an identification in memory takes 2 kB for each
+MOST_COLUMNS = 10_000
+MOST_CELLS = 100_000_000  # a small file may hold any number of empty or equal ones
+LONGEST_SAMPLE_TIME = 0.5  # s
+SHORTEST_SAMPLE_TIME = 1e-6  # s
+
+
+def check_cells(file: str, rows: int, columns: int) -> None:
+    """Refuse a table that would not fit into memory, before it is there."""
+    if columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
+        raise RecordingError(
+            file,
+            "",
+            f"there are {columns} columns of {rows} rows, more than are read at once: write the "
+            f"columns of one joint",
+        )
+
 
 VELOCITIES = ("link_velocity", "motor_velocity")
 INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference

@@ -12,8 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from flexid.errors import RecordingError
 from flexid.files import shown
-from flexid.recording.channel import GEARED, SI_UNITS
-from flexid.recording.limits import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
+from flexid.recording.channel import GEARED, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME, SI_UNITS
 from flexid.recording.names import cut, did_you_mean
 from flexid.recording.si_channels import ARGUMENT, ColumnMap
 from flexid.toml_file import parse_toml, read_bytes

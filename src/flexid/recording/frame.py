@@ -14,7 +14,7 @@ import polars as pl
 from flexid.errors import RecordingError
 from flexid.readers.arrays import known_times
 from flexid.readers.contents import RefusedError
-from flexid.recording.limits import MOST_ROWS
+from flexid.recording.channel import MOST_ROWS
 from flexid.recording.names import split_header
 from flexid.recording.table import Table
 

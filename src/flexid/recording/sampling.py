@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.recording.caution import Rank
-from flexid.recording.channel import Draft
+from flexid.recording.channel import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME, Draft
 from flexid.recording.clock import is_stamp
-from flexid.recording.limits import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.names import first_times
 from flexid.recording.table import Table
 

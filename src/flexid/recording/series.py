@@ -12,9 +12,8 @@ from flexid.errors import RecordingError
 from flexid.readers.contents import STAMPS, Series
 from flexid.readers.formats import PARQUET, format_of
 from flexid.readers.guard import Reading
-from flexid.recording.channel import INPUTS
+from flexid.recording.channel import INPUTS, MOST_ROWS, check_cells
 from flexid.recording.columns import recipes_of
-from flexid.recording.limits import MOST_ROWS, check_cells
 from flexid.recording.names import (
     cut,
     first_of,

@@ -19,7 +19,6 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate, slopes_of
 from flexid.identification.vocabulary.intervals import CONFIDENCE, interval
-from flexid.report.bode_chart import bode_chart
 from flexid.report.chart import (
     VERDICT_COLOURS,
     Axis,
@@ -32,7 +31,7 @@ from flexid.report.chart import (
     Points,
     with_margin,
 )
-from flexid.report.free_run_chart import free_run_chart, residual_chart
+from flexid.report.response_charts import bode_chart, free_run_chart, residual_chart
 from flexid.report.terminal import format_with_interval
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)

@@ -12,7 +12,6 @@ from rich.text import Text
 from flexid.arrays import plain
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.report.chart import Chart
-from flexid.report.free_run_chart import free_run_chart, residual_chart
 from flexid.report.identification_page import input_facts
 from flexid.report.page import (
     Answer,
@@ -23,6 +22,7 @@ from flexid.report.page import (
     drawn,
     sections_of,
 )
+from flexid.report.response_charts import free_run_chart, residual_chart
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 

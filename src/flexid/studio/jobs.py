@@ -206,7 +206,7 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
     from flexid.identification.preparation.joint import Kind, joint_of
     from flexid.recording.overview import survey
     from flexid.recording.read import read_log
-    from flexid.report.free_run_chart import log_chart
+    from flexid.report.response_charts import log_chart
     from flexid.report.svg import drawn
     from flexid.studio.choices import ALL_TERMS
 
