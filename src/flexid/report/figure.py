@@ -9,7 +9,7 @@ from functools import lru_cache
 from math import inf, log10
 from pathlib import Path
 from textwrap import fill
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -43,6 +43,9 @@ from flexid.report.chart import (
     Points,
     thinned,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
 
 COLOURS: Mapping[Colour, str] = {
     "ink": "#1b1f24",
@@ -93,6 +96,10 @@ NARROW = 3.7  # inches: that of a telephone, with one panel in a row
 _ROW = 1.75  # inches, of a row of panels of height 1
 _EDGE = 0.3  # inches, that all panels together leave for labels
 _LINE = 0.2  # inches, of a line of the title or of the legend
+_NO_LAYOUT: dict[RcKeyType, Any] = {
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
+}
 _SAMPLES = 240  # of a curve in an inch, which has 200 pixels in a file
 _LETTERS = 11.4, 15.3  # in an inch of the title; of the legend and of the title of a small panel
 _HANDLE = 11  # letters that the handle of an entry takes
@@ -136,7 +143,8 @@ def laid_out(chart: Chart, width: float) -> Figure:
         figure = _filled(chart, width)
         if (engine := figure.get_layout_engine()) is not None:
             engine.execute(figure)
-        figure.set_layout_engine("none")
+        with mpl.rc_context(_NO_LAYOUT):  # by "none" a figure is drawn twice when it is saved
+            figure.set_layout_engine(None)
         _align(figure)
     return figure
 
