@@ -16,6 +16,7 @@ from flexid.identification.estimation.doubts import (
     covariance_of,
     dead_zone,
     eccentric_encoders,
+    elastic,
     further_modes,
     gauge_scale,
     lag,
@@ -29,10 +30,14 @@ DELAY = 5e-4  # s
 NAMES = (*VALUES, INPUT)
 
 
-def doubted(unit: str = "N m", by_gauge: Any = None, apart: float = 0.0) -> Doubted:
+def doubted(
+    unit: str = "N m", by_gauge: Any = None, apart: float = 0.0, kind: str = "flexible"
+) -> Doubted:
     """A fit of a joint with a late input, of whose accelerations a tenth is unexplained."""
     values = np.array([*VALUES.values(), DELAY])
-    structure = SimpleNamespace(timing=Timing("zero", sought=(INPUT,)))
+    structure = SimpleNamespace(
+        timing=Timing("zero", sought=(INPUT,)), joint=SimpleNamespace(kind=kind)
+    )
     fitted = SimpleNamespace(
         names=NAMES,
         values=values,
@@ -147,6 +152,15 @@ def test_what_is_unexplained_may_look_like_a_term():
         own = deviation(looks_like_a_term, name, found) / VALUES[name]
         assert own == pytest.approx(part * share / 0.5)
     assert deviation(looks_like_a_term, INPUT, found) == 0.0
+
+
+def test_a_rigid_drive_may_bend():
+    """Assert that its whole balance may be off by the square of what is unexplained, in one."""
+    rigid = elastic(doubted(kind="rigid"))
+    assert rigid[NAMES.index("beta1"), 0] == pytest.approx(0.7 * 0.2**2 * VALUES["beta1"])
+    assert rigid[NAMES.index("alpha2"), 0] == pytest.approx(0.7 * 0.2**2 * VALUES["alpha2"])
+    assert rigid[NAMES.index(INPUT), 0] == 0.0
+    assert not elastic(doubted()).any()
 
 
 def test_covariances_add():

@@ -114,6 +114,15 @@ def test_what_hardly_moves_its_row_is_determined(effect, expected):
     assert bool(parameters["motor_viscous_friction"].reason) == (expected != "determined")
 
 
+def test_a_product_of_determined_values_has_a_width_of_its_own():
+    """Assert that a stiffness of two values known to 16 % is not known to 20 %."""
+    both = {"alpha1": 0.08 * VALUES["alpha1"], "beta1": 0.08 * VALUES["beta1"]}
+    coefficients, parameters = judged(VALUES, both)
+    assert {coefficients[name].verdict for name in both} == {"determined"}
+    assert parameters["joint_stiffness"].verdict == "weak"
+    assert parameters["motor_inertia"].verdict == "determined"
+
+
 def test_constants_of_shapes_are_judged_by_their_width():
     """Assert value, interval, unit and verdict of a constant."""
     found = constant_estimates(

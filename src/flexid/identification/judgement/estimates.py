@@ -214,8 +214,12 @@ def parameter_estimates(
                 judged != "determined"
                 and np.isfinite(found.interval).all()
                 and all(c.verdict == "determined" for c in made)
+                and any(
+                    verdict(c.value, c.interval, thresholds=thresholds)[0] != "determined"
+                    for c in made
+                )
             ):
-                judged, reason = "determined", ""  # as small as it is
+                judged, reason = "determined", ""  # to be as small as the term is
             elif not found.slopes:
                 reason = min(c.reason for c in made)  # at its bound, or given
             elif all(c.verdict == "undetermined" for c in made):
