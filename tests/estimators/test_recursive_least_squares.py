@@ -103,6 +103,14 @@ def test_what_excites_is_called_so():
     assert np.all(still.status == Status.STARTING)
 
 
+def test_increments_of_noisy_velocities_excite():
+    """Assert that noise may be more than half of them, from half a second on and not before."""
+    estimator = recursive_least_squares(JOINT, SAMPLE_TIME, velocities=True)
+    status = estimator.replay(estimator.init(), estimator.pack(joint_samples(0))).status
+    assert np.all(status[:501] == Status.STARTING)
+    assert np.all(status[501:] == Status.USED)
+
+
 def test_the_gain_stays_bounded():
     """Assert that forgetting leaves every coefficient its least information, whatever comes."""
     samples = encoders(0)

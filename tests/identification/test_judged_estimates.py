@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
+from flexid.estimators.unknowns import Unknowns
 from flexid.identification.judgement.estimates import (
     coefficient_estimates,
     constant_estimates,
@@ -17,7 +18,10 @@ from flexid.identification.vocabulary.evidence import CoefficientEstimate, Param
 from flexid.models.flexible_joint import PAPER_TERMS
 
 JOINT = flexible()
-UNKNOWNS = JOINT.unknowns(JOINT.optional - {c for t in PAPER_TERMS for c in JOINT.terms[t]}, {})
+UNKNOWNS, DAMPED = (
+    JOINT.unknowns(JOINT.optional - {c for t in terms for c in JOINT.terms[t]}, {})
+    for terms in (PAPER_TERMS, (*PAPER_TERMS, "joint_damping"))
+)
 VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.7, "beta1": 0.3}
 LINK, MOTOR = {"theta1", "theta2"}, {"alpha1", "alpha2", "beta1"}
 HALF = 0.005 * float(t.ppf(0.975, 50.0))
@@ -32,14 +36,15 @@ def judged(
     fixed: Mapping[str, tuple[float, str]] | None = None,
     sizes: Mapping[str, float] | None = None,
     exact: Mapping[str, tuple[float, str]] | None = None,
+    unknowns: Unknowns = UNKNOWNS,
 ) -> Judged:
     """Coefficients and parameters of a drive that is known to 0.5 % where nothing else is said."""
     found = np.array([*values.values()])
     spread = [(deviations or {}).get(name, 0.005 * abs(v)) for name, v in values.items()]
     estimate = Estimate(tuple(values), found, np.diag(np.square(spread)), (50.0,) * len(values))
-    coefficients = coefficient_estimates(estimate, JOINT, UNKNOWNS, sizes or {}, fixed or {}, "N m")
+    coefficients = coefficient_estimates(estimate, JOINT, unknowns, sizes or {}, fixed or {}, "N m")
     return coefficients, parameter_estimates(
-        JOINT, estimate, UNKNOWNS, coefficients, "N m", exact=exact
+        JOINT, estimate, unknowns, coefficients, "N m", exact=exact
     )
 
 
@@ -104,7 +109,7 @@ def test_what_is_given_has_no_width_and_says_so():
 
 @pytest.mark.parametrize(("effect", "expected"), [(0.039, "determined"), (0.041, "undetermined")])
 def test_what_hardly_moves_its_row_is_determined(effect, expected):
-    """Assert that half an interval about zero counts by its effect, in the parameter as well."""
+    """Assert that half an interval about zero counts by its effect, in what follows from it too."""
     half = float(t.ppf(0.975, 50.0)) * 0.1
     coefficients, parameters = judged(
         VALUES | {"alpha2": 0.01}, {"alpha2": 0.1}, sizes={"alpha2": effect / half}
@@ -112,6 +117,9 @@ def test_what_hardly_moves_its_row_is_determined(effect, expected):
     assert coefficients["alpha2"].verdict == expected
     assert parameters["motor_viscous_friction"].verdict == expected
     assert bool(parameters["motor_viscous_friction"].reason) == (expected != "determined")
+    damping, sizes = {"alpha_damping": 0.01}, {"alpha_damping": effect / half}
+    found, _ = judged(VALUES | damping, {"alpha_damping": 0.1}, sizes=sizes, unknowns=DAMPED)
+    assert found["alpha_damping"].verdict == found["theta_damping"].verdict == expected
 
 
 def test_a_product_of_determined_values_has_a_width_of_its_own():
