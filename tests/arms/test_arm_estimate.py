@@ -22,6 +22,7 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
+from flexid.stored_estimates.validate_estimate import validate_arm
 
 KNOWN = PlanarArm((0.4, 0.3), (9.81, 0.0))
 Run = Callable[..., Any]
@@ -84,6 +85,22 @@ def test_a_stored_estimate_is_read_as_it_was(folder: Path):
     assert read.fit.names == made.fit.names
     assert read.parameters == made.parameters
     np.testing.assert_array_equal(read.fit.covariance, made.fit.covariance)
+
+
+def test_a_late_encoder_is_predicted_late(folder: Path):
+    """Assert that an estimate predicts a log whose encoder is as late as it says, and no other."""
+    text = (folder / "run.csv").read_text().splitlines()
+    rows = [line.split(",") for line in text]
+    place = text[0].split(",").index("link_position_2 [rad]")
+    late = [rows[0], *([*row[:place], before[place], *row[place + 1 :]]
+                       for before, row in zip(rows[1:], rows[3:], strict=False))]  # fmt: skip
+    (folder / "late.csv").write_text("\n".join(map(",".join, late)) + "\n")
+    made = estimate(MADE.truth(), KNOWN)
+    fits = []
+    for delays in ({}, {"link_2": 4e-3}):
+        own = read_estimate(estimate_document(replace(made, encoder_delays=delays)))
+        fits.append(validate_arm(own, [folder / "late.csv"], None).fit_percent)
+    assert fits[1]["deflection_2"] > fits[0]["deflection_2"] + 1.0
 
 
 @pytest.mark.parametrize(

@@ -140,6 +140,20 @@ def test_a_delay_of_the_torque_is_no_disturbance():
         assert found.best()[0].by_name[INPUT] == pytest.approx(delay, abs=1e-4)
 
 
+def test_a_late_link_encoder_is_found():
+    """Assert that a link's position that is two samples late is fitted with that delay, exactly."""
+    log = moved(SMOOTH)
+    early = log.window(2, len(log))
+    positions = early.positions.copy()
+    positions[:, 0] = log.positions[:-2, 0]
+    found = exact_fits(STRUCTURE, arm_data([replace(early, positions=positions)]), lambda _: None)
+    assert found.hopeless == ""
+    values, truth = found.best()[0].by_name, SMOOTH.truth()
+    assert values["link_1_delay"] == pytest.approx(4e-3, abs=1e-4)
+    for name in ("joint_stiffness_1", "motor_viscous_friction_1", "link_viscous_friction_1"):
+        assert values[name] == pytest.approx(truth[name], rel=2e-2), name
+
+
 def test_a_hardening_spring_is_found():
     """Assert that its stiffness at rest and its curvature are found, exactly and with noise."""
     truth = CURVED.truth()

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from flexid.arms.fitting import COARSER, estimate_of
-from flexid.arms.unusual import UNUSUAL_FALL, FittedArm, late, promises, unusual_terms
+from flexid.arms.unusual import UNUSUAL_FALL, FittedArm, promises, unusual_parts
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_motion import balance_columns
@@ -152,8 +152,7 @@ def fit_disturbed(
 
 def _suited(found: DisturbedFit) -> DisturbedFit:
     """The same fit, with each unusual term or delay that makes it clearly likelier."""
-    structure = found.fitted.structure
-    parts = [*unusual_terms(structure), late(structure.timing)]
+    parts = unusual_parts(found.fitted.structure)
     while parts:
         squares, best = _squares(found.fitted), found.best
         promised, part = min(promises(best.fitted, parts), key=lambda each: each[0])

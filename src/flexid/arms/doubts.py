@@ -5,7 +5,7 @@ of one joint in `flexid.identification.estimation.doubts`. Most change the log, 
 fit goes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,9 +15,10 @@ import numpy as np
 from flexid.arms.disturbed import NEAR_STEPS, RIVAL, DisturbedFit, Job
 from flexid.arms.fitting import effect_sizes
 from flexid.arms.play import changes_by_play
-from flexid.arms.unusual import FittedArm
+from flexid.arms.unusual import FittedArm, link_delays
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.samples import Samples
 from flexid.estimators.threads import cores
 from flexid.identification.estimation.doubts import (
     CALIBRATION,
@@ -73,10 +74,28 @@ class Doubted:
         return torques * np.sqrt(spectra) / np.maximum(gains, 1e-12)
 
     @cached_property
+    def timely(self) -> tuple[Samples, ...]:
+        """The log with each link's position moved to when it was true."""
+        delays = self.disturbed.values
+        late = [delays.get(name, 0.0) for name in link_delays(self.job.balance)]
+        if not any(late):
+            return self.job.data.samples
+        return tuple(_moved(recording, late) for recording in self.job.data.samples)
+
+    @cached_property
     def input_noise(self) -> FloatArray:
         """Noise of each input that may be in the log alone, shape (n_joints,)."""
         logged = [[position_noise(c) for c in r.inputs.T] for r in self.job.data.samples]
         return np.minimum(np.max(logged, axis=0), self.white_noise)
+
+
+def _moved(recording: Samples, late: Sequence[float]) -> Samples:
+    """A recording whose links' positions, every second one, were measured so much later."""
+    positions = recording.positions.copy()
+    times = recording.sample_time * np.arange(len(recording))
+    for joint, delay in enumerate(late):
+        positions[:, 2 * joint] = np.interp(times + delay, times, positions[:, 2 * joint])
+    return replace(recording, positions=positions)
 
 
 Doubt = Callable[[Doubted], FloatArray]
@@ -180,7 +199,7 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
 def play(doubted: Doubted) -> FloatArray:
     """A spring with play looks like one that hardens, and softer than it is."""
     job = doubted.job
-    changes = changes_by_play(job.balance, doubted.disturbed.values, job.data.samples)
+    changes = changes_by_play(job.balance, doubted.disturbed.values, doubted.timely)
     names = doubted.fitted.names
     return np.array([[change.get(name, 0.0) for change in changes] for name in names])
 

@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.arms.unusual import (
+    LINES,
     UNUSUAL_FALL,
     FittedArm,
     Unusual,
-    late,
     promises,
-    unusual_terms,
+    unusual_parts,
 )
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_start import filtered, starts
-from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import shrunken
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import Segments
@@ -51,7 +50,6 @@ _USUAL = 1.7  # s: segments that a fit goes up to in any case
 _GROWTH = 1.01  # of the residuals' variance with the segments' length, up to which it goes on
 _UNFINISHED = 1.0  # standard deviations, of the step that would come next
 _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows, and bent springs
-_TIMINGS = (Timing("zero"), Timing("linear"))  # in which inputs may be late
 _UNUSUAL_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
 _UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
 _PROMISING = 1.2  # the same, up to which no better start is looked for
@@ -155,9 +153,7 @@ def _suited(fitted: FittedArm) -> FittedArm:
 
     Another behaviour of the inputs looks much like a delay, which is tried first.
     """
-    held, straight = map(late, _TIMINGS)
-    best = _with_better(fitted, [*unusual_terms(fitted.structure), held])
-    return _with_better(best, [straight])
+    return _with_better(_with_better(fitted, unusual_parts(fitted.structure)), [LINES])
 
 
 def _with_better(best: FittedArm, parts: list[Unusual]) -> FittedArm:

@@ -21,7 +21,7 @@ from flexid.arms.fitting import (
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, joint_of_name
-from flexid.arms.unusual import FittedArm
+from flexid.arms.unusual import DELAY, FittedArm, link_delays
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
@@ -155,6 +155,11 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
             (*log.warnings, *(doubt for _, doubt in doubts), *_warnings(parameters, found, excess))
         ),
         provenance={"flexid_version": flexid.__version__, "inputs": [log.provenance]},
+        encoder_delays={
+            name.removesuffix(DELAY): fitted.by_name[name]
+            for name in link_delays(balance)
+            if name in fitted.by_name
+        },
     )
 
 

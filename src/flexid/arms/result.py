@@ -1,7 +1,7 @@
 """What was found of an arm."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from flexid.identification.vocabulary.estimate import Estimate
@@ -34,6 +34,8 @@ class ArmIdentification:
     condition_number: float
     warnings: tuple[str, ...]  # in the order in which to act on them
     provenance: Mapping[str, Any]  # file, digest and columns
+    # in s, by joint such as ``link_1``: by how much a link's encoder is later than the motor's
+    encoder_delays: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def sought(self) -> dict[str, ParameterEstimate]:

@@ -1,4 +1,4 @@
-"""What an arm may have beyond the usual: terms that are zero at first, and inputs that are late.
+"""What an arm may have beyond the usual: terms that are zero at first, and channels that are late.
 
 One pass over the log tells what all of them promise: a quadratic form about the fit so far.
 """
@@ -8,14 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.identification.full_model.fitting import expanded
 from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.preparation.arm import ElasticArm
+from flexid.models.torque_balance import TorqueBalance
+from flexid.recording.recording import Hold
 
 UNUSUAL_FALL = 25.0
 """Of the weighted squares, over their variance, that what is unusual brings at least."""
+
+DELAY = "_delay"
+"""What the name of a row's delay ends with."""
 
 FittedArm = Fitted[ElasticArm]
 ArmStructure = Structure[ElasticArm]
@@ -23,25 +28,34 @@ ArmStructure = Structure[ElasticArm]
 
 @dataclass(frozen=True)
 class Unusual:
-    """One parameter more that may be sought."""
+    """One parameter more that may be sought: that of a term, or the delay of a channel."""
 
     name: str
-    timing: Timing | None = None  # of the inputs; None where that stays what it was
+    hold: Hold | None = None  # how the inputs behave; None where that stays as it was
 
     def added(self, structure: ArmStructure) -> ArmStructure:
         """The structure with it."""
         fixed = {name: value for name, value in structure.fixed.items() if name != self.name}
-        return replace(structure, fixed=fixed, timing=self.timing or structure.timing)
+        timing = replace(structure.timing, hold=self.hold or structure.timing.hold)
+        if self.name not in structure.joint.balance.coefficients:
+            timing = replace(timing, sought=tuple(dict.fromkeys((*timing.sought, self.name))))
+        return replace(structure, fixed=fixed, timing=timing)
 
 
-def unusual_terms(structure: ArmStructure) -> list[Unusual]:
-    """Terms that a structure does not have yet."""
-    return [Unusual(n) for n in structure.joint.balance.unusual if n in structure.fixed]
+LINES = Unusual(INPUT, "linear")
+"""Inputs on straight lines between samples, and late: much like held ones with another delay."""
 
 
-def late(timing: Timing) -> Unusual:
-    """Inputs that behave like that, and act later than they were logged, or earlier."""
-    return Unusual(INPUT, replace(timing, sought=(INPUT,)))
+def unusual_parts(structure: ArmStructure) -> list[Unusual]:
+    """Terms that a structure does not have yet, and delays of the inputs and of each link."""
+    balance = structure.joint.balance
+    terms = [name for name in balance.unusual if name in structure.fixed]
+    return [*map(Unusual, terms), Unusual(INPUT), *map(Unusual, link_delays(balance))]
+
+
+def link_delays(balance: TorqueBalance) -> tuple[str, ...]:
+    """Name of the delay of each link's encoder, of which that of the motor is on time."""
+    return tuple(f"{row.name}{DELAY}" for row in balance.rows[::2])
 
 
 def promises(fitted: FittedArm, parts: Sequence[Unusual]) -> Iterator[tuple[float, Unusual]]:
@@ -49,7 +63,7 @@ def promises(fitted: FittedArm, parts: Sequence[Unusual]) -> Iterator[tuple[floa
 
     A fit that has not ended would go on as it is as well: that is no merit of a part.
     """
-    holds = [(part.timing or fitted.structure.timing).hold for part in parts]
+    holds = [part.hold or fitted.structure.timing.hold for part in parts]
     for hold in dict.fromkeys(holds):
         own = [part for part, other in zip(parts, holds, strict=True) if other == hold]
         wide = fitted.structure

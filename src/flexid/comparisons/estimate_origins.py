@@ -156,11 +156,13 @@ def _common_facts(estimate: Either) -> dict[str, str]:
 
 
 def _facts_of_arm(estimate: ArmIdentification) -> dict[str, str]:
+    delays = estimate.encoder_delays
     return _common_facts(estimate) | {
         "lengths": f"{_text(estimate.arm.lengths)} m",
         "gravity": f"{_text(estimate.arm.gravity)} m/s^2",
         "hold": estimate.hold,
         "input delay": f"{1e3 * estimate.input_delay:.3g} ms",
+        "encoder delays": _text({n: f"{1e3 * d:.3g} ms" for n, d in delays.items()}) or "none",
         "disturbances": "none" if estimate.disturbances is None else "fitted",
     }
 

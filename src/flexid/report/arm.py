@@ -51,6 +51,9 @@ def timing_lines(result: ArmIdentification) -> Iterator[str]:
         shares = ", ".join(f"{name} {100.0 * s:.2g} %" for name, s in result.disturbances.items())
         yield f"Input: {held}{late}. Fitted with disturbances: of the acceleration, {shares}."
         yield f"Fits without disturbances were left out: {result.disturbed_because}."
+    if result.encoder_delays:
+        each = ", ".join(f"{row} {1e3 * x:.3g} ms" for row, x in result.encoder_delays.items())
+        yield f"Link encoders later than the motors': {each}."
     left = ", ".join(f"{name} {x:.2f}" for name, x in result.residual_excess.items())
     yield f"Residual over the encoders' noise: {left}"
     yield f"Excitation: condition number {result.condition_number:.3g}"

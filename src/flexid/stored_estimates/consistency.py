@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from flexid.arms.result import ArmIdentification
+from flexid.arms.unusual import link_delays
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.result.identification import Identification
@@ -201,7 +202,7 @@ def _complaints_of_arm(found: ArmIdentification) -> Iterator[tuple[str, str]]:
     values = {name: p.value for name, p in found.parameters.items()}
     yield from _fit_complaints(found.fit, {f"parameters.{n}.value": v for n, v in values.items()})
     known = {*planar_arm(arm).coefficients}
-    there = {*found.fit.names, *found.fixed} - {INPUT}
+    there = {*found.fit.names, *found.fixed} - {INPUT, *link_delays(planar_arm(arm))}
     if there != known:
         yield "fit.names", f"with 'fixed' it must name {min(there ^ known)!r} as the arm does"
     for name, value in found.fit.by_name.items():

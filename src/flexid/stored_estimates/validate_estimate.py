@@ -11,6 +11,7 @@ import numpy as np
 import flexid
 from flexid.arms.log import ArmLog, arm_data, read_arm_log
 from flexid.arms.result import ArmIdentification
+from flexid.arms.unusual import DELAY
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
@@ -240,7 +241,8 @@ def validate_arm(
     arm = ElasticArm(planar_arm(stored.arm))
     spread = data.noise.reshape(-1, 2)
     by_channel = np.column_stack((spread, np.hypot(*spread.T))).ravel()
-    delays = {INPUT: stored.input_delay} if stored.input_delay else {}
+    delays = {f"{row}{DELAY}": delay for row, delay in stored.encoder_delays.items()}
+    delays |= {INPUT: stored.input_delay} if stored.input_delay else {}
     structure = Structure(arm, frozenset(), Timing(stored.hold, delays), stored.fixed)
     doubts = cautions(Rank.MODEL, [*common_doubts(stored, stored.parameters, logs)])
     noise = _by_channel(arm, by_channel)
