@@ -189,7 +189,7 @@ def test_jitter_is_interpolated() -> None:
     """Assert that jitter is removed to 1e-7 rad, where taking it as even would cost 5e-4 rad."""
     columns = jittered(0.08)
     log = read_columns(columns)
-    words = "column 'time': .*interpolated to even times: record at a fixed rate"
+    words = "'time': .* vary by 15 % of .* 5 ms, .*interpolated to even times: record at a fixed"
     assert_words(words, log.warnings[0])
     (recording,) = log.recordings
     exact = np.sin(2.0 * recording.time) + 0.05 * np.sin(9.0 * recording.time)
