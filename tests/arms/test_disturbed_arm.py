@@ -17,6 +17,7 @@ from flexid.arms.doubts import Doubted, noise_of_the_inputs, other_minima, with_
 from flexid.arms.fitting import exact_fits
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
+from flexid.arms.play import changes_by_play
 from flexid.arms.prediction import disturbed_run
 from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
@@ -180,3 +181,18 @@ def test_play_widens_a_stiffness(monkeypatch: pytest.MonkeyPatch):
     assert off > 5.0 * found.estimate.deviations[place]
     assert off < 1.5 * estimate.deviations[place]
     assert "play" in widest["joint_stiffness_1"]
+
+
+def test_a_spring_that_hardens_is_doubted_only_if_it_has_play(monkeypatch: pytest.MonkeyPatch):
+    """Assert that play behind a cubic spring changes it, and that a cubic spring alone does not."""
+    values = CURVED.truth() | {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
+    changes = []
+    for gap in (0.0, 0.002):
+        play = f'springlength="{-gap} {gap}"'
+        monkeypatch.setattr(
+            "benchmarks.arms.log.mjcf",
+            lambda *a, play=play: mjcf(*a).replace('springlength="0"', play),
+        )
+        changes.append(changes_by_play(planar_arm(KNOWN), values, (moved(CURVED),))[0])
+    assert changes[0] == {}
+    assert changes[1]["joint_stiffness_1"] > 0.02 * values["joint_stiffness_1"]
