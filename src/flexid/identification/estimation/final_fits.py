@@ -146,7 +146,7 @@ def _reported(
     """The structure fitted to all data; where that fails, as it was fitted to choose."""
     structure = choice.structure
     start = {**structure.timing.delays, **choice.fitted.by_name}
-    for begin in (lambda: start, lambda: _begun_anew(choice, whole, thresholds)):
+    for begin in (lambda: start, lambda: _begun_anew(choice, whole)):
         try:
             fitted, lengths_fitted = fit_to(structure, whole, begin(), choice.duration)
         except ConvergenceError:
@@ -174,10 +174,10 @@ def _as_reported(choice: Choice, reported: Fitted) -> Choice:
     return replace(choice, structure=structure, full=replace(choice.full, joint=joint))
 
 
-def _begun_anew(choice: Choice, whole: Data, thresholds: Thresholds) -> dict[str, float]:
+def _begun_anew(choice: Choice, whole: Data) -> dict[str, float]:
     """Values to begin with from all data: the held-out end may hold all that the input did."""
     divisions = lengths(whole, choice.duration)
-    return first_fits([choice.structure], whole, divisions, thresholds)[-1].by_name
+    return first_fits(choice.structure, whole, divisions)[-1].by_name
 
 
 def _full(choice: Choice, reported: Fitted) -> Fitted:

@@ -65,7 +65,7 @@ def fit_full_model(
     progress("the full model")
     short = [s for s in divisions if s.mean_duration <= _SHORT]
     short = short or divisions[:1]
-    found = first_fits([_with_hold(base, hold) for hold in holds], data, short, thresholds)
+    found = first_fits(_with_hold(base, holds[0]), data, short)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
         found = ending_with(best, found, short)
