@@ -10,7 +10,6 @@ from made_fits import made_fit
 
 import flexid.identification.full_model.beginning as beginning
 from flexid.errors import ConvergenceError
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 SAMPLES = 320
 SHORTEST = 8  # segments
@@ -51,19 +50,12 @@ def by_length(monkeypatch):
     Each is a list of excesses over the divisions, or nothing where it fails.
     """
 
-    def by_smaller(smaller):
-        if smaller is None:
-            raise ConvergenceError("prediction error", "nowhere")
-        return [fitted(s, e) for s, e in zip(LADDER, smaller, strict=False)]
-
-    def set_up(
-        ends: dict[tuple[str, int], list[float]], smaller, late=0.0, finest=FINEST, holds=("",)
-    ):
+    def set_up(ends: dict[tuple[str, int], list[float]], late=0.0, finest=FINEST):
         tried: list[tuple[str, int]] = []
 
         def fit_by_length(structure, data, way, lengths_fitted, iterations):
             halvings = len(lengths_fitted) - len(LADDER)
-            tried.append((way["start"] + structure, halvings))
+            tried.append((way["start"], halvings))
             excesses = ends.get(tried[-1])
             if excesses is None:
                 raise ConvergenceError("prediction error", "nowhere")
@@ -76,107 +68,77 @@ def by_length(monkeypatch):
         ways = [{"start": name} for name in "abcdef"]
         monkeypatch.setattr(beginning, "fit_by_length", fit_by_length)
         monkeypatch.setattr(beginning, "starts", lambda *_: ways)
-        monkeypatch.setattr(beginning, "_by_smaller_models", lambda *_: by_smaller(smaller))
         divisions = [_Segments(SHORTEST, finest), *LADDER[1:]]
-        found = beginning.first_fits(
-            cast(Any, holds), cast(Any, None), cast(Any, divisions), THRESHOLDS
-        )
+        found = beginning.first_fits(cast(Any, None), cast(Any, None), cast(Any, divisions))
         return [f.excess for f in found], tried
 
     return set_up
 
 
 WAYS = {
-    "a start that explains the log ends the search": (
-        {("a", 0): [1.0, 1.0, 1.05]}, [9.0], [1.0, 1.0, 1.05], "a",
+    "a start that leads through all lengths ends the search": (
+        {("a", 0): [3.0, 4.0, 9.0]}, [3.0, 4.0, 9.0], "a",
     ),
-    "two that agree end it": (
-        {("a", 0): [3.0, 4.0, 5.0], ("c", 0): [3.0, 4.0, 5.04]}, [9.0], [3.0, 4.0, 5.0], "abc",
+    "one that does not is compared with the next": (
+        {("a", 0): [1.0, 9.0], ("b", 0): [1.0, 1.0, 1.0]}, [1.0, 1.0, 1.0], "ab",
     ),
-    "two that the same longer segments stop agree as well": (
-        {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.0]}, [9.0], [1.0, 1.0], "ab",
-    ),
-    "a smaller model that leaves less is taken in their place": (
-        {("a", 0): [2.0, 3.0], ("b", 0): [2.0, 3.0]}, [2.0, 2.5], [2.0, 2.5], "ab",
-    ),
-    "two within the noise need not agree": (
-        {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.05], ("c", 0): [1.0] * 3}, [9.0], [1.0] * 2, "ab",
+    "two that the same longer segments stop agree, and end it": (
+        {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.005]}, [1.0, 1.0], "ab",
     ),
     "of starts that disagree the last may be the best": (
-        {("a", 0): [3.0, 4.0, 9.0], ("b", 0): [3.0, 4.0, 7.0], ("e", 1): [2.0] * 3},
-        [3.0] * 3, [2.0] * 3, "",
-    ),
-    "and so may a smaller model": (
-        {("a", 0): [3.0, 4.0, 9.0], ("b", 0): [3.0, 4.0, 7.0], ("e", 1): [2.0] * 3},
-        [1.0] * 3, [1.0] * 3, "",
+        {("a", 0): [3.0, 4.0], ("b", 0): [3.0, 5.0], ("c", 0): [2.0, 2.0], ("a", 1): [9.0, 9.0]},
+        [2.0, 2.0], "",
     ),
     "a fit is not better for having come further": (
-        {("a", 0): [1.3, 40.0, 900.0], ("b", 0): [1.2, 1.2]}, [9.0] * 3, [1.2, 1.2], "",
+        {("a", 0): [1.3, 40.0], ("b", 0): [1.2]}, [1.2], "",
     ),
-    "nor worse": (
-        {("a", 0): [1.2, 1.2], ("b", 0): [1.2, 1.2, 1.3]}, [9.0] * 3, [1.2, 1.2, 1.3], "",
-    ),
-    "a short fit within the noise is taken where no other goes further": (
-        {("a", 0): [1.0, 1.0]}, [1.0, 1.0, 1.2], [1.0, 1.0], "",
-    ),
-    "a poor start is better than none": ({("c", 0): [3.0, 4.0]}, None, [3.0, 4.0], ""),
-    "smaller models are the last resort": ({}, [5.0, 6.0], [5.0, 6.0], ""),
+    "nor worse": ({("a", 0): [1.2], ("b", 0): [1.2, 1.3]}, [1.2, 1.3], ""),
+    "a poor start is better than none": ({("c", 0): [3.0, 4.0]}, [3.0, 4.0], ""),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("ends", "smaller", "taken", "starts"), WAYS.values(), ids=[*WAYS])
-def test_what_is_taken(by_length, ends, smaller, taken, starts):
+@pytest.mark.parametrize(("ends", "taken", "starts"), WAYS.values(), ids=[*WAYS])
+def test_what_is_taken(by_length, ends, taken, starts):
     """Assert which fits are taken; where it matters, that no other start was tried before."""
-    found, tried = by_length(ends, smaller)
+    found, tried = by_length(ends)
     assert found == taken
     assert not starts or tried == [(start, 0) for start in starts]
 
 
-def test_other_holds_are_tried_where_no_start_leads_with_the_first(by_length):
-    """Assert that these have the best start, over both lengths, before any smaller model."""
-    holds = ("", " on lines")
-    found, tried = by_length({("a on lines", 1): [1.0, 1.0, 1.0]}, [9.0], holds=holds)
-    assert found == [1.0, 1.0, 1.0]
-    assert tried[-2:] == [("a on lines", 0), ("a on lines", 1)]
-    assert len(tried) == 12 + 2
-    _, tried = by_length({}, [9.0], holds=holds)
-    assert len(tried) == 12 + 2
-
-
 def test_shorter_segments_help_where_no_start_does(by_length):
-    """Assert that three starts are tried, then the same over half the length, then the others.
+    """Assert that three starts are tried, then the same over half the length.
 
     Segments that could be halved once are halved once.
     """
-    found, tried = by_length({("b", 1): [1.0, 1.0, 1.0]}, [9.0])
+    found, tried = by_length({("b", 1): [1.0, 1.0, 1.0]})
     assert found == [1.0, 1.0, 1.0]
     assert tried == [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1)]
-    _, tried = by_length({("f", 1): [1.0, 1.0, 1.0]}, [9.0])
-    assert tried[6:] == [("d", 0), ("e", 0), ("f", 0), ("d", 1), ("e", 1), ("f", 1)]
 
 
 @pytest.mark.parametrize(("finest", "halvings"), [(8, 0), (16, 1), (32, 2), (64, 2)])
 def test_the_shortest_segments_are_halved_twice_at_most(by_length, finest, halvings):
     """Assert that a search that fails goes down to a quarter of their length, if it can."""
-    _, tried = by_length({}, [5.0], finest=finest)
+    _, tried = by_length({("c", halvings): [5.0, 5.0, 5.0]}, finest=finest)
     assert {count for _, count in tried} == {0, halvings}
 
 
 def test_a_delay_beyond_the_data_is_no_start(by_length):
     """Assert that a fit whose channel has no partners left does not count."""
-    ends = {("a", 0): [1.0, 1.0, 1.0], ("b", 0): [2.0, 2.0, 2.0], ("c", 0): [2.0, 2.0, 2.0]}
-    assert by_length(ends, [9.0], late=0.02)[0] == [2.0, 2.0, 2.0]
-    assert by_length(ends, [9.0], late=0.009)[0] == [1.0, 1.0, 1.0]
+    ends = {("a", 0): [1.0, 1.0, 1.0], ("b", 0): [2.0, 2.0, 2.0]}
+    assert by_length(ends, late=0.02)[0] == [2.0, 2.0, 2.0]
+    assert by_length(ends, late=0.009)[0] == [1.0, 1.0, 1.0]
 
 
 def test_where_nothing_leads_anywhere(by_length):
-    """Assert that no start and no smaller model is an error."""
-    with pytest.raises(ConvergenceError):
-        by_length({}, None)
+    """Assert that no start that leads anywhere is an error."""
+    with pytest.raises(ConvergenceError, match="from no start"):
+        by_length({})
 
 
 def test_two_that_end_alike_before_the_shortest_segments_end_the_search(by_length):
-    """Assert that smaller models are tried then, and not the other starts."""
-    found, tried = by_length({("a", 1): [], ("b", 1): [], ("e", 0): [1.0] * 3}, [9.0])
-    assert found == [9.0]
+    """Assert that the third is not tried then."""
+    with pytest.raises(ConvergenceError):
+        _, tried = by_length({("a", 1): [], ("b", 1): [], ("c", 1): [1.0] * 3})
+    found, tried = by_length({("a", 1): [], ("b", 1): [1.0] * 3})
+    assert found == [1.0] * 3
     assert tried == [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1)]

@@ -27,13 +27,10 @@ from flexid.estimators.steady_gains import Sizes, steady_gains, transition_of
 
 _ROUNDS = (4, 2)  # of sizes and coefficients in turn, from afar and from values nearly right
 STEPS = (8, 30)  # of Gauss and Newton in each, and in the last
-_TRIALS = (80, 40)  # of sizes and rates in each
-_OF_ONE_JOINT = 6  # sizes and rates: those of two sensors and two rows
-_SEARCHES = 3  # of the sizes of more joints by their spectra, in each round
+_SEARCHES = 3  # of the sizes by their spectra, in each round
 _ITERATIONS = 30  # of each of these
-_NO_FALL = 0.1  # of the cost, in an iteration that is the last one
+_NO_FALL = 1.0  # of the cost, in an iteration that is the last one
 _SEARCHED = 10.0  # of the cost, that a search brings at least where another one follows
-_SPREAD = 0.7  # natural logarithm, by which the first trials differ; less in later rounds
 _FINE = 0.03  # standard deviations, of a step that ends an iteration
 _WORST = 1e15  # cost of what cannot be computed
 _FIRST_SHARE = 0.05  # of its row's acceleration, that a disturbance has to begin with
@@ -73,11 +70,8 @@ def fit_innovations(
     for turn in range(rounds):
         observing = _Observing.of(problem, point, directions)
         # Initial states come first, with the coefficients: what they leave passes for noise.
-        if turn and len(sizes.logarithms) > _OF_ONE_JOINT:
-            sizes = observing.likeliest_by_spectra(sizes, bounds)
-        elif turn:
-            spread = _SPREAD / (2.0 if near else turn)
-            sizes = observing.likeliest(sizes, bounds, spread, _TRIALS[near])
+        if turn:
+            sizes = observing.likeliest(sizes, bounds)
         seen = observing.with_sizes(sizes)
         if seen.motion is None:
             raise ConvergenceError(
@@ -204,29 +198,9 @@ class _Observing:
             return _Observed(_WORST, None, equations.residuals, entropy)
         return _Observed(equations.cost + entropy, motion, equations.residuals, entropy)
 
-    def likeliest(
-        self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray], spread: float, trials: int
-    ) -> Sizes:
-        """Sizes of the greatest likelihood, near some others."""
+    def likeliest(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
+        """Sizes of the greatest likelihood, near some others, with few runs of the motion."""
         from scipy.optimize import minimize  # late: it takes a third of a second to import
-
-        start, n = np.clip(sizes.logarithms, *bounds), len(sizes.sensors)
-        found = minimize(
-            lambda x: self.with_sizes(Sizes.of_logarithms(np.clip(x, *bounds), n)).cost,
-            start,
-            method="Nelder-Mead",
-            options={
-                "maxfev": trials,
-                "fatol": 1.0,
-                "xatol": 0.05,
-                "initial_simplex": np.vstack((start, start + spread * np.eye(len(start)))),
-            },
-        )
-        return Sizes.of_logarithms(np.clip(found.x, *bounds), n)
-
-    def likeliest_by_spectra(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
-        """The same of many sizes, which hardly need the motion itself."""
-        from scipy.optimize import minimize  # late, as above
 
         n = len(sizes.sensors)
         best = self.with_sizes(sizes)

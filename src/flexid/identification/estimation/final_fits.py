@@ -118,7 +118,7 @@ def final_fits(
 ) -> FinalFits:
     """Fit a structure to all data, and what it does without."""
     whole = replace(whole, refinement=choice.fitted.data.refinement)
-    reported, lengths_fitted, retreat = _reported(choice, whole, thresholds)
+    reported, lengths_fitted, retreat = _reported(choice, whole)
     choice = _as_reported(choice, reported)
     error = error_of(reported, lengths_fitted, thresholds)
     rate = FILTER_RATE if isinstance(filter_rate, str) else filter_rate
@@ -140,9 +140,7 @@ def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -
     return estimate.widened(confused_covariance(estimate)) if delay_in_doubt else estimate
 
 
-def _reported(
-    choice: Choice, whole: Data, thresholds: Thresholds
-) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
+def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
     """The structure fitted to all data; where that fails, as it was fitted to choose."""
     structure = choice.structure
     start = {**structure.timing.delays, **choice.fitted.by_name}

@@ -72,6 +72,8 @@ def _tries(
                 return
             elif not reached:
                 stuck = found
+
+
 def _alike(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:
     """Whether two series of fits that are as long end in one minimum."""
     ends = sorted(found[-1].minimum.equations.cost for found in (one, other))
@@ -88,5 +90,3 @@ def _better(one: list[Fitted], other: list[Fitted]) -> list[Fitted]:
     if abs(first - second) <= _SAME * min(first, second):
         return one if min(costs[0]) < min(costs[1]) else other
     return one if first < second else other
-
-
