@@ -37,7 +37,12 @@ from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.preparation.recordings import SplitRecordings
-from flexid.identification.structure.elimination import CORE, Choice
+from flexid.identification.structure.elimination import (
+    CORE,
+    Choice,
+    may_stand,
+    nearly_explains,
+)
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
 from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.estimate import Estimate
@@ -56,10 +61,6 @@ SPRINGS = frozenset({"theta2", "alpha1", "beta1"})
 
 PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
 UNEXPLAINED = 0.25  # of a balance's acceleration: with less, its spring is there all the same
-# Mean square of a rigid joint's residuals over the sensors' noise: DFKI's pendulum has 2, a joint
-# that is stiff for its load 16, and both are right; EMPS without its pulses has 10⁹, and is not.
-_RIGID_EXCESS = 100.0
-_HARDLY_MORE = 1.5  # times what noise explains: the held-out end may bring it below that
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold can be told"
 
@@ -88,22 +89,18 @@ def answer(
     thresholds: Thresholds,
 ) -> Answer:
     """The fit that knows more."""
-    settings = job.settings
-    # Innovations know neither smoothed friction, nor segments, nor terms with a shape.
-    asked = settings.coulomb_velocity != "auto" or settings.segment_duration != "auto"
-    asked = asked or not job.joint.shapes.isdisjoint(job.kept)
     try:
         chosen = predicting(job, training, whole, recordings, progress, thresholds)
     except ConvergenceError:
-        if asked:
+        if job.exact:
             raise
         chosen = None
     exact = None
-    if chosen is not None and (asked or _may_stand(chosen[0].fitted, thresholds)):
+    if chosen is not None and (job.exact or may_stand(chosen[0].fitted, thresholds)):
         exact = _exact(job, chosen, whole, recordings, progress, thresholds)
         reported = exact.fits.reported
         # Disturbances would follow any bound; the exact fit says what contradicts it.
-        if asked or reported.at_bound:
+        if job.exact or reported.at_bound:
             return exact
         if reported.excess <= thresholds.sensor_excess:
             doubts = _skewed(job, whole, entirely=True)
@@ -115,23 +112,10 @@ def answer(
         if chosen is None:
             raise
         return exact or _exact(job, chosen, whole, recordings, progress, thresholds)
-    nearly = exact is not None and _nearly_explains(exact.fits.reported, thresholds)
+    nearly = exact is not None and nearly_explains(exact.fits.reported, thresholds)
     if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
         return _judged(exact, exact.fits.choice.fitted, job, whole, recordings)
     return disturbed
-
-
-def _may_stand(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether an exact fit may be reported, so that it is worth fitting to all data."""
-    explains = fitted.excess <= _HARDLY_MORE * thresholds.sensor_excess
-    return explains or _nearly_explains(fitted, thresholds) or bool(fitted.at_bound)
-
-
-def _nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether what an exact fit leaves is too little to be a model error that misleads it."""
-    if fitted.structure.joint.kind == "rigid":  # which has no deflection to compare with
-        return fitted.excess <= _RIGID_EXCESS
-    return fitted.unexplained <= thresholds.exact_share
 
 
 def _core_width(found: Answer) -> float:

@@ -102,6 +102,16 @@ class Job:
             return {*self.stated.kept}
         return {c for term in settings.terms for c in self.joint.terms[term]}
 
+    @property
+    def exact(self) -> bool:
+        """Whether no fit with disturbances is asked for.
+
+        Innovations know neither smoothed friction, nor segments, nor terms with a shape.
+        """
+        settings = self.settings
+        automatic = settings.coulomb_velocity == settings.segment_duration == "auto"
+        return not (automatic and self.joint.shapes.isdisjoint(self.kept))
+
     def _timing(self) -> Timing:
         settings = self.settings
         asked = {}
@@ -199,14 +209,17 @@ def _predicting(
             f"the model leaves {100.0 * left.unexplained:.0f} % of the deflection unexplained over "
             f"{left.duration:.2g} s: look for what else moves the joint",
         )
-    choice = choose_structure(by_length, job.kept, auto, progress, thresholds)
+    choose = partial(
+        choose_structure, kept=job.kept, progress=progress, thresholds=thresholds, insist=job.exact
+    )
+    choice = choose(by_length, with_shapes=auto)
     progress("predicting the held-out data")
     choice, validation = _preferred(choice, whole, recordings, thresholds)
     if not auto:
         return choice, validation
     if not choice.structure.joint.shapes <= choice.structure.absent:
         progress("the usual terms alone as a rival")
-        rival = choose_structure(by_length, job.kept, False, progress, thresholds)
+        rival = choose(by_length, with_shapes=False)
         rival, other = _preferred(rival, whole, recordings, thresholds)
         leaner = len(choice.fitted.names) < len(rival.fitted.names)
         allowed = thresholds.generous_gain if leaner else 0.0  # what is leaner has paid already
@@ -218,7 +231,7 @@ def _predicting(
         for find in _beside(choice, progress, thresholds):
             if (other := find(choice)) is None:
                 continue
-            rival = choose_structure(other, job.kept, True, progress, thresholds)
+            rival = choose(other, with_shapes=True)
             rival, its = _preferred(rival, whole, recordings, thresholds)
             saved = misprediction(validation) - misprediction(its)
             if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
