@@ -262,14 +262,20 @@ def test_spectra_tell_what_other_sizes_cost(other: Sizes):
     assert cost(other) - cost(SIZES) == pytest.approx(expected, rel=0.05)
 
 
-def test_both_searches_find_sizes_as_likely():
-    """Assert that the search by spectra ends where the search by motions does, or lower."""
+def test_no_sizes_nearby_are_likelier():
+    """Assert that none that differ by a fifth from those that the search finds are much likelier.
+
+    A search that does not leave the values that it starts from ends a hundred higher.
+    """
     made = observing(8)
     start = Sizes(2.0 * NOISE, 0.3 * DISTURBANCES, np.full(2, SLOWEST))
     bounds = _bounds(Sizes(NOISE, 0.05 * 20.0 * DISTURBANCES, RATES), SAMPLE_TIME, SLOWEST)
-    by_spectra = made.with_sizes(made.likeliest_by_spectra(start, bounds)).cost
-    by_motions = made.with_sizes(made.likeliest(start, bounds, 0.7, 400)).cost
-    assert by_spectra < by_motions + 1.0
+    found = made.likeliest(start, bounds)
+    cost = made.with_sizes(found).cost
+    assert cost < made.with_sizes(start).cost - 100.0
+    for step in 0.2 * np.concatenate((np.eye(6), -np.eye(6))):
+        other = Sizes.of_logarithms(np.clip(found.logarithms + step, *bounds), 2)
+        assert made.with_sizes(other).cost > cost - 2.0
 
 
 @cache

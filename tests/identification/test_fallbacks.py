@@ -50,8 +50,8 @@ def reported(monkeypatch):
                 raise ConvergenceError("prediction error", "nowhere")
             return "fitted", ["shorter", "fitted"]
 
-        def first_fits(structures, data, divisions, thresholds):
-            assert (structures, divisions) == ([structure], "divisions")
+        def first_fits(asked, data, divisions):
+            assert (asked, divisions) == (structure, "divisions")
             return [None, SimpleNamespace(by_name={"theta2": 2.0})]
 
         monkeypatch.setattr(final, "fit_to", fit_to)
@@ -62,7 +62,7 @@ def reported(monkeypatch):
         before = SimpleNamespace(by_name={"theta2": 1.0})
         choice: Any = SimpleNamespace(structure=structure, fitted=before, duration=3.0)
         whole: Any = "all data"
-        return *final._reported(choice, whole, THRESHOLDS), tried, before
+        return *final._reported(choice, whole), tried, before
 
     return result
 

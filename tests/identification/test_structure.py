@@ -1,5 +1,6 @@
 """Which terms stay: on made-up quadratic forms whose answer is known, and on small logs."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import SimpleNamespace
@@ -349,7 +350,7 @@ def test_terms_that_lead_astray_do_not_join(monkeypatch):
 def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse, expected):
     """Assert that the usual terms win at once with as few coefficients, or else if far better."""
 
-    def chosen(fit_by_length, kept, with_shapes, *_):
+    def chosen(fit_by_length, *, with_shapes, **_):
         fitted = made_fit(names=range(7 if with_shapes and fewer else 8))
         structure = UNUSUAL if with_shapes else Structure(JOINT, JOINT.shapes, Timing("zero"))
         return SimpleNamespace(
@@ -368,11 +369,44 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
         fitted_by_length=lambda *_: SimpleNamespace(found=()),
         settings=SimpleNamespace(terms="auto"),
         kept=(),
+        exact=False,
     )
     nothing: Any = None
     rest = (nothing, nothing, nothing, lambda _: None, THRESHOLDS)
     choice: Any = job._predicting(own, *rest)[0]
     assert ("unusual" if choice.with_shapes else "usual") == expected
+
+
+RIGID = SimpleNamespace(joint=SimpleNamespace(kind="rigid"))
+
+
+@pytest.mark.parametrize(
+    ("fitted", "stands"),
+    [
+        (made_fit(1.64, unexplained=1.0, at_bound=()), True),
+        (made_fit(1.66, unexplained=0.0051, at_bound=()), False),
+        (made_fit(1.66, unexplained=0.0049, at_bound=()), True),
+        (made_fit(1.66, unexplained=1.0, at_bound=("alpha2",)), True),
+        (made_fit(99.0, structure=RIGID, at_bound=()), True),
+        (made_fit(101.0, structure=RIGID, at_bound=()), False),
+    ],
+)
+def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
+    """Assert where terms are taken away, unless an exact fit is insisted on; by residuals."""
+
+    class LeanerError(Exception):
+        pass
+
+    def leanest(*_):
+        raise LeanerError
+
+    by_length: Any = SimpleNamespace(found=(fitted,), divisions=(), free_length=False, tied=())
+    monkeypatch.setattr(elimination, "_leanest", leanest)
+    choose = partial(elimination.choose_structure, by_length, (), False, lambda _: None)
+    with nullcontext() if not stands else pytest.raises(LeanerError):
+        assert choose(insist=False).fitted is fitted
+    with pytest.raises(LeanerError):
+        choose(insist=True)
 
 
 RIVALS: dict[str, tuple[dict[str, Any], list[str]]] = {

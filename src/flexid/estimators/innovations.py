@@ -22,7 +22,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import Minimum, minimise
 from flexid.estimators.segmented_motion import RESTING, Observer, Point, SegmentedMotion
-from flexid.estimators.spectra import cost_by_spectra
+from flexid.estimators.spectra import WORST, cost_by_spectra
 from flexid.estimators.steady_gains import Sizes, steady_gains, transition_of
 
 _ROUNDS = (4, 2)  # of sizes and coefficients in turn, from afar and from values nearly right
@@ -32,7 +32,6 @@ _ITERATIONS = 30  # of each of these
 _NO_FALL = 1.0  # of the cost, in an iteration that is the last one
 _SEARCHED = 10.0  # of the cost, that a search brings at least where another one follows
 _FINE = 0.03  # standard deviations, of a step that ends an iteration
-_WORST = 1e15  # cost of what cannot be computed
 _FIRST_SHARE = 0.05  # of its row's acceleration, that a disturbance has to begin with
 _RANGES = (1e-2, 1e2)  # of a sensor's noise, over that of its signal's short differences
 _SHARES = (1e-4, 2.0)  # of a disturbance, over its row's acceleration
@@ -186,7 +185,7 @@ class _Observing:
                 for transition, step in zip(self.transitions, steps.tolist(), strict=True)
             ]
         except (LinAlgError, ValueError):
-            return _Observed(_WORST, None, segments.outputs, 0.0)
+            return _Observed(WORST, None, segments.outputs, 0.0)
         entropy = sum(float(count @ own[4]) for count, own in zip(self.counts, made, strict=True))
         gain, disturbed, decay, whitening = (
             np.array([own[i] for own in made])[place] for i in range(4)
@@ -195,7 +194,7 @@ class _Observing:
         motion = replace(self.problem, observer=observer)
         equations = motion.equations(self.point, "nothing")
         if not np.isfinite(equations.cost):
-            return _Observed(_WORST, None, equations.residuals, entropy)
+            return _Observed(WORST, None, equations.residuals, entropy)
         return _Observed(equations.cost + entropy, motion, equations.residuals, entropy)
 
     def likeliest(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:

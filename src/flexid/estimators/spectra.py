@@ -19,6 +19,9 @@ from flexid.arrays import FloatArray
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.steady_gains import Sizes, steady_gains
 
+WORST = 1e15
+"""Cost of what cannot be computed; a difference of two has to be a number."""
+
 _BANDS = 120  # of each recording, of equal width on a logarithmic scale
 
 
@@ -60,7 +63,7 @@ def cost_by_spectra(
                     observed, own.transition, own.sample_time, sizes
                 )
             except (LinAlgError, ValueError):
-                return np.inf
+                return WORST
             inverse = np.eye(len(sees)) - _response(own.places, moved - gain @ sees, gain, sees)
             white = whitening @ inverse
             squares = np.sum((white @ own.outputs) * white.conj())
