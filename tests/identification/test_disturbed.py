@@ -1,6 +1,8 @@
 """The fit with disturbances: what it finds, and what widens its intervals."""
 
+from collections.abc import Collection
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,12 +10,13 @@ from disturbed_drive import TRUTH, data, drive, recording, stopping
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import Timing
+from flexid.identification.estimation import disturbed
 from flexid.identification.estimation.disturbed import Disturbed, disturbed_estimate, fit_disturbed
 from flexid.identification.estimation.skew import skew
-from flexid.identification.full_model.model import Data, Structure
+from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 
 JOINT = flexible()
 CORE = ("theta2", "alpha1", "beta1")
@@ -129,3 +132,19 @@ def test_halves_of_two_drives_widen_the_interval():
     value, half = estimate.by_name["theta2"], half_widths(estimate)["theta2"]
     assert value - half <= TRUTH["theta2"]
     assert value + half >= 1.1 * TRUTH["theta2"]
+
+
+def test_what_a_balance_cannot_do_without_stays(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a friction stays, though few blocks let chance explain it."""
+    eliminate = disturbed.eliminate
+
+    def too_much(fitted: Fitted, kept: Collection[str], thresholds: Thresholds) -> Any:
+        leaner, evidence = eliminate(fitted, kept, thresholds)
+        return leaner.without({"alpha_coulomb"}), evidence
+
+    log = data(recording(*stopping(1)))
+    on = {c for term in ("motor_viscous", "motor_coulomb") for c in JOINT.terms[term]}
+    structure = Structure(JOINT, frozenset(JOINT.optional - on), Timing("zero"))
+    monkeypatch.setattr(disturbed, "eliminate", too_much)
+    found = fit_disturbed(structure, log, (), ("zero",), THRESHOLDS)
+    assert "alpha_coulomb" in found.fitted.names
