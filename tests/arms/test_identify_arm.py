@@ -94,10 +94,11 @@ def test_options_of_one_joint_are_refused(
     assert "arm" in done.stderr
 
 
-def test_other_commands_refuse_an_arm(folder: Path, flexid: Run):
+@pytest.mark.parametrize("command", ["excitation", "watch"])
+def test_other_commands_refuse_an_arm(folder: Path, flexid: Run, command: str):
     """Assert that a command for one joint says that it takes no arm."""
     model = str(folder / "arm.toml")
-    done = flexid("excitation", str(folder / "run.csv"), "--model", model)
+    done = flexid(command, str(folder / "run.csv"), "--model", model)
     assert done.status == 2
     assert "only flexid identify" in done.stderr
 

@@ -12,7 +12,8 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypedDict, TypeVar
 
-from flexid.errors import ArgumentError, SettingError, did_you_mean
+from flexid.errors import ArgumentError, did_you_mean
+from flexid.models.arm_file import refuse_arm_file
 
 if TYPE_CHECKING:
     from threadpoolctl import threadpool_limits
@@ -195,16 +196,9 @@ def _name(function: str, argument: str, value: Any) -> str:
         example = "link" if argument == "model" else "zero"
         said = f"is {kind_of(value)}: give a name such as {example!r}"
         raise ArgumentError(function, argument, said)
-    if argument == "model" and is_arm_file(value):
-        raise SettingError(
-            "model", f"{value!r} is an arm: only flexid identify, the command, takes it"
-        )
+    if argument == "model":
+        refuse_arm_file(value)
     return value
-
-
-def is_arm_file(model: str) -> bool:
-    """Whether the word after ``--model`` is the path of a TOML file, which is that of an arm."""
-    return model.lower().endswith(".toml")
 
 
 def as_number(function: str, argument: str, value: Any) -> float:

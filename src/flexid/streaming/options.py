@@ -13,6 +13,7 @@ from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.result.identification import Identification
+from flexid.models.arm_file import refuse_arm_file
 from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, SQUARES, TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms, row_alone
@@ -180,6 +181,7 @@ class WatchOptions:
 def wanted_kind(chosen: Mapping[str, Any], estimate: Identification | None) -> str:
     """The kind of joint that is asked for: as chosen, or that of the estimate; else ``"auto"``."""
     kind = chosen.get("kind", "auto")
+    refuse_arm_file(str(kind))
     if kind not in ("auto", *KINDS):
         raise SettingError("model", f"must be auto, flexible, link or rigid, got {kind!r}")
     return estimate.model if kind == "auto" and estimate is not None else kind
