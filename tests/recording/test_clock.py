@@ -111,7 +111,7 @@ def test_a_date_in_a_column_of_its_own(tmp_path: Path):
     text = "\n".join(["Rig 7", "date,time,motor_position,motor_torque", *rows])
     log = read_log(written(tmp_path, text))
     assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
-    assert any("'date' not used" in warning for warning in log.warnings)
+    assert any("'date' is not used" in warning for warning in log.warnings)
 
 
 LATE = [t + timedelta(hours=13) * (k >= 200) for k, t in enumerate(MOMENTS)]

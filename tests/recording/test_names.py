@@ -25,7 +25,7 @@ USUAL = {
         *("link position <deg>", "link_pos:deg", "link position, deg", "负载位置（度）"),
     ),
     "motor_position": ("q_m", "theta_m", "motor_pos", "qMotor", "pos_motor_deg", "rotor angle"),
-    "motor_velocity": ("qd_m", "motor_speed_rpm", "omega_m"),
+    "motor_velocity": ("qd_m", "motor_speed_rpm", "omega_m", "v_m [rad/s]"),
     "motor_torque": (
         *("tau", "tau_m", "torque", "tau_Nm", "Drehmoment", "Couple moteur (N·m)"),
         *("motor-torque-nm", "MotorTorqueNm", "torque_pct", "Motordrehmoment [Nm]", "tau_inlb"),
@@ -34,7 +34,7 @@ USUAL = {
     "motor_current": (
         *("i_m_A", "i_q [A]", "iq", "Iststrom [A]", "motor_current", "Motor (mA)", "current_mA"),
     ),
-    "motor_voltage": ("u_V", "voltage"),
+    "motor_voltage": ("u_V", "voltage", "v_m (V)", "V [mV]"),
     "position": ("position", "angle", "q"),
     "velocity": ("velocity", "speed_rpm"),
 }
@@ -42,7 +42,17 @@ STRANGE = (
     *("x1", "a1_q_link_deg", "motor", "load [N m]", "motor [bar]", "tau_l", "link_torque", "i"),
     *("u", "temperature", "torque_cmd", "position_desired", "motor_link_angle", "q_dot_dot"),
     *("position[0]", "pot_V", "", "torque ²", "Winkel * 2", "q̇_m", "-tau", "T [°C]", "tau*1000"),
-    *("last_position", "POS_A", "pos_V", "position error", "τ̇", "tension"),
+    *(
+        "last_position",
+        "POS_A",
+        "pos_V",
+        "v",
+        "v [m/s]",
+        "u [rad]",
+        "position error",
+        "τ̇",
+        "tension",
+    ),
 )
 
 
@@ -78,7 +88,7 @@ def test_a_log_with_usual_names() -> None:
     taken, unused = log.warnings
     for words in ("'t_ms' for time in ms", "'theta_m_deg' for motor_position in deg", "check"):
         assert words in taken
-    assert "'mode' not used" in unused
+    assert "'mode' is not used" in unused
 
 
 def test_own_names_come_first() -> None:
@@ -89,7 +99,7 @@ def test_own_names_come_first() -> None:
     log = read_columns(columns | others)
     np.testing.assert_array_equal(log.recordings[0].input, tau)
     np.testing.assert_array_equal(log.recordings[0].motor_position, motor)
-    assert "'tau', 'current', 'theta_m' not used" in log.warnings[0]
+    assert "'tau', 'current', 'theta_m' are not used" in log.warnings[0]
 
 
 def of_names(**names: str) -> Log:

@@ -287,7 +287,7 @@ def test_no_position_of_several_is_the_link() -> None:
     columns = {**without(COLUMNS, "link_position"), "q1": link, "q2": link[::-1]}
     log = read_columns(columns)
     assert log.recordings[0].link_position is None
-    assert any("'q1', 'q2' not used" in warning for warning in log.warnings)
+    assert any("'q1', 'q2' are not used" in warning for warning in log.warnings)
 
 
 def test_no_time_but_a_sample_time() -> None:

@@ -125,7 +125,7 @@ def test_unused_columns_are_named(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("\n".join([text[0] + ",note", *(line + ",idle" for line in text[1:])]))
     (warning,) = read_log(path).warnings
-    assert "'note' not used" in warning
+    assert "'note' is not used" in warning
 
 
 def test_xarray() -> None:

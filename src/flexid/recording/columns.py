@@ -99,9 +99,10 @@ def recipes_of(
         taken = {header for recipe in plan.found.values() for header in recipe.weights}
         unused = [name for name in table.names if name not in taken]
         if unused:
+            are = "is" if len(unused) == 1 else "are"
             plan.warnings.append(
-                f"{table.file}: {quoted(unused)} not used: name them in a column map if they "
-                f"are needed"
+                f"{table.file}: {quoted(unused)} {are} not used: a column map may name what "
+                f"is needed"
             )
     return recipes, tuple(plan.warnings)
 

@@ -24,7 +24,7 @@ QUANTITIES = {  # in English, German, French, Italian, Spanish, Portuguese, Dutc
         "liju 转矩 力矩 トルク"
     ),
     "current": "current cur curr i iq strom courant corrente corriente stroom dianliu 电流 電流",
-    "voltage": "voltage volt u spannung tension tensione tensao spanning dianya 电压 電圧",
+    "voltage": "voltage volt u v spannung tension tensione tensao spanning dianya 电压 電圧",
     "time": (
         "time t timestamp datetime clock tout zeit zeitstempel temps tempo tiempo tijd shijian "
         "时间 時間"
@@ -51,7 +51,13 @@ _OTHERS = {
     ),
     "filler of time": "date stamp elapsed rel relative since start sim simulation ros abs system",
 }
-_NEED_UNIT = {"i", "u", "tension", "par"}  # as well a row's number, any input, a belt's tension
+_NEED_UNIT = {
+    "i",
+    "u",
+    "v",
+    "tension",
+    "par",
+}  # a row's number, any input, a speed, a belt's tension
 _ENGLISH = {"position", "pos", "angle", "ang", "velocity", "vel", "speed", "torque", "current"}
 _BESIDE = r"[\s_.,:;/\\$|{}()\[\]<>'\"-]*"  # what may stand between words
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[A-Z]|\d+|[^\W\d_a-zA-Z]+")
@@ -162,6 +168,7 @@ _LAST_WORDS = re.compile(r"[\s_.\-/]+|(?<=[a-z])(?=[A-Z])")
 _PARTING = re.compile(r"[/.](?=[^\s\d])")  # of the parts of a path
 _MOST_PARTS = 8  # of a path that are looked at for its shortest end
 _INPUTS = ("torque", "current", "voltage")
+_BY_UNIT = {"u": _INPUTS, "v": ("voltage", "velocity")}  # symbols of what their unit says
 _JOINT_NUMBER = re.compile(r"(?:(?:joint|jnt|j|axis|axe|achse|asse|gelenk|a) )?(\d{1,2})")
 
 
@@ -278,8 +285,10 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     if len(quantities) != 1 or len(sides) > 1:
         return None
     quantity, side = quantities[0], next(iter(sides), None)
-    if "u" in words.all and unit and quantity_of(unit) in _INPUTS:  # it may be any input
+    for symbol in _BY_UNIT.keys() & words.all if unit else ():
         quantity = str(quantity_of(unit))
+        if quantity not in _BY_UNIT[symbol]:
+            return None
     if words.needs_unit and unit is None:
         return None
     if quantity == "time":
