@@ -85,9 +85,9 @@ WAYS = {
     "two that the same longer segments stop agree, and end it": (
         {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.005]}, [1.0, 1.0], "ab",
     ),
-    "of starts that disagree the last may be the best": (
-        {("a", 0): [3.0, 4.0], ("b", 0): [3.0, 5.0], ("c", 0): [2.0, 2.0], ("a", 1): [9.0, 9.0]},
-        [2.0, 2.0], "",
+    "of starts that disagree the last may be the best, and none has to go by shorter segments": (
+        {("a", 0): [3.0, 4.0], ("b", 0): [3.0, 5.0], ("c", 0): [2.0, 2.0], ("a", 1): [1.0] * 3},
+        [2.0, 2.0], "abc",
     ),
     "a fit is not better for having come further": (
         {("a", 0): [1.3, 40.0], ("b", 0): [1.2]}, [1.2], "",

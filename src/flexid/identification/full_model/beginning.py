@@ -7,7 +7,7 @@ quarter of the length, then lead where all lead that do not fail. What they lead
 matter of disturbances.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -31,47 +31,58 @@ def first_fits(structure: Structure, data: Data, divisions: Sequence[Segments]) 
 
     Returns fits from the first of the divisions on, as far as `fit_by_length` leads.
     """
-    best: list[Fitted] = []
-    for found in _tries(structure, data, divisions):
-        if len(found) == len(divisions):
-            return found
-        confirmed = len(found) == len(best) and _alike(found, best)
-        best = _better(found, best)
-        if confirmed:
+    ways = starts(structure, data, divisions[0])[:_STARTS]
+    finer = _halved(divisions[0])
+    for before in [[], finer] if finer else [[]]:
+        best: list[Fitted] = []
+        for found in _tries(structure, data, ways, before, divisions):
+            if len(found) == len(divisions):
+                return found
+            confirmed = len(found) == len(best) and _alike(found, best)
+            best = _better(found, best)
+            if confirmed:
+                break
+        if best:
+            return best
+    raise ConvergenceError(
+        "prediction error",
+        "the model follows this log from no start: check the channels, their units and signs",
+    )
+
+
+def _halved(shortest: Segments) -> list[Segments]:
+    """Segments of a quarter and of half the length, as far as they are long enough."""
+    finer: list[Segments] = []
+    for _ in range(_HALVINGS):
+        if shortest.lengths.min() < 2 * _FEWEST_HALVED:
             break
-    if not best:
-        raise ConvergenceError(
-            "prediction error",
-            "the model follows this log from no start: check the channels, their units and signs",
-        )
-    return best
+        shortest = shortest.halved()
+        finer = [shortest, *finer]
+    return finer
 
 
 def _tries(
-    structure: Structure, data: Data, divisions: Sequence[Segments]
+    structure: Structure,
+    data: Data,
+    ways: Sequence[Mapping[str, float]],
+    before: Sequence[Segments],
+    divisions: Sequence[Segments],
 ) -> Iterator[list[Fitted]]:
-    """Fits from one start after the other that reach the divisions."""
-    ways = starts(structure, data, divisions[0])[:_STARTS]
-    finer: list[Segments] = []
-    for _ in range(_HALVINGS):
-        shortest = (*finer, *divisions)[0]
-        if shortest.lengths.min() >= 2 * _FEWEST_HALVED:
-            finer = [shortest.halved(), *finer]
+    """Fits from one start after the other, by way of other segments, that reach the divisions."""
+    climbed = [*before, *divisions]
     stuck: list[Fitted] = []  # of what leads not even there
-    for before in [[], finer] if finer else [[]]:
-        for way in ways:
-            climbed = [*before, *divisions]
-            try:
-                found = fit_by_length(structure, data, way, climbed, iterations=FIRST_ITERATIONS)
-            except ConvergenceError:
-                continue
-            reached = found[len(before) :]
-            if reached and reached[-1].has_partners:
-                yield reached
-            elif stuck and len(found) == len(stuck) and _alike(found, stuck):
-                return
-            elif not reached:
-                stuck = found
+    for way in ways:
+        try:
+            found = fit_by_length(structure, data, way, climbed, iterations=FIRST_ITERATIONS)
+        except ConvergenceError:
+            continue
+        reached = found[len(before) :]
+        if reached and reached[-1].has_partners:
+            yield reached
+        elif stuck and len(found) == len(stuck) and _alike(found, stuck):
+            return
+        elif not reached:
+            stuck = found
 
 
 def _alike(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:
