@@ -92,6 +92,9 @@ WAYS = {
     "a fit is not better for having come further": (
         {("a", 0): [1.3, 40.0], ("b", 0): [1.2]}, [1.2], "",
     ),
+    "nor if it came all the way": (
+        {("a", 0): [1.0, 1.0], ("b", 0): [1.5, 1.5, 1.8]}, [1.0, 1.0], "abc",
+    ),
     "nor worse": ({("a", 0): [1.2], ("b", 0): [1.2, 1.3]}, [1.2, 1.3], ""),
     "a poor start is better than none": ({("c", 0): [3.0, 4.0]}, [3.0, 4.0], ""),
 }  # fmt: skip

@@ -36,11 +36,9 @@ def first_fits(structure: Structure, data: Data, divisions: Sequence[Segments]) 
     for before in [[], finer] if finer else [[]]:
         best: list[Fitted] = []
         for found in _tries(structure, data, ways, before, divisions):
-            if len(found) == len(divisions):
-                return found
             confirmed = len(found) == len(best) and _alike(found, best)
             best = _better(found, best)
-            if confirmed:
+            if confirmed or len(best) == len(divisions):
                 break
         if best:
             return best
