@@ -50,13 +50,15 @@ def by_length(monkeypatch):
     Each is a list of excesses over the divisions, or nothing where it fails.
     """
 
-    def set_up(ends: dict[tuple[str, int], list[float]], late=0.0, finest=FINEST):
+    def set_up(ends: dict[tuple[str, int], list[float]], late=0.0, finest=FINEST, *, insist=True):
         tried: list[tuple[str, int]] = []
 
-        def fit_by_length(structure, data, way, lengths_fitted, iterations):
+        def fit_by_length(structure, data, way, lengths_fitted, *, insist=True, iterations):
             halvings = len(lengths_fitted) - len(LADDER)
             tried.append((way["start"], halvings))
             excesses = ends.get(tried[-1])
+            if not insist:
+                return [fitted(lengths_fitted[0], 99.0)]
             if excesses is None:
                 raise ConvergenceError("prediction error", "nowhere")
             short = [fitted(s, 1.0) for s in lengths_fitted[:halvings]]
@@ -69,7 +71,8 @@ def by_length(monkeypatch):
         monkeypatch.setattr(beginning, "fit_by_length", fit_by_length)
         monkeypatch.setattr(beginning, "starts", lambda *_: ways)
         divisions = [_Segments(SHORTEST, finest), *LADDER[1:]]
-        found = beginning.first_fits(cast(Any, None), cast(Any, None), cast(Any, divisions))
+        nothing: Any = None
+        found = beginning.first_fits(nothing, nothing, cast(Any, divisions), insist=insist)
         return [f.excess for f in found], tried
 
     return set_up
@@ -133,9 +136,11 @@ def test_a_delay_beyond_the_data_is_no_start(by_length):
 
 
 def test_where_nothing_leads_anywhere(by_length):
-    """Assert that no start that leads anywhere is an error."""
+    """Assert that no start that leads anywhere is an error, or the best, however bad."""
     with pytest.raises(ConvergenceError, match="from no start"):
         by_length({})
+    found, tried = by_length({}, insist=False)
+    assert (found, tried[-1]) == ([99.0], ("a", 0))
 
 
 def test_two_that_end_alike_before_the_shortest_segments_end_the_search(by_length):

@@ -26,10 +26,13 @@ _STARTS = 3  # that are tried
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 
 
-def first_fits(structure: Structure, data: Data, divisions: Sequence[Segments]) -> list[Fitted]:
+def first_fits(
+    structure: Structure, data: Data, divisions: Sequence[Segments], *, insist: bool = True
+) -> list[Fitted]:
     """Fit over short segments of growing length, from the start that leads to the least residuals.
 
-    Returns fits from the first of the divisions on, as far as `fit_by_length` leads.
+    Returns fits from the first of the divisions on, as far as `fit_by_length` leads. Without
+    insisting on a fit whose steps end, the best start's is taken, be it as bad as it may.
     """
     ways = starts(structure, data, divisions[0])[:_STARTS]
     finer = _halved(divisions[0])
@@ -42,6 +45,10 @@ def first_fits(structure: Structure, data: Data, divisions: Sequence[Segments]) 
                 break
         if best:
             return best
+    if not insist:
+        return fit_by_length(
+            structure, data, ways[0], divisions, insist=False, iterations=FIRST_ITERATIONS
+        )
     raise ConvergenceError(
         "prediction error",
         "the model follows this log from no start: check the channels, their units and signs",

@@ -59,13 +59,15 @@ def fit_full_model(
     durations: tuple[float, ...],  # in s
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
+    *,
+    insist: bool = True,
 ) -> FitsByLength:
-    """Fit the full model over segments of growing length."""
+    """Fit the full model over segments of growing length; see `first_fits`."""
     divisions = lengths(data, *durations)
     progress("the full model")
     short = [s for s in divisions if s.mean_duration <= _SHORT]
     short = short or divisions[:1]
-    found = first_fits(_with_hold(base, holds[0]), data, short)
+    found = first_fits(_with_hold(base, holds[0]), data, short, insist=insist)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
         found = ending_with(best, found, short)

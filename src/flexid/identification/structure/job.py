@@ -69,7 +69,9 @@ class Job:
         base, settings = self.structure(training), self.settings
         duration = settings.segment_duration
         durations = () if duration == "auto" else (duration,)
-        by_length = fit_full_model(base, training, self.holds, durations, progress, thresholds)
+        by_length = fit_full_model(
+            base, training, self.holds, durations, progress, thresholds, insist=not self.exact
+        )
         for shape in SOUGHT:
             if not shape.coefficients.isdisjoint(self.kept):
                 by_length = fit_requested_shape(shape, by_length, progress, thresholds)
