@@ -61,6 +61,15 @@ def test_play_and_hardening_are_distinguished(play: float, cubic: float):
     assert (1.0 + share) * hard["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=0.02)
 
 
+def test_play_beside_hardening_is_seen():
+    """Assert that a third of what the gap hides, or more, is doubted: a curve is not all."""
+    structure, data = posed(made(1, 10.0, half_gap=4e-2, cubic_stiffness=1e3), "cubic_stiffness")
+    hard, _ = least_squares_start(structure, data, gap.RATES[0])
+    hidden = COEFFICIENTS["theta2"] / hard["theta2"] - 1.0
+    assert hidden > 0.5
+    assert hidden / 3.0 < gap.stiffer_with_play(structure, data) < hidden
+
+
 def test_what_has_no_gap_stays():
     """Assert that a fit without play, or whose gap came out negative, is returned as it is."""
     assert as_wide_as_its_gap(with_gap(HALF_GAP)) is with_gap(HALF_GAP)

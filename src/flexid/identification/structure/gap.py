@@ -221,17 +221,18 @@ def fit_with_play(
 
 
 def stiffer_with_play(structure: Structure, data: Data) -> float:
-    """By what share a spring that hardens is stiffer if it is one with play; 0 if it is none.
+    """By what share a spring that hardens is stiffer if it has play, too or instead; 0 if none.
 
     Least squares of the link's row tells them apart, whatever moves the motor.
     """
-    straight = structure.without(HARDENING)
-    wide = replace(straight, absent=straight.absent - (PLAY & structure.joint.shapes))
+    play = PLAY & structure.joint.shapes
     found, least = 0.0, LIKELIER
-    for (_, start, fit), (hard, other) in _by_rate(wide, structure, data):
-        left, its = (_of_link(each) for each in (fit, other))
-        if left < least * its and hard["theta2"] > 0.0:
-            found, least = abs(start["theta2"] / hard["theta2"] - 1.0), left / its
+    for spring in (structure.without(HARDENING), structure):
+        wide = replace(spring, absent=spring.absent - play)
+        for (_, start, fit), (hard, other) in _by_rate(wide, structure, data):
+            left, its = (_of_link(each) for each in (fit, other))
+            if left < least * its and hard["theta2"] > 0.0:
+                found, least = abs(start["theta2"] / hard["theta2"] - 1.0), left / its
     return found
 
 
