@@ -1,13 +1,15 @@
 """A dead zone and a limit of an amplifier whose commanded voltage was logged."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from benchmarks.trials.integrator import Law
 from benchmarks.trials.realistic.drive import Plant, simulate
 
-from flexid.identification.full_model.amplifier import IDEAL, Amplifier
+from flexid.identification.full_model.amplifier import IDEAL, Amplifier, _is_crossed
 from flexid.identification.identify import identify
 from flexid.identification.result.identification import Identification
 from flexid.recording.recording import Log, Recording
@@ -96,6 +98,14 @@ def test_a_motor_that_sticks_shows_no_dead_zone(dead_zone: float):
     assert found.choices.amplifier.dead_zone == pytest.approx(dead_zone, abs=0.03)
     gain = found.parameters["input_gain_per_motor_inertia"]
     assert gain.value == pytest.approx(GAIN, rel=0.02)
+
+
+@pytest.mark.parametrize(("limit", "crossed"), [(0.5, False), (1.0, False), (1.7, True)])
+def test_square_waves_cross_no_limit(limit: float, crossed: bool):
+    """Assert that those of one size each lie on one side of it, and that peaks beyond it count."""
+    waves: Any = [SimpleNamespace(inputs=np.full((50, 1), size)) for size in (0.75, -1.5)]
+    waves[1].inputs[:1] = 1.8
+    assert _is_crossed(cast(Any, SimpleNamespace(samples=waves)), Amplifier(limit=limit)) == crossed
 
 
 def test_a_torque_has_no_amplifier():

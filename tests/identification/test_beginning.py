@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +39,8 @@ MARGIN = 0.01  # s
 def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNamespace:
     """A fit of which only residuals, segments and delay are known."""
     structure = SimpleNamespace(timing=SimpleNamespace(sought=("late",)))
-    given = {"structure": structure, "unexplained": 0.0, "has_partners": late <= MARGIN}
+    astray = {"late"} if late > MARGIN else set()
+    given = {"structure": structure, "has_partners": not astray, "astray": astray}
     return made_fit(excess, cost=excess * SAMPLES, segments=segments, **given)
 
 
@@ -59,6 +60,8 @@ def by_length(monkeypatch):
             excesses = ends.get(tried[-1])
             if not insist:
                 return [fitted(lengths_fitted[0], 99.0)]
+            if structure == {"late"}:
+                return [fitted(s, 7.0) for s in lengths_fitted]
             if excesses is None:
                 raise ConvergenceError("prediction error", "nowhere")
             short = [fitted(s, 1.0) for s in lengths_fitted[:halvings]]
@@ -71,8 +74,10 @@ def by_length(monkeypatch):
         monkeypatch.setattr(beginning, "fit_by_length", fit_by_length)
         monkeypatch.setattr(beginning, "starts", lambda *_: ways)
         divisions = [_Segments(SHORTEST, finest), *LADDER[1:]]
-        nothing: Any = None
-        found = beginning.first_fits(nothing, nothing, cast(Any, divisions), insist=insist)
+        # Without a delay that leads astray every start is as it would be with it on time.
+        full: Any = SimpleNamespace(without=lambda gone: gone)
+        rest: Any = None, divisions
+        found = beginning.first_fits(full, *rest, insist=insist)
         return [f.excess for f in found], tried
 
     return set_up
@@ -133,6 +138,13 @@ def test_a_delay_beyond_the_data_is_no_start(by_length):
     ends = {("a", 0): [1.0, 1.0, 1.0], ("b", 0): [2.0, 2.0, 2.0]}
     assert by_length(ends, late=0.02)[0] == [2.0, 2.0, 2.0]
     assert by_length(ends, late=0.009)[0] == [1.0, 1.0, 1.0]
+
+
+def test_a_delay_that_leads_out_of_the_data_is_not_sought(by_length):
+    """Assert that the first starts are tried once more without it, over the same segments."""
+    found, tried = by_length({("a", 0): [1.0, 1.0, 1.0]}, late=0.02)
+    assert found == [7.0, 7.0, 7.0]
+    assert tried == [("a", 0), ("b", 0), ("c", 0), ("a", 0)]
 
 
 def test_where_nothing_leads_anywhere(by_length):

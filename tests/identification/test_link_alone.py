@@ -13,7 +13,12 @@ from flexid.estimators.channel_timing import INPUT
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.structure.link_delay import confused_covariance, doubtful, possible
+from flexid.identification.structure.link_delay import (
+    confused_covariance,
+    doubtful,
+    is_damping,
+    possible,
+)
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.recording.recording import Log, Recording
 
@@ -138,6 +143,25 @@ def test_signs_tell_of_a_delay():
     assert doubtful(values) == {"theta_damping"}
     assert doubtful({**values, "theta_damping": 0.1}) == set()
     assert doubtful({"theta2": -1.0}) == {"theta_damping", "theta_viscous"}
+
+
+@pytest.mark.parametrize(
+    ("delay", "friction", "expected"),
+    [
+        (-2e-3, 0.2, True),
+        (-2e-3, 0.219, True),
+        (-2e-3, 0.183, True),
+        (-2e-3, 0.23, False),
+        (-2e-3, 0.17, False),
+        (2e-3, 0.2, False),
+        (0.0, 0.0, False),
+    ],
+)
+def test_an_early_encoder_with_as_much_friction_is_damping(delay, friction, expected):
+    """Assert that both are one coefficient where they leave no friction, within a tenth."""
+    values = {"theta2": 100.0, "theta_viscous": friction, "link_delay": delay}
+    assert is_damping(values) == expected
+    assert not is_damping({"theta2": 100.0})
 
 
 def test_delay_moves_damping_and_friction_by_as_much():

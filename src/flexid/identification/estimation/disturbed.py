@@ -43,6 +43,7 @@ from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import stiffer_with_play
+from flexid.identification.structure.link_delay import is_damping
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
@@ -116,6 +117,8 @@ def fit_disturbed(
         if _leaves_more(other, best):
             break
         best = other
+    if is_damping(best.fitted.by_name):  # which one coefficient says as well as two
+        return fit_disturbed(structure.without({LINK}), data, kept, holds, thresholds)
     shares = _shares(best.fitted, best.sizes)
     return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, factor)
 

@@ -27,6 +27,9 @@ _RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
 # 4 % save half and more where an input takes all values, and hardly anything where it is a square
 # wave, whose dead zone is a smaller gain.
 _LEAST_SAVED = 0.1
+# Of a recording's samples, those that are at least on either side of a limit: a square wave is on
+# one side, and what passes for a limit is a gain that differs between two of them.
+_CROSSING = 0.01
 _SLOW = 0.1  # of the motor's usual speed, up to which it may stick
 # Of a filter's memory, the share that may be of a slow motor: with more, rests show in the
 # equations as dead zones of 4 to 10 % that are none.
@@ -97,9 +100,17 @@ def amplifier_of(structure: Structure, data: Data) -> Amplifier:
         ):
             best = _best(corrected, ends, misfits)
             remaining = misfits(best)
-            if np.all(remaining < (1.0 - _LEAST_SAVED) * left):
+            if _is_crossed(data, best) and np.all(remaining < (1.0 - _LEAST_SAVED) * left):
                 found, left = best, remaining
     return found
+
+
+def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
+    """Whether some recording has an input on both sides of the limit, if there is one."""
+    if amplifier.limit is None:
+        return True
+    beyond = [np.mean(np.abs(own.inputs[:, 0]) > amplifier.limit) for own in data.samples]
+    return any(_CROSSING <= share <= 1.0 - _CROSSING for share in beyond)
 
 
 def _best(

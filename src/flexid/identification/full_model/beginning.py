@@ -38,13 +38,19 @@ def first_fits(
     finer = _halved(divisions[0])
     for before in [[], finer] if finer else [[]]:
         best: list[Fitted] = []
+        astray: set[str] = set()
         for found in _tries(structure, data, ways, before, divisions):
+            if not found[-1].has_partners:
+                astray |= found[-1].astray
+                continue
             confirmed = len(found) == len(best) and _alike(found, best)
             best = _better(found, best)
             if confirmed or len(best) == len(divisions):
                 break
         if best:
             return best
+        if astray:  # the log tells so little of these delays that they lead out of it
+            return first_fits(structure.without(astray), data, divisions, insist=insist)
     if not insist:
         return fit_by_length(
             structure, data, ways[0], divisions, insist=False, iterations=FIRST_ITERATIONS
@@ -82,11 +88,11 @@ def _tries(
         except ConvergenceError:
             continue
         reached = found[len(before) :]
-        if reached and reached[-1].has_partners:
+        if reached:
             yield reached
         elif stuck and len(found) == len(stuck) and _alike(found, stuck):
             return
-        elif not reached:
+        else:
             stuck = found
 
 

@@ -242,10 +242,15 @@ class Fitted(Generic[M]):
         return promised <= FLAT * self.minimum.equations.cost or self.minimum.last_step <= ROUGH
 
     @property
-    def has_partners(self) -> bool:
-        """Whether no channel is so late that its samples have no partners in the data."""
+    def astray(self) -> frozenset[str]:
+        """Delays so long that the channel's samples have no partners in the data."""
         sought = self.structure.timing.sought
-        return all(abs(self.delays[name]) <= self.data.margin for name in sought)
+        return frozenset(name for name in sought if abs(self.delays[name]) > self.data.margin)
+
+    @property
+    def has_partners(self) -> bool:
+        """Whether every channel has partners in the data."""
+        return not self.astray
 
     def coefficients(self, recording: int) -> FloatArray:
         """All coefficients of the system in a recording."""

@@ -1,4 +1,4 @@
-"""A delay of the link's encoder, where the link is identified alone.
+"""A delay of the link's encoder, where the motor's row says little of it or is not there.
 
 A joint looks the same at any time: what a late encoder shows is the motion of a link whose motor
 moved later. With a delay τ the link seems to obey, to first order in τ,
@@ -14,6 +14,9 @@ the link alone cannot. What it can tell is their signs, since neither is ever ne
 - where one comes out negative, the delay makes up for it, and that one is taken to be none;
 - where the spring comes out negative, damping has taken the part of the delay altogether, and both
   are taken to be none beside it.
+
+A motor whose friction no term describes says little more: there an encoder that is early by just
+what makes its link's friction none is a damping of the joint.
 """
 
 from collections.abc import Mapping
@@ -32,6 +35,7 @@ CONFUSED = DAMPING, FRICTION = "theta_damping", "theta_viscous"
 
 _STIFFNESS = "theta2"
 
+_LITTLE = 0.1  # of a friction, that is left of it beside a damping: a model's error leaves 0.001
 _CHANCE = 0.5  # that there is a delay at all, before the log was seen
 
 
@@ -52,6 +56,13 @@ def possible(values: Mapping[str, float]) -> tuple[float, float]:
         return 0.0, 0.0
     damping, friction = (max(values.get(name, 0.0), 0.0) for name in CONFUSED)
     return -damping / stiffness, friction / stiffness
+
+
+def is_damping(values: Mapping[str, float]) -> bool:
+    """Whether an early encoder and a friction of its link are but one damping of the joint."""
+    delay, friction = values.get(LINK, 0.0), values.get(FRICTION, 0.0)
+    left = friction + values.get(_STIFFNESS, 0.0) * delay
+    return delay < 0.0 and abs(left) <= _LITTLE * friction
 
 
 def confused_covariance(estimate: Estimate) -> FloatArray:
