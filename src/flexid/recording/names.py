@@ -285,10 +285,11 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     if len(quantities) != 1 or len(sides) > 1:
         return None
     quantity, side = quantities[0], next(iter(sides), None)
-    for symbol in _BY_UNIT.keys() & words.all if unit else ():
-        quantity = str(quantity_of(unit))
-        if quantity not in _BY_UNIT[symbol]:
-            return None
+    if unit is not None:
+        for symbol in _BY_UNIT.keys() & words.all:
+            quantity = str(quantity_of(unit))
+            if quantity not in _BY_UNIT[symbol]:
+                return None
     if words.needs_unit and unit is None:
         return None
     if quantity == "time":
