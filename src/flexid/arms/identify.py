@@ -21,9 +21,9 @@ from flexid.arms.fitting import (
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, joint_of_name
-from flexid.arms.unusual import DELAY, FittedArm, link_delays
+from flexid.arms.unusual import FittedArm, link_delays
 from flexid.errors import ConvergenceError
-from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
 from flexid.identification.full_model.model import Structure
 from flexid.identification.judgement.compliance import WEAK_FIT

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexid.estimators.channel_timing import INPUT
+from flexid.estimators.channel_timing import DELAY, INPUT
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.identification.full_model.fitting import expanded
 from flexid.identification.full_model.model import Fitted, Structure
@@ -18,9 +18,6 @@ from flexid.recording.recording import Hold
 
 UNUSUAL_FALL = 25.0
 """Of the weighted squares, over their variance, that what is unusual brings at least."""
-
-DELAY = "_delay"
-"""What the name of a row's delay ends with."""
 
 FittedArm = Fitted[ElasticArm]
 ArmStructure = Structure[ElasticArm]

@@ -93,6 +93,9 @@ def _kernel(hold: Hold, at: FloatArray) -> FloatArray:
 INPUT = "input_delay"
 """Name of the inputs' delay; that of a row's position is the row's name and ``_delay``."""
 
+DELAY = "_delay"
+"""What the name of a row's delay ends with."""
+
 _SMALL = 1e-3  # of a sample, by which a delay differs where a derivative is by differences
 _ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to
 
@@ -125,7 +128,7 @@ class ChannelTiming:
         """Name of each output's delay; measured velocities are never late."""
         rows = self.system.rows
         return tuple(
-            f"{rows[state // 2].name}_delay" if state % 2 == 0 else ""
+            f"{rows[state // 2].name}{DELAY}" if state % 2 == 0 else ""
             for state in self.segments.measured.tolist()
         )
 

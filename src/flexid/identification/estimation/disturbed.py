@@ -38,6 +38,7 @@ from flexid.identification.estimation.doubts import (
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.in_band import FitInBand, InBand, observer_following
 from flexid.identification.estimation.skew import shifted, skew
+from flexid.identification.full_model.beginning import no_start
 from flexid.identification.full_model.fitting import lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, starts
@@ -100,10 +101,7 @@ def fit_disturbed(
             with suppress(ConvergenceError):
                 found.append(_fit(held, data, factor, start))
     if not found:
-        raise ConvergenceError(
-            "prediction error",
-            "the model follows this log from no start: check the channels, their units and signs",
-        )
+        raise no_start()
     full = best = min(found, key=lambda each: each.cost)
     evidence = ()
     strict = replace(thresholds, friction_sign=np.inf)

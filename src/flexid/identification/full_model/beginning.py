@@ -55,7 +55,12 @@ def first_fits(
         return fit_by_length(
             structure, data, ways[0], divisions, insist=False, iterations=FIRST_ITERATIONS
         )
-    raise ConvergenceError(
+    raise no_start()
+
+
+def no_start() -> ConvergenceError:
+    """The error of a log that no start leads anywhere on."""
+    return ConvergenceError(
         "prediction error",
         "the model follows this log from no start: check the channels, their units and signs",
     )
