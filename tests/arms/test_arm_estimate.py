@@ -49,7 +49,6 @@ def estimate(values: Mapping[str, float], arm: PlanarArm = ARM) -> ArmIdentifica
         Estimate(sought, found, np.diag(stds**2), (1e3,) * len(sought)),
         fixed,
         ("N m",) * arm.joints,
-        {},
         None,
         "",
         {},

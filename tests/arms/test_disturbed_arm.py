@@ -18,7 +18,6 @@ from flexid.arms.fitting import exact_fits
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
 from flexid.arms.play import changes_by_play
-from flexid.arms.prediction import disturbed_run
 from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
@@ -98,8 +97,8 @@ def test_a_rival_as_likely_is_doubted_and_one_less_likely_is_not():
 
 def test_an_observer_predicts_the_deflections():
     """Assert that parameters of the first two thirds predict the last over a resonance's period."""
-    shares, periods = disturbed_run(disturbed())
-    assert min(shares[f"link_position_{joint}"] for joint in (1, 2)) > 50.0
+    found, periods = disturbed().predicted()
+    assert min(found.horizons[0.2][f"link_position_{joint}"] for joint in (1, 2)) > 50.0
     assert min(periods.values()) > 50.0
 
 

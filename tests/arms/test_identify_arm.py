@@ -57,7 +57,7 @@ def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path
         stiffness = document["parameters"][f"joint_stiffness_{joint}"]
         assert stiffness["verdict"] == "determined"
         assert abs(stiffness["value"] / truth[f"joint_stiffness_{joint}"] - 1.0) < 5e-3
-        assert document["free_run_percent"][f"deflection_{joint}"] > 90.0
+        assert document["validation"]["fit_percent"][f"deflection_{joint}"] > 90.0
     assert document["hold"] == "zero"
 
 

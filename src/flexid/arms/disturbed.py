@@ -12,10 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.arms.fitting import COARSER, estimate_of
+from flexid.arms.fitting import COARSER, before_the_end, estimate_of
 from flexid.arms.unusual import UNUSUAL_FALL, FittedArm, promises, unusual_parts
 from flexid.arrays import FloatArray
-from flexid.errors import ConvergenceError
+from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.band import (
@@ -24,10 +24,13 @@ from flexid.identification.estimation.band import (
     thinned,
     thinned_samples,
 )
-from flexid.identification.estimation.in_band import FitInBand, InBand
+from flexid.identification.estimation.in_band import FitInBand, InBand, observer_following
+from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Structure, encoder_noise
 from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.structure.validation import HORIZONS, validate_with
 from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Validation
 from flexid.models.torque_balance import TorqueBalance
 
 _MOST_SUBSTEPS = 9  # per sample: those of a resonance at the Nyquist frequency
@@ -124,6 +127,35 @@ class DisturbedFit:
         shares = np.minimum(self.best.sizes.disturbances / accelerations, 1.0)
         names = (row.name for row in self.job.balance.rows)
         return dict(zip(names, shares.tolist(), strict=True))
+
+    def predicted(self) -> tuple[Validation, dict[int, float]]:
+        """How a fit to the first two thirds of each recording predicts the last.
+
+        Returns the predictions, and for each joint per cent of its deflection over a period of its
+        resonance.
+        """
+        job, fitted = self.job, self.fitted
+        first, starts = before_the_end(job.data)
+        sizes = replace(self.best.sizes, sensors=self.best.sizes.sensors * np.sqrt(job.factor))
+        follow = observer_following(job.in_band.directions, sizes)
+        least, most = 5.0 * job.data.samples[0].sample_time, 0.1 * job.data.duration
+        periods = np.clip(2.0 * np.pi / resonances(job.balance, self.values), least, most).tolist()
+        try:
+            begun = replace(job, data=first).in_band
+            values = begun.with_gains_of(fitted, fitted.by_name, NEAR_STEPS).by_name
+            segments = lengths(job.data)[-1]
+            problem, point = motion_at(job.structure, job.data, segments, values, None)
+            problem = replace(problem, substeps=min(problem.substeps, _MOST_SUBSTEPS))
+            arm, rest = job.structure.joint, (job.data.samples, starts, (*HORIZONS, *periods))
+            found = validate_with(arm, problem, point.values, *rest, follow)
+        except (ConvergenceError, SettingError):
+            return Validation({}), {}
+        over = {joint: found.horizons[period] for joint, period in enumerate(periods, 1)}
+        shares = {joint: fits[f"deflection_{joint}"] for joint, fits in over.items()}
+        usual = {
+            horizon: found.horizons[horizon] for horizon in HORIZONS if horizon in found.horizons
+        }
+        return replace(found, horizons=usual), shares
 
 
 def fit_disturbed(

@@ -30,6 +30,7 @@ from flexid.identification.estimation.doubts import (
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import JointTerm
+from flexid.recording.shift import later
 from flexid.recording.velocities import position_noise
 
 _SEED = 1  # of the noise that is added to inputs
@@ -92,9 +93,8 @@ class Doubted:
 def _moved(recording: Samples, late: Sequence[float]) -> Samples:
     """A recording whose links' positions, every second one, were measured so much later."""
     positions = recording.positions.copy()
-    times = recording.sample_time * np.arange(len(recording))
-    for joint, delay in enumerate(late):
-        positions[:, 2 * joint] = np.interp(times + delay, times, positions[:, 2 * joint])
+    for link, delay in zip(positions.T[::2], late, strict=True):
+        link[:] = later(link, -delay / recording.sample_time)
     return replace(recording, positions=positions)
 
 

@@ -15,11 +15,11 @@ from flexid.arms.unusual import (
     unusual_parts,
 )
 from flexid.arrays import FloatArray
-from flexid.errors import ConvergenceError
+from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.balance_start import filtered, starts
 from flexid.estimators.cluster_covariance import shrunken
 from flexid.estimators.samples import Samples
-from flexid.estimators.segments import Segments
+from flexid.estimators.segments import Segments, divide
 from flexid.identification.full_model.fitting import (
     LONGEST,
     Steps,
@@ -29,7 +29,9 @@ from flexid.identification.full_model.fitting import (
 )
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Validation
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import TorqueBalance
 
@@ -46,6 +48,9 @@ _TRIAL = replace(_ROUGHLY, iterations=3)  # of each start
 _BETWEEN = replace(_ROUGHLY, iterations=5)  # between the first segments and those that count
 _FINE = Steps(1e-3, insist=False, iterations=8, most_substeps=30)
 _TRIAL_SEGMENTS = 40  # over which starts are compared
+_FEW = replace(
+    _FINE, tolerance=0.1, iterations=6
+)  # from values of the whole log to those of a part
 _USUAL = 1.7  # s: segments that a fit goes up to in any case
 _GROWTH = 1.01  # of the residuals' variance with the segments' length, up to which it goes on
 _UNFINISHED = 1.0  # standard deviations, of the step that would come next
@@ -53,6 +58,8 @@ _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing sho
 _UNUSUAL_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
 _UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
 _PROMISING = 1.2  # the same, up to which no better start is looked for
+
+_HELD_OUT = 1 / 3  # of each recording, at its end, that is predicted
 
 EFFECT_BAND = 20.0
 """Frequency in Hz up to which a parameter's torque is taken."""
@@ -220,6 +227,25 @@ def begun(structure: Structure[ElasticArm], data: Data, segments: Segments) -> F
         "the model cannot follow the log from any start: check the signs and units of the "
         "torques and angles, the order of the joints, and the lengths",
     )
+
+
+def before_the_end(data: Data) -> tuple[Data, list[int]]:
+    """The first two thirds of each recording, and how many samples these have."""
+    starts = [round((1.0 - _HELD_OUT) * len(recording)) for recording in data.samples]
+    own = zip(data.samples, starts, strict=True)
+    return replace(data, samples=tuple(r.window(0, start) for r, start in own)), starts
+
+
+def predicted(fitted: FittedArm) -> Validation:
+    """How a fit to the first two thirds of each recording predicts the last."""
+    first, starts = before_the_end(fitted.data)
+    first = replace(first, noise=1.0 / fitted.problem.weights)
+    try:
+        segments = divide(first.samples, fitted.problem.segments.mean_duration)
+        begun = fit_segments(fitted.structure, first, segments, fitted.by_name, None, _FEW)
+        return validate(begun, fitted.data, starts)
+    except (ConvergenceError, SettingError):
+        return Validation({})
 
 
 def estimate_of(fitted: FittedArm) -> Estimate:

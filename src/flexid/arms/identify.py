@@ -16,22 +16,26 @@ from flexid.arms.fitting import (
     exact_fits,
     explains,
     has_ended,
+    predicted,
     residual_excess,
 )
 from flexid.arms.log import ArmLog, read_arm_log
-from flexid.arms.prediction import disturbed_run, free_run
 from flexid.arms.result import ArmIdentification, joint_of_name
 from flexid.arms.unusual import FittedArm, link_delays
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
 from flexid.identification.full_model.model import Structure
-from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.identification.judgement.estimates import judged_value, verdict
 from flexid.identification.preparation.arm import ElasticArm
-from flexid.identification.result.warnings import model_warnings
+from flexid.identification.result.warnings import model_warnings, validation_warnings
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import Disturbances, ModelError, ParameterEstimate
+from flexid.identification.vocabulary.evidence import (
+    Disturbances,
+    ModelError,
+    ParameterEstimate,
+    Validation,
+)
 from flexid.identification.vocabulary.intervals import propagated
 from flexid.models.parameter_kinds import Quotient
 from flexid.models.planar_arm import PlanarArm, planar_arm
@@ -70,7 +74,7 @@ class _Found:
 
     fitted: FittedArm
     estimate: Estimate
-    free_run: Mapping[str, float]
+    validation: Validation
     periods: Mapping[int, float]  # per cent of each deflection that is predicted over a period
     shares: Mapping[str, float] | None = None  # what disturbs each balance; None of an exact fit
     widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
@@ -95,11 +99,12 @@ def _found(
             doubted, widest = with_doubts(disturbed)
             if not any(doubted.degrees_of_freedom):
                 raise ConvergenceError("arm", "the fit with disturbances knows nothing")
-            runs, shares = disturbed_run(disturbed), disturbed.shares()
+            progress("predicting the held-out data")
+            runs, shares = disturbed.predicted(), disturbed.shares()
             return _Found(disturbed.fitted, doubted, *runs, shares, widest, reason)
-    progress("free run")
+    progress("predicting the held-out data")
     fitted, estimate = best or exact.best()
-    return _Found(fitted, estimate, free_run(fitted), {})
+    return _Found(fitted, estimate, predicted(fitted), {})
 
 
 def fixed_parameters(arm: PlanarArm, input_units: tuple[str, ...]) -> dict[str, float]:
@@ -140,7 +145,6 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
         fit=estimate,
         fixed=fixed,
         input_units=log.input_units,
-        free_run_percent=found.free_run,
         disturbances=found.shares,
         disturbed_because=found.reason,
         residual_excess=excess,
@@ -160,6 +164,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
             for name in link_delays(balance)
             if name in fitted.by_name
         },
+        validation=found.validation,
     )
 
 
@@ -214,12 +219,11 @@ def _doubts(
                 ),
             )
         )
-    for joint, predicted in found.periods.items():
+    for joint, share in found.periods.items():
         shares = found.shares or {}
         left = max(shares.get(f"{side}_{joint}", 0.0) for side in ("link", "motor"))
-        if not predicted >= PREDICTED and left > UNEXPLAINED:
-            share = f"{max(predicted, 0.0):.0f} %"
-            weak = weak_spring(f"joint {joint}", "a period", share)
+        if not share >= PREDICTED and left > UNEXPLAINED:
+            weak = weak_spring(f"joint {joint}", "a period", f"{max(share, 0.0):.0f} %")
             doubts.append(({f"{name}_{joint}" for name in _OF_A_SPRING}, weak))
     for joint in {*map(joint_of_name, parameters)}:
         names = (f"{name}_{joint}" for name in _POSITIVE)
@@ -305,14 +309,7 @@ def _warnings(
         disturbances = Disturbances(found.shares, found.fitted.data.samples[0].sample_time)
         yield from model_warnings(ModelError(0.0, 0.0, 0.0), "flexible", 0.0, disturbances)
         return
-    poor = {name: share for name, share in found.free_run.items() if share < WEAK_FIT}
-    if poor:
-        worst = min(poor, key=lambda name: poor[name])
-        yield Caution(
-            f"a free run over the last third explains {poor[worst]:.0f} % of {worst}: trust the "
-            f"parameters of that joint only if this is enough for what they are for",
-            Rank.MODEL,
-        )
+    yield from validation_warnings(found.validation.fit_percent)
     worst = max(excess, key=lambda name: excess[name])
     if excess[worst] > _EXCESS:
         yield Caution(

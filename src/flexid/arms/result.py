@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.identification.vocabulary.evidence import ParameterEstimate, Validation
 from flexid.models.planar_arm import PlanarArm
 from flexid.recording.recording import Hold
 
@@ -20,9 +20,6 @@ class ArmIdentification:
     fit: Estimate  # names, values, covariance and degrees of freedom of what was estimated
     fixed: Mapping[str, float]  # what was not sought
     input_units: tuple[str, ...]  # of each joint
-    # share of each channel's motion, in per cent, that a free run over the last third explains with
-    # parameters from the first two; such as ``motor_position_1`` and ``deflection_1``
-    free_run_percent: Mapping[str, float]
     # share of each balance's acceleration that no term describes; None where the model explains all
     disturbances: Mapping[str, float] | None
     disturbed_because: str  # why fits without disturbances were left out; empty where they were not
@@ -36,6 +33,9 @@ class ArmIdentification:
     provenance: Mapping[str, Any]  # file, digest and columns
     # in s, by joint such as ``link_1``: by how much a link's encoder is later than the motor's
     encoder_delays: Mapping[str, float] = field(default_factory=dict)
+    # predictions of the last third with parameters from the first two, by channel such as
+    # ``motor_position_1`` and ``deflection_1``; empty where there are none
+    validation: Validation = field(default_factory=lambda: Validation({}))
 
     @property
     def sought(self) -> dict[str, ParameterEstimate]:

@@ -8,8 +8,10 @@ from rich.text import Text
 from flexid.arms.result import ArmIdentification
 from flexid.report.chart import Chart
 from flexid.report.identification import estimates_table, verdict_reasons
-from flexid.report.page import Answer, Page, Presenter, Section, sections_of
-from flexid.report.terminal import Column, Part, Table, numbers
+from flexid.report.page import Answer, Page, Presenter, Section, drawn, sections_of
+from flexid.report.response_charts import free_run_chart
+from flexid.report.terminal import Part, Table
+from flexid.report.validation import fits_table
 from flexid.stored_estimates.estimate_file import estimate_document
 
 
@@ -18,8 +20,7 @@ def parts(result: ArmIdentification) -> Iterator[Part]:
     for joint in range(1, result.arm.joints + 1):
         yield joint_table(result, joint)
         yield from verdict_reasons(result.of_joint(joint))
-    yield free_run_table(result)
-    yield from map(Text, timing_lines(result))
+    yield from prediction_parts(result)
 
 
 def joint_table(result: ArmIdentification, joint: int) -> Table:
@@ -28,17 +29,11 @@ def joint_table(result: ArmIdentification, joint: int) -> Table:
     return estimates_table(f"Joint {joint}", {n.removesuffix(f"_{joint}"): p for n, p in own})
 
 
-def free_run_table(result: ArmIdentification) -> Table:
-    """How much of the last third a free run explains, joint by joint."""
-    title = "Free run over the last third, from a fit to the rest (% explained)"
-    table = Table(title, (Column("joint"), *numbers("motor", "link", "deflection")))
-    for joint in range(1, result.arm.joints + 1):
-        shares = (
-            result.free_run_percent.get(f"{channel}_{joint}")
-            for channel in ("motor_position", "link_position", "deflection")
-        )
-        table.add(str(joint), *("not tested" if s is None else f"{s:.2f}" for s in shares))
-    return table
+def prediction_parts(result: ArmIdentification) -> Iterator[Part]:
+    """How the held-out data are predicted, and what that rests on."""
+    if result.validation.fit_percent:
+        yield fits_table(result.validation)
+    yield from map(Text, timing_lines(result))
 
 
 def timing_lines(result: ArmIdentification) -> Iterator[str]:
@@ -59,8 +54,15 @@ def timing_lines(result: ArmIdentification) -> Iterator[str]:
     yield f"Excitation: condition number {result.condition_number:.3g}"
 
 
+def charts(result: ArmIdentification) -> list[Chart]:
+    """The free run over the held-out data, of an arm that was identified just now."""
+    if not result.validation.runs:
+        return []
+    return [free_run_chart("fit", "Free run over the held-out data", result.validation, {})]
+
+
 def page(
-    result: ArmIdentification, _charts: Sequence[Chart], command: str = "", _out: str = ""
+    result: ArmIdentification, charts: Sequence[Chart], command: str = "", _out: str = ""
 ) -> Page:
     """What there is to say of an arm."""
     joints = range(1, result.arm.joints + 1)
@@ -72,7 +74,7 @@ def page(
         )
         for joint in joints[1:]
     ]
-    predicted = [free_run_table(result), *map(Text, timing_lines(result))]
+    predicted = [*prediction_parts(result), *drawn(charts, "fit")]
     sections.append(Section("prediction", "Prediction", predicted))
     logs = [Path(log["file"]).name for log in result.provenance["inputs"]]
     return Page(
@@ -90,10 +92,10 @@ def _trust(result: ArmIdentification, joints: Iterable[int]) -> Answer:
     word = "Not all of them" if lacking else "Yes"
     said = [Text(f"Not determined or weak: {', '.join(lacking)}.")] if lacking else []
     for joint in joints:
-        share = result.free_run_percent.get(f"deflection_{joint}")
+        share = result.validation.fit_percent.get(f"deflection_{joint}")
         if share is not None:
             said.append(Text(f"A free run explains {share:.1f} % of deflection {joint}."))
     return Answer("Can these numbers be trusted?", word, "fair" if lacking else "good", said)
 
 
-PRESENTER = Presenter(parts, estimate_document, page=page)
+PRESENTER = Presenter(parts, estimate_document, charts, page=page)

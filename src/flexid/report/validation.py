@@ -11,6 +11,7 @@ from rich.text import Text
 
 from flexid.arrays import plain
 from flexid.identification.judgement.compliance import WEAK_FIT
+from flexid.identification.vocabulary.evidence import Validation
 from flexid.report.chart import Chart
 from flexid.report.identification_page import input_facts
 from flexid.report.page import (
@@ -33,7 +34,7 @@ def parts(result: EstimateValidation) -> Iterator[Part]:
     yield from errors_parts(result)
 
 
-def fits_table(result: EstimateValidation) -> Table:
+def fits_table(result: Validation) -> Table:
     """How much of each channel is predicted, by horizon."""
     fits = {**result.horizons, inf: result.fit_percent}
     columns = (Column("channel"), *numbers(*map(_horizon, fits)))

@@ -40,7 +40,6 @@ _MISSING = {
     **dict.fromkeys(("value", "values", "probability", "segment_evidence", "estimates"), nan),
     **dict.fromkeys(("fit_percent", "horizons", "rigid_fit_percent"), nan),
     **dict.fromkeys(("deflection", "deflection_noise"), nan),
-    **dict.fromkeys(("free_run_percent",), nan),
     **dict.fromkeys(("residual_excess", "condition_number"), inf),
 }
 """What null stands for, by key: for a number that JSON does not have."""
@@ -48,11 +47,14 @@ _MISSING = {
 
 def estimate_document(result: "Identification | ArmIdentification") -> dict[str, Any]:
     """Everything of an estimate but its time series, as a file holds it; numbers stay numbers."""
+    if result.model != "arm":
+        result = replace(result, recordings=())
+    made = plain(replace(result, validation=replace(result.validation, runs=())))
+    del made["validation"]["runs"]
     if result.model == "arm":
-        return {"format_version": FORMAT_VERSION, **plain(result)}
-    validation, observer = result.validation, result.observer
-    made = plain(replace(result, recordings=(), validation=replace(validation, runs=())))
-    del made["recordings"], made["validation"]["runs"]
+        return {"format_version": FORMAT_VERSION, **made}
+    observer = result.observer
+    del made["recordings"]
     for kind in ("coefficients", "parameters", "removed"):
         for estimate in made[kind].values():
             del estimate["name"]

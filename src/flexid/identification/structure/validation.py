@@ -15,7 +15,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
-from flexid.identification.full_model.model import Data, Fitted
+from flexid.identification.full_model.model import Data, Fitted, M
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
@@ -77,7 +77,7 @@ _REST = 0.05  # root mean square of held-out motion over that of fitted motion, 
 
 
 def validate(
-    fitted: Fitted,
+    fitted: Fitted[M],
     data: Data,
     starts: Sequence[int],
     horizons: Sequence[float] = HORIZONS,
