@@ -17,9 +17,8 @@ from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
 from flexid.recording.velocities import with_velocities
 from flexid.stored_estimates.structure import structure_of, values_of
-from flexid.streaming.channels import StreamChannels
 from flexid.streaming.health import Health
-from flexid.streaming.options import options_of_stream
+from flexid.streaming.options import StreamChannels, options_of_stream
 from flexid.streaming.session import Session
 
 SIZE, PHASE = 0.02, 0.6  # rad

@@ -14,12 +14,17 @@ from flexid.identification.preparation.alignment import Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
-from flexid.streaming.channels import StreamChannels
-from flexid.streaming.checkpoint import read_session, save_session
-from flexid.streaming.departures import check_comparable, departures, not_accounted_for
-from flexid.streaming.follower import opened_session
+from flexid.streaming.checkpoint import opened_session, read_session, save_session
+from flexid.streaming.findings import departures
 from flexid.streaming.health import Health
-from flexid.streaming.options import WatchOptions, options_of_stream, wanted_kind
+from flexid.streaming.options import (
+    StreamChannels,
+    WatchOptions,
+    check_comparable,
+    not_accounted_for,
+    options_of_stream,
+    wanted_kind,
+)
 
 LOG = "examples/flexible_joint.csv"
 TRUTH = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}

@@ -129,7 +129,7 @@ FAR = {"time": 10**400, "row": "link", "times_worse": 1.0}
 OTHERS: dict[str, tuple[Callable[[str], str], str]] = {
     "damaged": (lambda text: text.replace('"fed": 501', '"fed": 3'), "checksum is wrong"),
     "cut": (lambda text: text[:5000], "not JSON"),
-    "another version": (lambda text: text.replace('"version": 4', '"version": 3'), "version 3"),
+    "another version": (lambda text: text.replace('"version": 5', '"version": 4'), "version 4"),
     "something else": (lambda _: "{}", "something else"),
     "too large": (lambda text: changed(text, changes=[FAR]), "not hold what it should"),
 }

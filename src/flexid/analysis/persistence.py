@@ -21,8 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexid.analysis.excitation import Excitation, excitation_of_gram
-from flexid.analysis.histories import RowHistory
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 
@@ -31,15 +29,14 @@ from flexid.errors import SettingError
 class Persistence:
     """Excitation of one row over all windows of one length."""
 
-    row: str  # name of the row
     window: float  # length T in s
-    start: FloatArray  # (k,), start of each window in s, counted from the first sample
     grams: FloatArray  # (k, m, m), ∫ r rᵀ dt over each window
-    smallest: float  # the level of persistent excitation: the smallest eigenvalue of all of them
-    # normalised excitation within the window of the smallest eigenvalue; it names the
-    # coefficients that this window confounds
-    worst: Excitation
-    overall: Excitation  # normalised excitation over the whole record
+    mean: FloatArray  # (m, m), mean of r rᵀ over the whole record
+
+    @property
+    def level(self) -> float:
+        """The level of persistent excitation: the smallest eigenvalue of all windows."""
+        return float(np.linalg.eigvalsh(self.grams).min())
 
     def guaranteed_rate(self, gain: float) -> float:
         """Rate λ in 1/s with |p̃(t + T)| ≤ exp(-λT) |p̃(t)| at every start t of a window."""
@@ -47,7 +44,7 @@ class Persistence:
 
     def averaged_rate(self, gain: float) -> float:
         """Rate in 1/s that averaging predicts for a small gain: c times the mean Gram's least."""
-        return gain * self.overall.level
+        return gain * max(float(np.linalg.eigvalsh(self.mean)[0]), 0.0)
 
 
 def contraction(gram: ArrayLike, gain: float) -> FloatArray:
@@ -61,9 +58,8 @@ def contraction(gram: ArrayLike, gain: float) -> FloatArray:
     return np.sqrt(1.0 - 2.0 * gain * least / size**2)
 
 
-def persistence(history: RowHistory, sample_time: float, window: float) -> Persistence:
-    """Measure the excitation of a row over all windows of a given length."""
-    r = history.regressors
+def persistence(r: FloatArray, sample_time: float, window: float) -> Persistence:
+    """Excitation by a row's regressors, shape (n, m), over all windows of a length in s."""
     length = round(window / sample_time)
     if not 10 <= length < len(r):
         raise SettingError(
@@ -76,18 +72,7 @@ def persistence(history: RowHistory, sample_time: float, window: float) -> Persi
     total = np.concatenate((np.zeros((1, *products.shape[1:])), np.cumsum(between, axis=0)))
     starts = np.arange(0, len(r) - length, max(1, length // 10))
     grams = total[starts + length] - total[starts]
-    levels = np.linalg.eigvalsh(grams)[:, 0]
-    weakest = int(np.argmin(levels))
-    names = history.coefficients
-    return Persistence(
-        history.row,
-        length * sample_time,
-        (sample_time * starts).astype(np.float64),
-        grams,
-        float(max(levels[weakest], 0.0)),
-        excitation_of_gram(history.row, names, grams[weakest] / (length * sample_time)),
-        excitation_of_gram(history.row, names, total[-1] / ((len(r) - 1) * sample_time)),
-    )
+    return Persistence(length * sample_time, grams, total[-1] / ((len(r) - 1) * sample_time))
 
 
 def decay_rate(time: FloatArray, errors: FloatArray, window: float, floor: float) -> float:

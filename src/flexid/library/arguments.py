@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flexid.identification.preparation.settings import Settings
     from flexid.identification.result.identification import Identification
     from flexid.recording.recording import Hold
-    from flexid.streaming.channels import StreamChannels
+    from flexid.streaming.options import StreamChannels
 
     Known: TypeAlias = Mapping[str, float | tuple[float, float]]
     """Values by name, alone or with their standard deviation."""
@@ -304,7 +304,7 @@ _CHANNELS = {
 def fed_channels(names: Sequence[str], kind: str) -> "StreamChannels":
     """What a session is fed, by the names of its channels; the kind is asked for, or "auto"."""
     from flexid.recording.channel import INPUTS, SI_UNITS
-    from flexid.streaming.channels import StreamChannels
+    from flexid.streaming.options import StreamChannels
 
     inputs = [name for name in INPUTS if name in names]
     links = [name for name in ("link_position", "deflection") if name in names]
@@ -344,7 +344,7 @@ def as_comparable(estimate: Any) -> "Identification | None":
     if estimate is None:
         return None
     from flexid.library.identify import estimated
-    from flexid.streaming.departures import check_comparable
+    from flexid.streaming.options import check_comparable
 
     found = estimated("watch", "estimate", estimate).of_joint
     check_comparable(found)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flexid.library.arguments import Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
-    from flexid.streaming.departures import Departure
+    from flexid.streaming.findings import Departure
     from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
     from flexid.streaming.session import Change, Session
@@ -162,7 +162,7 @@ class Watch(Answer):
             self._catch_up(session)
 
     def _begin(self, names: tuple[str, ...]) -> "Session":
-        from flexid.streaming.follower import opened_session
+        from flexid.streaming.checkpoint import opened_session
         from flexid.streaming.options import options_of_stream, wanted_kind
 
         if self._follower is not None:
@@ -239,7 +239,7 @@ class Watch(Answer):
             return self._follower.warnings
         if self._estimate is None:
             return ()
-        from flexid.streaming.departures import not_accounted_for
+        from flexid.streaming.options import not_accounted_for
 
         return tuple(not_accounted_for(self._estimate, self.session.options.sample_time))
 

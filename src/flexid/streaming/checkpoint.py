@@ -22,7 +22,7 @@ from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Change, Session
 
 FORMAT = "flexid watch"
-VERSION = 4  # of the files that this version writes, and the only one that it reads
+VERSION = 5  # of the files that this version writes, and the only one that it reads
 PARTS = (
     *("fed", "n_read", "guard_state", "now", "newer", "older"),
     *("recent", "suspected", "n_changes"),
@@ -32,10 +32,13 @@ PARTS = (
 LARGEST_FILE = 50_000_000  # bytes; the largest model makes some megabytes
 WANTED = "a checkpoint of flexid watch"
 
+_KNOWN_BY = 200  # samples by which a file is known again; as many as are waited for
+_SAME = 1e-3  # relative difference of sample times of one stream
+
 
 def save_session(session: Session, path: Path) -> None:
     """Write a session into a file, which appears whole or not at all."""
-    content = _content(session)
+    content = content_of(session)
     document = {
         "format": FORMAT,
         "version": VERSION,
@@ -81,7 +84,8 @@ def _digest(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _content(session: Session) -> dict[str, Any]:
+def content_of(session: Session) -> dict[str, Any]:
+    """All that a session knows, ready for JSON."""
     parts = {name: _packed(getattr(session, name)) for name in PARTS}
     return {
         "options": session.options.document,
@@ -131,3 +135,70 @@ def _unpacked(stored: Any, like: Any) -> Any:
 def _numbers(text: str) -> FloatArray:
     raw = base64.b64decode(text, validate=True)
     return np.frombuffer(raw, dtype="<f8").astype(np.float64)
+
+
+def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
+    """A session from a checkpoint, if there is one, or a new one."""
+    if checkpoint is None:
+        return Session(options)
+    if not checkpoint.exists():
+        if not checkpoint.absolute().parent.is_dir():
+            raise SettingError(
+                "checkpoint", f"{checkpoint} cannot be written: make the folder that it is in"
+            )
+        return Session(options)
+    session = read_session(checkpoint)
+    # What was measured from time stamps, or follows from that, differs a little from one stream to
+    # the next.
+    measured = {name: getattr(session.options, name) for name in ("sample_time", "filter_rate")}
+    close = {
+        name: was for name, was in measured.items() if abs(was / getattr(options, name) - 1) < _SAME
+    }
+    given = replace(options, **close)
+    if session.options != given:
+        was, now = session.options.document, given.document
+        names = ", ".join(f"{name} {was[name]!r}" for name in was if was[name] != now[name])
+        raise SettingError(
+            "checkpoint", f"{checkpoint} was saved with {names}: choose the same, or another file"
+        )
+    return session
+
+
+class ReadBefore:
+    """Leaves out what a session from a checkpoint has read: twice, it narrows intervals."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._held = session.first_read[:0]
+        self._left = session.n_read
+        self._compared = session.n_read == 0
+
+    def new(self, samples: FloatArray, *, last: bool) -> FloatArray:
+        """Those of the samples that the session has not read."""
+        if not self._compared:
+            samples = self._held = np.vstack((self._held, samples))
+            known = self._session.first_read
+            if len(samples) < len(known) and not last:
+                return samples[:0]
+            self._compared = True
+            count = min(len(samples), len(known))
+            if not np.array_equal(samples[:count], known[:count], equal_nan=True):
+                self.begin_anew()
+        left_out = min(self._left, len(samples))
+        self._left -= left_out
+        return samples[left_out:]
+
+    def begin_anew(self) -> None:
+        """Expect another file, of which nothing was read."""
+        self._session.n_read = self._left = 0
+        self._session.first_read = self._session.first_read[:0]
+        self._held = self._session.first_read
+        self._compared = True
+
+    def note(self, samples: FloatArray) -> None:
+        """Count samples that the session was fed."""
+        session = self._session
+        room = _KNOWN_BY - len(session.first_read)
+        if room > 0:
+            session.first_read = np.vstack((session.first_read, samples[:room]))
+        session.n_read += len(samples)

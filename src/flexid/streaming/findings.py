@@ -1,6 +1,11 @@
-"""What the estimators say at a moment: values, intervals, and what contradicts them."""
+"""What the estimators say at a moment: values, intervals, and what contradicts them.
 
+Whether a drive has changed since an estimate was made is a comparison of both with each other.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite, nan
 
 import numpy as np
 
@@ -12,10 +17,62 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 from flexid.identification.vocabulary.intervals import POSITIVE, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.streaming.departures import Departure, departures
+from flexid.models.parameter_kinds import ANGLES, difference
 from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.learner import Learner, States
 from flexid.streaming.options import WatchOptions
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A physical parameter that differs from what it was."""
+
+    name: str  # of the parameter
+    unit: str  # of the parameter
+    was: float  # in the estimate, and by the stream
+    now: float  # in the estimate, and by the stream
+    excess: float  # their difference, over the least that counts as one
+
+    @property
+    def change(self) -> float:
+        """Relative; NaN of an angle, which has none."""
+        return nan if self.name in ANGLES else self.now / self.was - 1.0
+
+    @property
+    def sentence(self) -> str:
+        """By how much, for a report."""
+        unit = f" {self.unit}" if self.unit else ""
+        values = f"{self.now:.4g}{unit} where it was {self.was:.4g}"
+        if self.name in ANGLES:
+            turned = abs(difference(self.name, self.was, self.now))
+            return f"{self.name} is {turned:.2g}{unit} from that of the estimate, {values}"
+        if self.now * self.was < 0.0:
+            return f"{self.name} has the other sign: {values}"
+        amount = f"{abs(self.change):.2g}" if abs(self.change) > 9.995 else ""
+        share = f"{amount} times" if amount else f"{abs(self.change):.0%}"
+        way = "higher" if abs(self.now) > abs(self.was) else "lower"
+        return f"{self.name} is {share} {way} than in the estimate, {values}"
+
+
+def departures(
+    reference: Mapping[str, tuple[float, float]],
+    parameters: Mapping[str, ParameterEstimate],
+    *,
+    widths: float,
+    least: float,
+) -> tuple[Departure, ...]:
+    """Parameters that differ from an estimate, the clearest first."""
+    found = []
+    for name, (was, half_was) in reference.items():
+        now = parameters.get(name)
+        if now is None or not isfinite(now.std):
+            continue
+        whole = 1.0 if name in ANGLES else abs(was)
+        allowed = max(widths * (now.half_width**2 + half_was**2) ** 0.5, least * whole)
+        excess = abs(difference(name, was, now.value)) / allowed if allowed > 0.0 else 0.0
+        if excess > 1.0:
+            found.append(Departure(name, now.unit, was, now.value, excess))
+    return tuple(sorted(found, key=lambda departure: -departure.excess))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,11 +19,14 @@ from flexid.recording.read import add_link_position, recording_of
 from flexid.recording.sampling import GAP
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.wraps import TURN
-from flexid.streaming.channels import StreamChannels
-from flexid.streaming.checkpoint import read_session
-from flexid.streaming.departures import not_accounted_for
+from flexid.streaming.checkpoint import ReadBefore, opened_session
 from flexid.streaming.incoming import Incoming, Replay, TextSamples, is_whole_log
-from flexid.streaming.options import WatchOptions, options_of_stream, wanted_kind
+from flexid.streaming.options import (
+    StreamChannels,
+    not_accounted_for,
+    options_of_stream,
+    wanted_kind,
+)
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
 from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, TextStream, sample_time_of
@@ -97,77 +100,6 @@ def _check_encoders(log: Draft) -> None:
             checks.check_speed(log, name)
     except RecordingError as error:
         log.warnings.append(str(error))
-
-
-_KNOWN_BY = 200  # samples by which a file is known again; as many as are waited for
-_SAME = 1e-3  # relative difference of sample times of one stream
-
-
-def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
-    """A session from a checkpoint, if there is one, or a new one."""
-    if checkpoint is None:
-        return Session(options)
-    if not checkpoint.exists():
-        if not checkpoint.absolute().parent.is_dir():
-            raise SettingError(
-                "checkpoint", f"{checkpoint} cannot be written: make the folder that it is in"
-            )
-        return Session(options)
-    session = read_session(checkpoint)
-    # What was measured from time stamps, or follows from that, differs a little from one stream to
-    # the next.
-    measured = {name: getattr(session.options, name) for name in ("sample_time", "filter_rate")}
-    close = {
-        name: was for name, was in measured.items() if abs(was / getattr(options, name) - 1) < _SAME
-    }
-    given = replace(options, **close)
-    if session.options != given:
-        was, now = session.options.document, given.document
-        names = ", ".join(f"{name} {was[name]!r}" for name in was if was[name] != now[name])
-        raise SettingError(
-            "checkpoint", f"{checkpoint} was saved with {names}: choose the same, or another file"
-        )
-    return session
-
-
-class ReadBefore:
-    """Leaves out what a session from a checkpoint has read: twice, it narrows intervals."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._held = session.first_read[:0]
-        self._left = session.n_read
-        self._compared = session.n_read == 0
-
-    def new(self, samples: FloatArray, *, last: bool) -> FloatArray:
-        """Those of the samples that the session has not read."""
-        if not self._compared:
-            samples = self._held = np.vstack((self._held, samples))
-            known = self._session.first_read
-            if len(samples) < len(known) and not last:
-                return samples[:0]
-            self._compared = True
-            count = min(len(samples), len(known))
-            if not np.array_equal(samples[:count], known[:count], equal_nan=True):
-                self.begin_anew()
-        left_out = min(self._left, len(samples))
-        self._left -= left_out
-        return samples[left_out:]
-
-    def begin_anew(self) -> None:
-        """Expect another file, of which nothing was read."""
-        self._session.n_read = self._left = 0
-        self._session.first_read = self._session.first_read[:0]
-        self._held = self._session.first_read
-        self._compared = True
-
-    def note(self, samples: FloatArray) -> None:
-        """Count samples that the session was fed."""
-        session = self._session
-        room = _KNOWN_BY - len(session.first_read)
-        if room > 0:
-            session.first_read = np.vstack((session.first_read, samples[:room]))
-        session.n_read += len(samples)
 
 
 @dataclass(eq=False)

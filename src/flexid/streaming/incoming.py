@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterable
-from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias
 
@@ -17,7 +16,7 @@ from flexid.recording.clock import Clock
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import channels_of, recipes_of
 from flexid.recording.series import tables_of_file
-from flexid.streaming.channels import StreamChannels, chosen_channels
+from flexid.streaming.options import StreamChannels, chosen_channels
 from flexid.streaming.sources import WAIT, Source
 from flexid.streaming.text_stream import TextStream
 
@@ -80,50 +79,28 @@ class TextSamples:
 
 
 class Pace:
-    """Due times of samples that are played again, block by block: as they came, but for jumps.
+    """Due times of samples that are played again: as they came, but for jumps of the clock.
 
-    Time stamps run on where each is within `LONGEST_WAIT` of the one before; in such a run, what is
-    late comes with what was before it. A jump ahead takes `LONGEST_WAIT`, a jump back no time, and
-    one that leads back to the run before, as from a single stamp an hour ahead, neither.
+    A jump ahead takes `LONGEST_WAIT`, one back no time; what is late by less comes with what was
+    before it.
     """
 
     def __init__(self) -> None:
         self.jumps = 0  # times at which the clock jumped ahead by more than is waited for
-        self._time = np.nan  # stamp of the last sample
+        self._time: float | None = None  # latest stamp that others are compared with
         self._due = 0.0  # when that is
-        self._first = (0.0, 0.0)  # stamp and due of this run's first sample
-        self._left: tuple[float, float, tuple[float, float]] | None = None  # all before the jump
 
     def due(self, times: FloatArray) -> FloatArray:
         """When the next samples are due, in s after the first of all; never less than before."""
-        if np.isnan(self._time):
-            self._time = float(times[0])
-            self._first = (self._time, 0.0)
         found = np.empty(len(times))
-        with np.errstate(over="ignore"):
-            jumps = np.flatnonzero(np.abs(np.diff(times, prepend=self._time)) > LONGEST_WAIT)
-        for start, stop in pairwise((-1, *jumps.tolist(), len(times))):
-            if start >= 0:
-                self._jump(float(times[start]))
-            first = max(start, 0)
-            if first == stop:  # the block begins with a jump
-                continue
-            stamp, due = self._first
-            run = np.maximum(times[first:stop] - stamp + due, self._due)
-            found[first:stop] = np.maximum.accumulate(run)
-            self._due, self._time = float(found[stop - 1]), float(times[stop - 1])
+        for place, stamp in enumerate(times.tolist()):
+            step = 0.0 if self._time is None else stamp - self._time
+            self.jumps += step > LONGEST_WAIT
+            if self._time is None or step > 0.0 or step < -LONGEST_WAIT:
+                self._time = stamp
+                self._due += min(max(step, 0.0), LONGEST_WAIT)
+            found[place] = self._due
         return found
-
-    def _jump(self, to: float) -> None:
-        """Begin another run, or go on with the one before."""
-        left, self._left = self._left, (self._time, self._due, self._first)
-        is_short = left is not None and self._due - left[1] <= 2.0 * LONGEST_WAIT
-        if left is not None and is_short and abs(to - left[0]) <= LONGEST_WAIT:
-            self._first = left[2]
-            return
-        ahead = to > self._time
-        self.jumps += ahead
-        self._first = (to, self._due + LONGEST_WAIT * ahead)
 
 
 class Replay:
@@ -142,9 +119,9 @@ class Replay:
         recipes, warnings = recipes_of(table, column_map)
         channels = channels_of(table, recipes, self._clock)
         self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
-        names, self.channels = chosen_channels(self.name, channels, self.warnings, model)
-        self._recipes = {name: recipes[name] for name in names}
-        self._take([channels[name] for name in names])
+        self.channels = chosen_channels(self.name, channels, self.warnings, model)
+        self._recipes = {name: recipes[name] for name in self.channels.sampled}
+        self._take(self.channels.sampled.values())
         self._begun = time.monotonic()
 
     def read(self, *, last: bool) -> FloatArray | None:  # noqa: ARG002 - nothing is kept back

@@ -1,27 +1,89 @@
-"""What an estimation next to a drive is given: the model, the clock, the filter, the memory."""
+"""What an estimation next to a drive is given: its channels, model, clock, filter and memory.
 
-from collections.abc import Collection, Mapping
+A stream that is held against an identification has the model of that: terms, what was given, hold
+and filter. Its values are not used: the estimates follow from the stream alone, since a drive that
+has changed since would be drawn to what it was.
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from math import inf, isfinite
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
-from flexid.errors import SettingError
+from flexid.errors import RecordingError, SettingError
 from flexid.estimators.state_variable_filter import FASTEST, SLOWEST, check_filter_rate
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.arm_file import refuse_arm_file
 from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, SQUARES, TERMS, flexible_joint
+from flexid.models.parameter_kinds import ANGLES
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms, row_alone
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
+from flexid.recording.channel import INPUTS, Channel
 from flexid.recording.sampling import check_sample_time
 from flexid.recording.wraps import TURN
-from flexid.streaming.channels import StreamChannels
-from flexid.streaming.departures import given_values, taken_from
+
+LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word
+_OF_THE_MOTOR = {"viscous": "motor_viscous", "coulomb": "motor_coulomb", "offset": "motor_offset"}
+
+
+@dataclass(frozen=True)
+class StreamChannels:
+    """What the values of a sample are."""
+
+    kind: Kind  # whether there are two encoders and an input, no input, or one encoder
+    input_unit: str  # of the input; empty where there is none
+    from_deflection: bool  # whether the first position is the joint's deflection
+    warnings: tuple[str, ...]  # what was assumed
+    motor_turn: float = 0.0  # see `WatchOptions`
+    # by name and in a sample's order, with the values of the first samples
+    sampled: Mapping[str, Channel] = field(default_factory=dict, compare=False)
+
+    @property
+    def words(self) -> str:
+        """The channels, for a message."""
+        link = "deflection, " if self.from_deflection else "link position, "
+        positions = (link if self.kind != "rigid" else "") + "motor position"
+        return positions + (f" and an input in {self.input_unit}" if self.input_unit else "")
+
+
+def chosen_channels(
+    source: str, channels: Mapping[str, Channel], warnings: tuple[str, ...], model: str = "auto"
+) -> StreamChannels:
+    """What is learnt from of a stream's channels: time, one or two positions, and the input."""
+    drive = next((name for name in INPUTS if name in channels), None)
+    link = next((name for name in ("deflection", "link_position") if name in channels), None)
+    kind = model
+    if model == "auto":
+        kind = "rigid" if link is None else "link" if drive is None else "flexible"
+    if kind != "link" and drive is None:
+        raise RecordingError(
+            source,
+            "input",
+            "no torque, current or voltage is among the columns, and nothing can be learnt of the "
+            "motor without it: send it too",
+        )
+    if kind != "rigid" and link is None:
+        raise RecordingError(
+            source, "link position", "is not among the columns: send it too, or --model rigid"
+        )
+    link, drive = link if kind != "rigid" else None, drive if kind != "link" else None
+    gear = channels["motor_position"].origin.gear_ratio
+    return StreamChannels(
+        cast(Kind, kind),
+        channels[drive].unit if drive else "",
+        link == "deflection",
+        warnings,
+        TURN / abs(gear) if gear else 0.0,
+        {name: channels[name] for name in ("time", link, "motor_position", drive) if name},
+    )
+
 
 USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
 """Terms of the model where none are named."""
@@ -178,6 +240,26 @@ class WatchOptions:
             raise SettingError("checkpoint", "its options are of wrong types") from None
 
 
+def check_comparable(result: Identification) -> None:
+    """Refuse an identification that no stream can be held against."""
+    terms = result.choices.terms
+    remembering = [term for term in terms if (s := SHAPE_TERMS.get(term)) and s.memory]
+    if remembering:
+        left = ",".join(term for term in terms if term not in remembering)
+        raise SettingError(
+            "estimate",
+            f"has {remembering[0]}, which remembers the path of the spring, and least squares "
+            f"remembers nothing: identify with --terms {left or 'none'}, and take that estimate",
+        )
+    if not _reference(result):
+        raise SettingError("estimate", "determines nothing that a stream could be compared with")
+    unknown = [name for name, value in given_values(result).items() if not isfinite(value)]
+    if unknown:
+        raise SettingError(
+            "estimate", f"has no value of {unknown[0]}, which is not sought: identify once more"
+        )
+
+
 def wanted_kind(chosen: Mapping[str, Any], estimate: Identification | None) -> str:
     """The kind of joint that is asked for: as chosen, or that of the estimate; else ``"auto"``."""
     kind = chosen.get("kind", "auto")
@@ -201,7 +283,7 @@ def options_of_stream(
     given: dict[str, float] = {}
     if estimate is not None:
         _check_alike(estimate, channels)
-        follows |= taken_from(estimate)
+        follows |= _taken_from(estimate)
         kept = chosen.get("terms", follows["terms"])
         off = [USABLE_TERMS[t] for t in follows["terms"] if t in USABLE_TERMS and t not in kept]
         left = {*stated, *(coefficient for term in off for coefficient in term.coefficients)}
@@ -232,3 +314,64 @@ def _check_alike(estimate: Identification, channels: StreamChannels) -> None:
             f"is of an input in {estimate.input_unit}, and that of the stream is in "
             f"{channels.input_unit}: compare like with like",
         )
+
+
+def _taken_from(result: Identification) -> dict[str, Any]:
+    """Fields of `WatchOptions` as an identification has them."""
+    choices = result.choices
+    hold = "zero" if choices.hold == "zero" else "linear"
+    found: dict[str, Any] = {
+        "terms": stream_terms(choices.terms, result.model),
+        "hold": "auto" if result.model == "link" else hold,
+        "shapes": {**choices.shapes},
+        "reference": _reference(result),
+    }
+    if isfinite(choices.filter_rate):
+        found["filter_rate"] = choices.filter_rate
+    if choices.coulomb_velocity is not None:
+        found["coulomb_velocity"] = choices.coulomb_velocity
+    return found
+
+
+def given_values(result: Identification) -> dict[str, float]:
+    """Coefficients that a stream does not seek, with their values."""
+    names = result.given | SQUARES
+    return {name: c.value for name, c in result.coefficients.items() if name in names}
+
+
+def not_accounted_for(result: Identification, sample_time: float) -> Iterator[str]:
+    """What of an identification a stream of such samples does not account for."""
+    alignment = result.choices.alignment
+    late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
+    for name, delay in late.items():
+        if abs(delay) > LATE * sample_time:
+            yield (
+                f"the estimate found the {name} late by {1e3 * delay:.3g} ms, and a stream is "
+                f"taken as it comes: send it in time, or inertias, friction and damping seem to "
+                f"have changed"
+            )
+    if result.choices.amplifier.corrects:
+        yield (
+            "the estimate corrected the voltage for its amplifier, and a stream is taken as it "
+            "comes: send the voltage at the motor, or gain and friction seem to have changed"
+        )
+
+
+def stream_terms(terms: Sequence[str], kind: str) -> tuple[str, ...]:
+    """Terms by the names of the flexible joint, as a stream has them."""
+    return tuple(_OF_THE_MOTOR.get(term, term) if kind == "rigid" else term for term in terms)
+
+
+def _reference(result: Identification) -> dict[str, tuple[float, float]]:
+    """Value of each physical parameter that is determined, and half of its 95 % interval."""
+    return {
+        name: (found.value, found.half_width)
+        for name, found in result.parameters.items()
+        if found.verdict == "determined" and _is_known(found)
+    }
+
+
+def _is_known(found: ParameterEstimate) -> bool:
+    if "[" in found.name or not all(map(isfinite, (found.value, found.std, *found.interval))):
+        return False
+    return found.value != 0.0 or found.name in ANGLES

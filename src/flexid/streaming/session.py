@@ -13,8 +13,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.online import Status
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
-from flexid.streaming.departures import Departure
-from flexid.streaming.findings import Findings, findings
+from flexid.streaming.findings import Departure, Findings, findings
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contradicts, judge
 from flexid.streaming.learner import Learner, States
@@ -38,26 +37,18 @@ class RecentWindow:
     """Sums over the window that is not full yet, and what the last full one said."""
 
     errors: FloatArray  # (n_rows,): σ of the squared innovations
-    equations: int  # how many
-    powers: FloatArray  # (n_rows,): the main estimator's at the beginning of the window
-    equations_before: int  # its equations then
     # (2, n_rows): mean squares of what was unexplained and of the left-hand sides, in all
     # that was learnt before the first window that contradicts it
     usual: FloatArray
-    # (n_causes + 1,): bad samples by cause then, and all
+    equations: int = 0  # how many innovations
+    # (n_causes + 1,): bad samples by cause at its beginning, and all
     counts_before: FloatArray = field(default_factory=lambda: np.zeros(len(CAUSES) + 1))
     bad_share: float = 0.0  # of the last full window
     bad_cause: str = ""  # most frequent cause there
 
-    @classmethod
-    def at(cls, learner: Learner, states: States) -> "RecentWindow":
-        """A window that begins with some states."""
-        return cls(*_beginning(learner, states), np.zeros((2, len(learner.system.rows))))
-
-    def begin(self, learner: Learner, states: States) -> None:
-        """Begin again from some states."""
-        begun = _beginning(learner, states)
-        self.errors, self.equations, self.powers, self.equations_before = begun
+    def begin(self) -> None:
+        """Begin another window."""
+        self.errors, self.equations = np.zeros_like(self.errors), 0
 
     def add(self, innovations: FloatArray) -> None:
         """Add innovations, shape (n, n_rows), one after the other: sums depend on their order."""
@@ -70,50 +61,16 @@ class RecentWindow:
     def count(self, counts: Counts) -> None:
         """Close the window over the guard's counts."""
         now = np.array([*(getattr(counts, name) for name in CAUSES), counts.fed], dtype=float)
-        change = now - self.counts_before
-        bad = change[:-1]
+        *bad, fed = now - self.counts_before
         # What is missing did not come, and counts as if it had: one for each gap.
-        came = change[-1] + bad[-1]
-        self.bad_share = float(bad.sum() / came) if came else 0.0
+        came = fed + bad[-1]
+        self.bad_share = float(sum(bad) / came) if came else 0.0
         self.bad_cause = [*CAUSES.values()][int(np.argmax(bad))]
         self.counts_before = now
-
-    def of_rows(self, learner: Learner, states: States) -> list[Recent]:
-        """What each row did in the window; empty if hardly anything was learnt from."""
-        main, state = learner.main, states[0]
-        count = main.equations(state)
-        if self.equations < FEWEST or count <= self.equations_before:
-            return []
-        power, _ = main.powers(state)
-        since = count - self.equations_before
-        latest = np.maximum(power - main.fading**since * self.powers, 0.0)
-        span = _weight(main.fading, since)
-        return [
-            Recent(
-                row.name,
-                float(self.errors[j] / self.equations),
-                float(latest[j] / span),
-                *self.usual[:, j].tolist(),
-            )
-            for j, row in enumerate(learner.system.rows)
-        ]
-
-    def accept(self, learner: Learner, states: States) -> None:
-        """Count the window among what is usual."""
-        count = learner.main.equations(states[0])
-        if count:
-            power, unexplained = learner.main.powers(states[0])
-            self.usual = np.array([unexplained, power]) / _weight(learner.main.fading, count)
 
 
 def _weight(fading: float, count: int) -> float:
     return float(count) if fading == 1.0 else (1.0 - fading**count) / (1.0 - fading)
-
-
-def _beginning(learner: Learner, states: States) -> tuple[FloatArray, int, FloatArray, int]:
-    power, _ = learner.main.powers(states[0])
-    count = learner.main.equations(states[0])
-    return np.zeros(len(learner.system.rows)), 0, power, count
 
 
 SETTLED = 2  # windows that have been learnt from before motion can contradict an estimate
@@ -174,8 +131,9 @@ class Session:
         self.guard_state = self.guard.first_state()
         self.fed = 0  # samples that came
         self.now = Memory(0, states, False)
-        self.newer = self.older = self.now
-        self.recent = RecentWindow.at(self.learner, states)
+        self.newer = self.older = self.now  # at the beginning of this window, and of the last
+        rows = len(self.learner.system.rows)
+        self.recent = RecentWindow(np.zeros(rows), np.zeros((2, rows)))
         self.suspected = False
         self.changes: tuple[Change, ...] = ()  # of the drive, as its motion says: the last hundred
         self.n_changes = 0
@@ -224,7 +182,7 @@ class Session:
         else:  # it is dead from the beginning: nothing that was learnt is true
             self.now = Memory(self.fed, self.learner.first_states(), False)
         self.newer = self.now
-        self.recent.begin(self.learner, self.now.states)
+        self.recent.begin()
 
     def _close_window(self) -> None:
         """Judge the window that is full, and begin another."""
@@ -234,16 +192,29 @@ class Session:
             worst = max(contradicting, key=lambda row: row.error / max(row.usual_error, 1e-300))
             self._begin_anew(worst.row, worst.error / max(worst.usual_error, 1e-300))
         self.suspected = bool(contradicting) and not self.suspected
-        if not contradicting:
-            self.recent.accept(self.learner, self.now.states)
+        main, state = self.learner.main, self.now.states[0]
+        count = main.equations(state)
+        if count and not contradicting:
+            power, unexplained = main.powers(state)
+            self.recent.usual = np.array([unexplained, power]) / _weight(main.fading, count)
         self.older, self.newer = self.newer, self.now
-        self.recent.begin(self.learner, self.now.states)
+        self.recent.begin()
 
     def _recent_rows(self) -> list[Recent]:
-        settled = self.recent.equations_before >= SETTLED * self.window
-        if not (self.now.determined and settled):
+        """What each row did in the window; empty if it can contradict nothing."""
+        main, recent = self.learner.main, self.recent
+        state, begun = self.now.states[0], self.newer.states[0]
+        before = main.equations(begun)
+        since = main.equations(state) - before
+        settled = self.now.determined and before >= SETTLED * self.window
+        if not settled or recent.equations < FEWEST or since <= 0:
             return []
-        return self.recent.of_rows(self.learner, self.now.states)
+        power, power_before = main.powers(state)[0], main.powers(begun)[0]
+        latest = np.maximum(power - main.fading**since * power_before, 0.0)
+        columns = (recent.errors / recent.equations, latest / _weight(main.fading, since))
+        numbers = np.vstack((*columns, recent.usual)).T.tolist()
+        names = [row.name for row in self.learner.system.rows]
+        return [Recent(name, *four) for name, four in zip(names, numbers, strict=True)]
 
     def _begin_anew(self, row: str, worse: float) -> None:
         """Learn from here on alone; the values stay as a start."""

@@ -31,7 +31,7 @@ from flexid.recording.sampling import GAP, check_typical
 from flexid.recording.si_channels import Recipe
 from flexid.recording.table import HOLE, decimal_mark, first_mark, is_number
 from flexid.recording.text import UTF_16, as_utf_8, read_text
-from flexid.streaming.channels import StreamChannels, chosen_channels
+from flexid.streaming.options import StreamChannels, chosen_channels
 
 if TYPE_CHECKING:
     import polars
@@ -61,9 +61,9 @@ class _Rows:
         table = self._layout.table(self._source, frame, self._mark)
         recipes, warnings = recipes_of(table, column_map)
         channels = channels_of(table, recipes, self._clock)
-        names, meant = chosen_channels(self._source, channels, warnings, model)
-        self._recipes = {name: recipes[name] for name in names}
-        samples = np.column_stack([channels[name].values for name in names])
+        meant = chosen_channels(self._source, channels, warnings, model)
+        self._recipes = {name: recipes[name] for name in meant.sampled}
+        samples = np.column_stack([channel.values for channel in meant.sampled.values()])
         return meant, samples, self._most_are_rows(frame, samples)
 
     def again(self) -> _Rows:

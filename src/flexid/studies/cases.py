@@ -110,7 +110,7 @@ def rate_points() -> dict[str, list[RatePoint]]:
         for history in row_histories(run):
             tail = history.part(steady)
             size = float(np.linalg.norm(tail.errors[0]))
-            measured = persistence(tail, 0.01, HALF_PERIOD)
+            measured = persistence(tail.regressors, 0.01, HALF_PERIOD)
             points[history.row].append(
                 RatePoint(
                     gain,
