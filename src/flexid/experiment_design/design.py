@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
 import flexid
+from flexid.analysis.information import information_at
 from flexid.arrays import FloatArray
-from flexid.errors import SettingError, SimulationError
+from flexid.errors import SettingError
 from flexid.experiment_design.drive import (
     DOUBT,
     SEGMENT_DURATION,
@@ -106,29 +108,31 @@ REFERENCES: Mapping[str, tuple[tuple[float, float], ...]] = {
 def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Design:
     """Design an experiment."""
     drive = file.drive
-    search = Search(drive, seed)
-    everyone = (search.nominal, *search.cases)
+    search, sample_time = Search(drive, seed), drive.experiment.sample_time
+    nominal, everyone = search.nominal, (search.nominal, *search.cases)
     _check_rest(drive, everyone)
     candidates = []
     for found in search.run(STARTS, finished):
         commands = [search.command(tones, found) for tones in (search.coarse, search.fine)]
         scale = _scale(drive, commands[0], search.step, commands[1], everyone)
-        run = search.nominal.play(
-            search.command(search.fine, scale * found), drive.experiment.sample_time
-        )
-        candidates.append((predict("design", drive, search.nominal, run), scale, found, run))
-    prediction, scale, weights, run = min(candidates, key=lambda one: one[0].criterion(drive))
+        command = search.command(search.fine, scale * found)
+        run = nominal.play(command, sample_time)
+        candidates.append((predict("design", drive, nominal, run), scale, found, command, run))
+    best = min(candidates, key=lambda one: one[0].criterion(drive))
+    prediction, scale, weights, command, run = best
     finished("limits checked on wrong drives")
-    command = search.command(search.fine, scale * weights)
-    use, deviations = _extremes(drive, command, search.cases)
+    wrong = {case.name: (case, case.play(command, sample_time)) for case in search.cases}
+    use = {name: one.use(drive.limits) for name, (_, one) in wrong.items()}
+    deviations = {name: predict(name, drive, *one).deviations for name, one in wrong.items()}
     peak = prediction.peaks["torque"]
-    kept = {}
+    references: list[Prediction] = []
+    kept: list[Prediction] = []
     for name in REFERENCES:
-        coarse, fine = (
-            _reference_command(name, drive, sample_time, peak)
-            for sample_time in (search.step, drive.experiment.sample_time)
-        )
-        kept[name] = peak * _scale(drive, coarse, search.step, fine, everyone)
+        coarse, fine = (_reference(name, drive, h, peak) for h in (search.step, sample_time))
+        largest = peak * _scale(drive, coarse, search.step, fine, everyone)
+        for size, told in ((peak, references), (largest, kept)):
+            played = nominal.play(_reference(name, drive, sample_time, size), sample_time)
+            told.append(predict(name, drive, nominal, played))
     finished("compared")
     return Design(
         drive,
@@ -138,10 +142,10 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
         command,
         run,
         prediction,
-        tuple(_reference(name, drive, peak) for name in REFERENCES),
-        tuple(_reference(name, drive, largest) for name, largest in kept.items()),
-        use,
-        deviations,
+        tuple(references),
+        tuple(kept),
+        _largest(use),
+        _largest(deviations),
         scale,
         seed,
         {
@@ -157,7 +161,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
 
 def predict(name: str, drive: Drive, case: Case, run: CaseRun) -> Prediction:
     """What a run of a case would tell."""
-    information = run.information(case, drive.sensors.noise)
+    information = information_at(*run.motion(case, drive.sensors.noise))
     return Prediction(
         name,
         dict(zip(information.names, information.relative_deviations.tolist(), strict=True)),
@@ -169,14 +173,8 @@ def predict(name: str, drive: Drive, case: Case, run: CaseRun) -> Prediction:
     )
 
 
-def _reference(name: str, drive: Drive, peak_torque: float) -> Prediction:
-    """What one of `REFERENCES` would tell at a peak torque in N m."""
-    command = _reference_command(name, drive, drive.experiment.sample_time, peak_torque)
-    nominal = drive.nominal
-    return predict(name, drive, nominal, nominal.play(command, drive.experiment.sample_time))
-
-
-def _reference_command(name: str, drive: Drive, sample_time: float, peak_torque: float) -> Command:
+def _reference(name: str, drive: Drive, sample_time: float, peak_torque: float) -> Command:
+    """One of `REFERENCES` of a peak torque in N m."""
     count = round(drive.experiment.duration / sample_time) + 1
     time = sample_time * np.arange(count, dtype=np.float64)
     torque = np.sum([a * np.sin(rate * time) for a, rate in REFERENCES[name]], axis=0)
@@ -198,20 +196,17 @@ def _scale(
 ) -> float:
     """Largest factor at which every drive keeps to the limits."""
 
-    def worst(command: Command, sample_time: float) -> float:
-        try:
-            runs = (case.play(command, sample_time) for case in cases)
-            return max(max(run.use(drive.limits).values()) for run in runs)
-        except SimulationError:
-            return np.inf
+    def fits(command: Command, sample_time: float) -> bool:
+        uses = (case.uses(command, sample_time, drive.limits) for case in cases)
+        return all(max(use.values()) <= 1.0 for use in uses)
 
     low, high = 0.0, _LARGEST_SCALE
-    if worst(coarse.scaled(high), step) <= 1.0:
+    if fits(coarse.scaled(high), step):
         low = high
     for _ in range(_HALVINGS if low < high else 0):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if worst(coarse.scaled(middle), step) <= 1.0 else (low, middle)
-    while low > _SMALLEST_SCALE and worst(fine.scaled(low), drive.experiment.sample_time) > 1.0:
+        low, high = (middle, high) if fits(coarse.scaled(middle), step) else (low, middle)
+    while low > _SMALLEST_SCALE and not fits(fine.scaled(low), drive.experiment.sample_time):
         low *= _STEP_BACK  # coarse samples miss some peaks
     if low <= _SMALLEST_SCALE:
         raise SettingError(
@@ -220,22 +215,12 @@ def _scale(
     return low
 
 
-def _extremes(
-    drive: Drive, command: Command, cases: Sequence[Case]
-) -> tuple[dict[str, Extreme], dict[str, Extreme]]:
-    uses, deviations = {}, {}
-    for case in cases:
-        run = case.play(command, drive.experiment.sample_time)
-        uses[case.name] = run.use(drive.limits)
-        deviations[case.name] = predict(case.name, drive, case, run).deviations
-    return _largest(uses), _largest(deviations)
-
-
 def _largest(by_case: Mapping[str, Mapping[str, float]]) -> dict[str, Extreme]:
     """Of each quantity the largest value."""
-    found: dict[str, Extreme] = {}
-    for case, values in by_case.items():
-        for name, value in values.items():
-            if name not in found or value > found[name].value:
-                found[name] = Extreme(value, case)
-    return found
+    names = next(iter(by_case.values()))
+    return {
+        name: max(
+            (Extreme(one[name], case) for case, one in by_case.items()), key=attrgetter("value")
+        )
+        for name in names
+    }

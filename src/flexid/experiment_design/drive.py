@@ -12,9 +12,8 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from scipy.optimize import root
 
-from flexid.analysis.information import Information, information_at
 from flexid.arrays import FloatArray
-from flexid.errors import SettingError
+from flexid.errors import SettingError, SimulationError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
@@ -210,6 +209,13 @@ class Case:
         states, torque = play(self.system, self.coefficients, self.rest(), command, sample_time)
         return CaseRun(states, torque, sample_time)
 
+    def uses(self, command: Command, sample_time: float, limits: Limits) -> dict[str, float]:
+        """Largest magnitude of each channel over its limit; infinite where the motion diverges."""
+        try:
+            return self.play(command, sample_time).use(limits)
+        except SimulationError:
+            return dict.fromkeys(CHANNELS, np.inf)
+
     def rest(self) -> FloatArray:
         """State of rest without torque, shape (4,); zero if constant torques leave none."""
         state = np.zeros(4)
@@ -265,17 +271,10 @@ class CaseRun:
         """Largest magnitude of each channel over its limit."""
         return {name: peak / getattr(limits, name) for name, peak in self.peaks().items()}
 
-    def samples(self) -> Samples:
-        """What the encoders would see, without noise."""
-        return Samples(self.states[:, ::2], None, self.torque[:, None], self.sample_time)
-
-    def information(self, case: Case, noise: float) -> Information:
-        """What two encoders with white noise of a standard deviation in rad would determine."""
-        return information_at(*self.motion(case, noise))
-
     def motion(self, case: Case, noise: float) -> tuple[SegmentedMotion, Point]:
-        """The case's motion over segments, as two such encoders see it."""
-        segments = divide([self.samples()], SEGMENT_DURATION)
+        """The case's motion over segments, as two encoders with white noise in rad see it."""
+        samples = Samples(self.states[:, ::2], None, self.torque[:, None], self.sample_time)
+        segments = divide([samples], SEGMENT_DURATION)
         point = Point(case.values, self.states[segments.starts])
         problem = segmented_motion(case.system, segments, Timing("zero"))
         return problem.at(point, np.full(2, 1.0 / noise)), point

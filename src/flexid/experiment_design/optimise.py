@@ -19,13 +19,7 @@ from flexid.analysis.information import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.experiment_design.drive import (
-    CHANNELS,
-    Case,
-    CaseRun,
-    Criterion,
-    Drive,
-)
+from flexid.experiment_design.drive import Case, CaseRun, Criterion, Drive
 from flexid.simulation.free_run import Command
 
 _BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory
@@ -167,15 +161,10 @@ class Search:
 
     def furthest(self, weights: FloatArray) -> list[Case]:
         """For each channel the wrong drive that comes furthest, if beyond its limit."""
-        step = self.step
         command = self.command(self.coarse, weights)
         furthest: dict[str, tuple[float, Case]] = {}
         for case in self.cases:
-            try:
-                uses = case.play(command, step).use(self.drive.limits)
-            except SimulationError:
-                uses = dict.fromkeys(CHANNELS, np.inf)
-            for name, use in uses.items():
+            for name, use in case.uses(command, self.step, self.drive.limits).items():
                 if use > furthest.get(name, (_NEAR, case))[0]:
                     furthest[name] = (use, case)
         return list({case.name: case for _, case in furthest.values()}.values())
@@ -190,13 +179,9 @@ class Search:
             weights[len(rates) + main] = _DOMINANCE
         if self.drive.experiment.kind == "trajectory":  # about the same speed in every tone
             weights /= np.tile(self.coarse.angular_frequencies, 2)
-        step = self.step
         for _ in range(60):
-            try:
-                run = self.nominal.play(self.command(self.coarse, weights), step)
-                worst = max(run.use(self.drive.limits).values())
-            except SimulationError:
-                worst = np.inf
+            command = self.command(self.coarse, weights)
+            worst = max(self.nominal.uses(command, self.step, self.drive.limits).values())
             if worst <= 1.0:
                 break
             weights *= max(0.9 / worst, 0.3)
