@@ -20,11 +20,9 @@ from benchmarks.trials.record import given_settings
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import integration_error
 from flexid.identification.full_model.fitting import refit
-from flexid.identification.full_model.model import FINE, data_of
+from flexid.identification.full_model.model import FINE
 from flexid.identification.preparation.recordings import prepare
 from flexid.identification.structure.job import job_of
-from flexid.identification.vocabulary.progress import silent
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.read import read_log
 
 _EDGES = (0.1, 0.3, 1.0)
@@ -45,9 +43,7 @@ def errors(family: str, seed: int, folder: Path) -> tuple[float, float, int]:
     trial.write_csv(path)
     settings = given_settings(trial, trial.terms)
     recordings, _ = prepare([read_log(path)], settings.validation_share, settings.model)
-    job = job_of(recordings, settings)
-    data = data_of(job.joint, recordings.fitted, recordings.groups)
-    last = job.fitted_by_length(data, silent, THRESHOLDS).found[-1]
+    last = job_of(recordings, settings).fitted_by_length().found[-1]
     states = last.minimum.point.initial_states
     fine = refit(last.structure, last.data, last.by_name, last.problem.segments, FINE, states)
     before, after = (integration_error(fit.problem, fit.minimum) for fit in (last, fine))

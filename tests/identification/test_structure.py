@@ -350,7 +350,7 @@ def test_terms_that_lead_astray_do_not_join(monkeypatch):
 def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse, expected):
     """Assert that the usual terms win at once with as few coefficients, or else if far better."""
 
-    def chosen(fit_by_length, *, with_shapes, **_):
+    def chosen(fit_by_length, _kept, with_shapes, *_, **__):
         fitted = made_fit(names=range(7 if with_shapes and fewer else 8))
         structure = UNUSUAL if with_shapes else Structure(JOINT, JOINT.shapes, Timing("zero"))
         return SimpleNamespace(
@@ -370,10 +370,10 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
         settings=SimpleNamespace(terms="auto"),
         kept=(),
         exact=False,
+        progress=lambda _: None,
+        thresholds=THRESHOLDS,
     )
-    nothing: Any = None
-    rest = (nothing, nothing, nothing, lambda _: None, THRESHOLDS)
-    choice: Any = job._predicting(own, *rest)[0]
+    choice: Any = job._predicting(own)[0]
     assert ("unusual" if choice.with_shapes else "usual") == expected
 
 
@@ -451,8 +451,9 @@ def test_a_rival_has_to_predict_far_better(monkeypatch, errors, taken):
     choice: Any = elimination.Choice(USUAL, UNUSUAL, fits[0], (), (), cast(Any, None), (*fits[1:],))
     monkeypatch.setattr(job, "validate", lambda fitted, *_: fitted)
     monkeypatch.setattr(job, "misprediction", lambda fitted: fitted.error)
-    recordings: Any = SimpleNamespace(starts=())
-    best, validation = job._preferred(choice, cast(Any, None), recordings, THRESHOLDS)
+    recordings = SimpleNamespace(starts=())
+    own: Any = SimpleNamespace(recordings=recordings, whole=None, thresholds=THRESHOLDS)
+    best, validation = job._preferred(choice, own)
     assert fits.index(best.fitted) == fits.index(cast(Any, validation)) == taken
     assert (best.structure is USUAL) == (taken > 0)
 
@@ -469,7 +470,8 @@ def test_shapes_are_sought_where_the_model_follows_half_a_second(
     fitted = made_fit(9.0, duration=duration, unexplained=unexplained)
     fitted.unexplained_over = partial(Fitted.unexplained_over, fitted)
     choice: Any = SimpleNamespace(by_length=SimpleNamespace(found=(fitted,)), found=())
-    tried = [*job._beside(choice, lambda _: None, THRESHOLDS)]
+    own: Any = SimpleNamespace(progress=lambda _: None, thresholds=THRESHOLDS)
+    tried = [*job._beside(choice, own)]
     assert len(tried) == 1 + sought
 
 

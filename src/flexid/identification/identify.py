@@ -17,7 +17,7 @@ from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.amplifier import IDEAL, amplifier_of
-from flexid.identification.full_model.model import LINK, Structure, data_of
+from flexid.identification.full_model.model import LINK, Structure
 from flexid.identification.full_model.starting import smooth_unknowns, turned_round
 from flexid.identification.judgement.compliance import (
     compare_with_rigid,
@@ -88,24 +88,20 @@ def identify(
     settings = settings or Settings()
     compile_ahead()
     recordings, dropped = prepare(logs, settings.validation_share, settings.model)
-    job = job_of(recordings, settings)
-    training = data_of(job.joint, recordings.fitted, recordings.groups, settings.given_delay)
+    job = job_of(recordings, settings, progress, thresholds)
     # A current is controlled; what becomes of a voltage depends on the amplifier.
-    amplifier = amplifier_of(job.structure(training), training) if job.input_unit == "V" else IDEAL
+    amplifier = amplifier_of(job.structure, job.training) if job.input_unit == "V" else IDEAL
     if amplifier.corrects:
-        recordings = amplifier.split_behind(recordings)
-        training = data_of(job.joint, recordings.fitted, recordings.groups, settings.given_delay)
-    whole = data_of(job.joint, recordings.whole, recordings.groups, settings.given_delay)
-    found = answer(job, training, whole, recordings, progress, thresholds)
+        job = replace(job, recordings=amplifier.split_behind(recordings))
+    recordings = job.recordings
+    found = answer(job)
     fits, validation, choice = found.fits, found.validation, found.fits.choice
-    numbers = _doubted(_numbers(job, fits, found.estimate, thresholds), found)
+    numbers = _doubted(_numbers(job, fits, found.estimate), found)
     turned = turned_round(
         choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
     )
     exact = found.disturbances is None
-    compliance = _compliance(
-        choice.structure, numbers.coefficients, recordings, validation, progress
-    )
+    compliance = _compliance(job, choice.structure, numbers.coefficients, validation)
     if (found.doubts or not exact) and np.isfinite(compliance.deflection):
         reason = f"the deflection moves by {compliance.deflection:.2g} rad, {found.prediction}"
         visible = not found.doubts or "theta2" not in found.doubted
@@ -114,7 +110,7 @@ def identify(
     if job.delay_in_doubt:
         choices = replace(choices, alignment=in_doubt(choices.alignment, numbers.estimate))
     if settings.link_delay == "auto" and LINK in choice.structure.timing.delays:
-        skewed = skew(job.joint, whole)
+        skewed = skew(job.joint, job.whole)
         choices = replace(choices, alignment=skewed.delays_the_link(choices.alignment))
     return Identification(
         model=job.joint.kind,
@@ -127,7 +123,7 @@ def identify(
         validation=validation,
         compliance=compliance,
         observer=_stream(choice.structure, recordings, choices.alignment),
-        removed=_removed(job, fits, numbers.parameters, thresholds),
+        removed=_removed(job, fits, numbers.parameters),
         fit=numbers.estimate,
         choices=choices,
         summary=summary(choices, job.joint.kind, asked=settings.model != "auto"),
@@ -166,9 +162,9 @@ class _Numbers(NamedTuple):
     widest: float
 
 
-def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Thresholds) -> _Numbers:
+def _numbers(job: Job, fits: FinalFits, estimate: Estimate) -> _Numbers:
     """Join what is known beforehand, and judge each number."""
-    reported, full = fits.reported, fits.choice.full
+    reported, full, thresholds = fits.reported, fits.choice.full, job.thresholds
     estimate = estimate.without_knowledge_of(fits.unexcited(thresholds.lost_share))
     given = {**job.stated.given, **reported.at_bound}
     joined = with_prior_knowledge(
@@ -247,24 +243,23 @@ def _undoubted(
 
 
 def _compliance(
+    job: Job,
     structure: Structure,
     coefficients: Mapping[str, CoefficientEstimate],
-    recordings: SplitRecordings,
     validation: Validation,
-    progress: Progress,
 ) -> Compliance:
     """Whether the log shows that the joint is flexible."""
     kind = structure.joint.kind
     if kind == "rigid":
         return one_encoder()
     if kind == "link":
-        return of_link_alone(recordings, validation, coefficients["theta2"])
-    progress("the rigid joint as a rival")
-    return compare_with_rigid(structure, recordings, validation)
+        return of_link_alone(job.recordings, validation, coefficients["theta2"])
+    job.progress("the rigid joint as a rival")
+    return compare_with_rigid(structure, job.recordings, validation)
 
 
 def _removed(
-    job: Job, fits: FinalFits, kept: Mapping[str, ParameterEstimate], thresholds: Thresholds
+    job: Job, fits: FinalFits, kept: Mapping[str, ParameterEstimate]
 ) -> dict[str, ParameterEstimate]:
     """Parameters of the full model that the reported one does without; none if it has no fit."""
     full = fits.full
@@ -278,7 +273,9 @@ def _removed(
     every = coefficient_estimates(
         estimate, job.joint, unknowns, {}, without_estimate(full.at_bound, given), job.input_unit
     )
-    found = parameter_estimates(job.joint, estimate, unknowns, every, job.input_unit, thresholds)
+    found = parameter_estimates(
+        job.joint, estimate, unknowns, every, job.input_unit, job.thresholds
+    )
     # Friction by direction of a model without asymmetry is its mean, which is reported.
     known = {*kept} | {
         p.name

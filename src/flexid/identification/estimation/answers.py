@@ -36,7 +36,6 @@ from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
-from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.elimination import (
     CORE,
     Choice,
@@ -52,8 +51,6 @@ from flexid.identification.vocabulary.evidence import (
     Validation,
     balance_of,
 )
-from flexid.identification.vocabulary.progress import Progress
-from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.recording.caution import Caution, Rank
 
 SPRINGS = frozenset({"theta2", "alpha1", "beta1"})
@@ -80,41 +77,35 @@ class Answer:
     prediction: str = ""  # how well the spring predicts the deflection
 
 
-def answer(
-    job: Job,
-    training: Data,
-    whole: Data,
-    recordings: SplitRecordings,
-    progress: Progress,
-    thresholds: Thresholds,
-) -> Answer:
+def answer(job: Job) -> Answer:
     """The fit that knows more."""
+    thresholds = job.thresholds
     try:
-        chosen = predicting(job, training, whole, recordings, progress, thresholds)
+        chosen = predicting(job)
     except ConvergenceError:
         if job.exact:
             raise
         chosen = None
     exact = None
     if chosen is not None and (job.exact or may_stand(chosen[0].fitted, thresholds)):
-        exact = _exact(job, chosen, whole, recordings, progress, thresholds)
+        exact = _exact(job, chosen)
         reported = exact.fits.reported
         # Disturbances would follow any bound; the exact fit says what contradicts it.
         if job.exact or reported.at_bound:
             return exact
         if reported.excess <= thresholds.sensor_excess:
-            doubts = _skewed(job, whole, entirely=True)
+            doubts = _skewed(job, entirely=True)
             return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
-    progress("what disturbs the drive")
+    job.progress("what disturbs the drive")
     try:
-        disturbed = _disturbed(job, training, whole, recordings, thresholds)
+        disturbed = _disturbed(job)
     except ConvergenceError:
         if chosen is None:
             raise
-        return exact or _exact(job, chosen, whole, recordings, progress, thresholds)
+        return exact or _exact(job, chosen)
     nearly = exact is not None and nearly_explains(exact.fits.reported, thresholds)
     if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
-        return _judged(exact, exact.fits.choice.fitted, job, whole, recordings)
+        return _judged(exact, exact.fits.choice.fitted, job)
     return disturbed
 
 
@@ -133,19 +124,13 @@ def _core_width(found: Answer) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(widths, np.finfo(float).tiny)))))
 
 
-def _exact(
-    job: Job,
-    chosen: tuple[Choice, Validation],
-    whole: Data,
-    recordings: SplitRecordings,
-    progress: Progress,
-    thresholds: Thresholds,
-) -> Answer:
+def _exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer:
     """The fit that knows of the sensors' noise alone."""
     choice, validation = chosen
-    progress("fit to all data")
-    fits = final_fits(choice, whole, recordings, job.settings.filter_rate, thresholds)
-    progress("what the model does without")
+    job.progress("fit to all data")
+    rate, thresholds = job.settings.filter_rate, job.thresholds
+    fits = final_fits(choice, job.whole, job.recordings, rate, thresholds)
+    job.progress("what the model does without")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
     doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
@@ -153,32 +138,28 @@ def _exact(
     return Answer(fits, validation, estimate)
 
 
-def _disturbed(
-    job: Job, training: Data, whole: Data, recordings: SplitRecordings, thresholds: Thresholds
-) -> Answer:
+def _disturbed(job: Job) -> Answer:
     """The fit with disturbances."""
-    structure = job.structure(training)
+    training, whole = job.training, job.whole
     holds = job.holds if job.joint.kind == "link" else (MEASURED_HOLD, "zero")
-    fitted = fit_disturbed(structure, training, job.kept, holds, thresholds)
+    fitted = fit_disturbed(job.structure, training, job.kept, holds, job.thresholds)
     undisturbed = _undisturbed(fitted.fitted, training)
     follow = follower(fitted, whole)
-    validation = validate(undisturbed, whole, recordings.starts, follow=follow)
+    validation = validate(undisturbed, whole, job.recordings.starts, follow=follow)
     refitted = fit_disturbed_to(fitted, whole)
-    fits = _fits(refitted, recordings, job)
+    fits = _fits(refitted, job)
     estimate = disturbed_estimate(refitted, whole, job.input_unit)
     estimate = estimate.widened(hidden_covariance(fits.reported, fits.full, fits.scales))
     disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
     found = Answer(fits, validation, estimate, disturbances)
-    return _judged(found, undisturbed, job, whole, recordings)
+    return _judged(found, undisturbed, job)
 
 
-def _judged(
-    found: Answer, fitted: Fitted, job: Job, whole: Data, recordings: SplitRecordings
-) -> Answer:
+def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
     """An answer that does not explain the log, with what speaks against its stiffness."""
     if job.joint.kind == "rigid":
         return found
-    period, predicted = _over_a_period(fitted, whole, recordings)
+    period, predicted = _over_a_period(fitted, job)
     share = f"{max(predicted, 0.0):.0f} %"
     if np.isnan(predicted):
         share = "an unknown part (no recording is long enough)"
@@ -186,7 +167,7 @@ def _judged(
         f"of which the spring predicts {share} over {period:.2g} s, a period of the resonance"
     )
     found = replace(found, prediction=prediction)
-    skewed = _skewed(job, whole, entirely=False)
+    skewed = _skewed(job, entirely=False)
     if skewed or predicted >= PREDICTED:
         return replace(found, doubts=skewed)
     shares = {} if found.disturbances is None else found.disturbances.shares
@@ -207,21 +188,22 @@ def weak_spring(what: str, period: str, share: str, otherwise: str = "") -> Caut
     )
 
 
-def _over_a_period(fitted: Fitted, whole: Data, recordings: SplitRecordings) -> tuple[float, float]:
+def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
     """Period of the resonance in s, and per cent of the deflection that is predicted over it."""
     springs = [abs(fitted.by_name.get(name, 0.0)) for name in ("theta2", "alpha1")]
     period = 2.0 * np.pi / np.sqrt(max(sum(springs), np.finfo(float).tiny))
+    whole, starts = job.whole, job.recordings.starts
     period = float(np.clip(period, 5.0 * whole.samples[0].sample_time, 0.1 * whole.duration))
-    found = validate(fitted, whole, recordings.starts, horizons=(period,)).horizons
+    found = validate(fitted, whole, starts, horizons=(period,)).horizons
     return period, found[period].get("deflection", np.nan) if found else np.nan
 
 
-def _skewed(job: Job, whole: Data, *, entirely: bool) -> tuple[Caution, ...]:
+def _skewed(job: Job, *, entirely: bool) -> tuple[Caution, ...]:
     """That a delay makes the deflection: most of it, or, `entirely`, all but noise."""
     # A delay of a deflection's sensor shifts the deflection, and makes none.
     if job.joint.kind == "rigid" or job.settings.link_delay != "auto" or job.deflection:
         return ()
-    found = skew(job.joint, whole)
+    found = skew(job.joint, job.whole)
     if not found.makes_the_deflection or (entirely and found.excess > NEARLY_NOISE):
         return ()
     return (
@@ -248,7 +230,7 @@ def _undisturbed(fitted: Fitted, data: Data) -> Fitted:
     return replace(fitted, problem=problem, data=data)
 
 
-def _fits(found: Disturbed, recordings: SplitRecordings, job: Job) -> FinalFits:
+def _fits(found: Disturbed, job: Job) -> FinalFits:
     """The fit as all fits are reported."""
     fitted, full = found.fitted, found.full
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
@@ -257,7 +239,7 @@ def _fits(found: Disturbed, recordings: SplitRecordings, job: Job) -> FinalFits:
     nothing = ModelError(0.0, 0.0, 0.0)
     return FinalFits(
         choice,
-        recordings,
+        job.recordings,
         fitted,
         (fitted,),
         (),

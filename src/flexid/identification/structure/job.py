@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
@@ -13,7 +13,7 @@ from flexid.identification.full_model.fits_by_length import (
     fit_with_hysteresis,
     turning,
 )
-from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
+from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
@@ -30,8 +30,8 @@ from flexid.identification.structure.sought_shape import (
 )
 from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary.evidence import Validation
-from flexid.identification.vocabulary.progress import Progress
-from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.identification.vocabulary.progress import Progress, silent
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.recording import Hold, Recording
 
 MEASURED_HOLD: Hold = "cubic"
@@ -40,16 +40,41 @@ MEASURED_HOLD: Hold = "cubic"
 _HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Job:
     """What the logs and the settings leave to be found."""
 
     joint: Joint  # flexible, its link alone, or rigid
-    input_unit: str  # of the input; empty where there is none
+    recordings: SplitRecordings  # what it is found from
     stated: Stated  # what the user states of the drive
     settings: Settings  # what the user decides
-    deflection: bool = False  # whether the deflection was measured instead of the link's position
+    progress: Progress  # told of each step
+    thresholds: Thresholds
     left_out: frozenset[str] = frozenset()  # coefficients and delays that are not considered
+
+    @property
+    def input_unit(self) -> str:
+        """Unit of the input; empty where there is none."""
+        return self.recordings.recorded[0].input_unit
+
+    @property
+    def deflection(self) -> bool:
+        """Whether the deflection was measured instead of the link's position."""
+        return self.recordings.recorded[0].link_from_deflection
+
+    @cached_property
+    def training(self) -> Data:
+        """The data before the held-out ends."""
+        return self._data(self.recordings.fitted)
+
+    @cached_property
+    def whole(self) -> Data:
+        """All data."""
+        return self._data(self.recordings.whole)
+
+    def _data(self, recordings: Sequence[Recording]) -> Data:
+        groups = self.recordings.groups
+        return data_of(self.joint, recordings, groups, self.settings.given_delay)
 
     @property
     def delay_in_doubt(self) -> bool:
@@ -62,26 +87,23 @@ class Job:
             return False
         return settings.terms == "auto" or {*CONFUSED} <= self.kept
 
-    def fitted_by_length(
-        self, training: Data, progress: Progress, thresholds: Thresholds
-    ) -> FitsByLength:
-        """The full model, fitted to some data."""
-        base, settings = self.structure(training), self.settings
-        duration = settings.segment_duration
+    def fitted_by_length(self) -> FitsByLength:
+        """The full model, fitted to the data before the held-out ends."""
+        duration = self.settings.segment_duration
         durations = () if duration == "auto" else (duration,)
-        by_length = fit_full_model(
-            base, training, self.holds, durations, progress, thresholds, insist=not self.exact
-        )
+        own, rest = (self.structure, self.training), (self.progress, self.thresholds)
+        by_length = fit_full_model(*own, self.holds, durations, *rest, insist=not self.exact)
         for shape in SOUGHT:
             if not shape.coefficients.isdisjoint(self.kept):
-                by_length = fit_requested_shape(shape, by_length, progress, thresholds)
+                by_length = fit_requested_shape(shape, by_length, *rest)
         return by_length
 
-    def structure(self, data: Data) -> Structure:
+    @property
+    def structure(self) -> Structure:
         """Every term that is to be considered; its hold is of no account."""
         settings = self.settings
         smooth = settings.coulomb_velocity
-        joint = self.joint.scaled(data.samples)
+        joint = self.joint.scaled(self.training.samples)
         if smooth != "auto":
             joint = joint.with_coulomb_velocity(smooth)
         absent = joint.shapes if settings.terms == "auto" else joint.optional - self.kept
@@ -125,15 +147,20 @@ class Job:
         return Timing("zero", given, tuple(name for name in asked if name not in given))
 
 
-def job_of(recordings: SplitRecordings, settings: Settings) -> Job:
+def job_of(
+    recordings: SplitRecordings,
+    settings: Settings,
+    progress: Progress = silent,
+    thresholds: Thresholds = THRESHOLDS,
+) -> Job:
     """What is to be found in some recordings."""
-    input_unit = recordings.recorded[0].input_unit
-    joint = joint_of(_kind(recordings.recorded[0]))
+    first = recordings.recorded[0]
+    joint = joint_of(_kind(first))
     check_for(joint, settings)
     shortest = min(len(recording) * recording.sample_time for recording in recordings.recorded)
-    check_against(settings, recordings.recorded[0].sample_time, shortest)
-    deflection = recordings.recorded[0].link_from_deflection
-    job = Job(joint, input_unit, stated(settings, joint, input_unit), settings, deflection)
+    check_against(settings, first.sample_time, shortest)
+    known = stated(settings, joint, first.input_unit)
+    job = Job(joint, recordings, known, settings, progress, thresholds)
     if settings.coulomb_velocity != "auto" and (dry := sorted(job.kept & joint.shapes)):
         raise SettingError(
             "coulomb-velocity",
@@ -149,60 +176,37 @@ def _kind(recording: Recording) -> Kind:
     return "link" if recording.input is None else "flexible"
 
 
-def predicting(
-    job: Job,
-    training: Data,
-    whole: Data,
-    recordings: SplitRecordings,
-    progress: Progress,
-    thresholds: Thresholds,
-) -> tuple[Choice, Validation]:
+def predicting(job: Job) -> tuple[Choice, Validation]:
     """The structure that the data before the held-out ends show, and how it predicts these.
 
     Terms beyond the usual ones have to pay there: a rig with too little data for them is better
     described without.
     """
-    rest = (training, whole, recordings, progress, thresholds)
     if not job.delay_in_doubt:
-        return _in_time(job, _predicting(job, *rest), *rest)
-    found = _predicting(replace(job, left_out=job.left_out | {LINK}), *rest)
+        return _in_time(job, _predicting(job))
+    found = _predicting(replace(job, left_out=job.left_out | {LINK}))
     impossible = doubtful(found[0].fitted.by_name) - job.kept
-    return _predicting(replace(job, left_out=impossible), *rest) if impossible else found
+    return _predicting(replace(job, left_out=impossible)) if impossible else found
 
 
-def _in_time(
-    job: Job,
-    found: tuple[Choice, Validation],
-    training: Data,
-    whole: Data,
-    recordings: SplitRecordings,
-    progress: Progress,
-    thresholds: Thresholds,
-) -> tuple[Choice, Validation]:
+def _in_time(job: Job, found: tuple[Choice, Validation]) -> tuple[Choice, Validation]:
     """What was found of the link alone, or the same without a delay if it predicts far better.
 
     A late encoder acts like damping; together they may fit what no term describes, and drift away
     in a free run.
     """
-    fitted = found[0].fitted
+    fitted, thresholds = found[0].fitted, job.thresholds
     explained = fitted.excess <= thresholds.sensor_excess
     if job.joint.kind != "link" or LINK not in fitted.structure.timing.sought or explained:
         return found
-    timely = replace(job, left_out=job.left_out | {LINK})
-    other = _predicting(timely, training, whole, recordings, progress, thresholds)
+    other = _predicting(replace(job, left_out=job.left_out | {LINK}))
     better = misprediction(other[1]) < misprediction(found[1]) - thresholds.generous_gain
     return other if better else found
 
 
-def _predicting(
-    job: Job,
-    training: Data,
-    whole: Data,
-    recordings: SplitRecordings,
-    progress: Progress,
-    thresholds: Thresholds,
-) -> tuple[Choice, Validation]:
-    by_length = job.fitted_by_length(training, progress, thresholds)
+def _predicting(job: Job) -> tuple[Choice, Validation]:
+    thresholds = job.thresholds
+    by_length = job.fitted_by_length()
     left = turning(by_length.found, thresholds)
     auto = job.settings.terms == "auto"
     if auto and left is not None and left.unexplained_over(TURNING) > thresholds.shape_motion:
@@ -211,18 +215,12 @@ def _predicting(
             f"the model leaves {100.0 * left.unexplained:.0f} % of the deflection unexplained over "
             f"{left.duration:.2g} s: look for what else moves the joint",
         )
-    choose = partial(
-        choose_structure, kept=job.kept, progress=progress, thresholds=thresholds, insist=job.exact
-    )
-    choice = choose(by_length, with_shapes=auto)
-    progress("predicting the held-out data")
-    choice, validation = _preferred(choice, whole, recordings, thresholds)
+    choice, validation = _chosen(job, by_length, with_shapes=auto)
     if not auto:
         return choice, validation
     if not choice.structure.joint.shapes <= choice.structure.absent:
-        progress("the usual terms alone as a rival")
-        rival = choose(by_length, with_shapes=False)
-        rival, other = _preferred(rival, whole, recordings, thresholds)
+        job.progress("the usual terms alone as a rival")
+        rival, other = _chosen(job, by_length, with_shapes=False)
         leaner = len(choice.fitted.names) < len(rival.fitted.names)
         allowed = thresholds.generous_gain if leaner else 0.0  # what is leaner has paid already
         if misprediction(validation) >= misprediction(other) + allowed:
@@ -230,11 +228,10 @@ def _predicting(
     tried: FitsByLength | None = None
     while choice.by_length is not tried and not _explains(choice.fitted, thresholds):
         tried = choice.by_length
-        for find in _beside(choice, progress, thresholds):
-            if (other := find(choice)) is None:
+        for find in _beside(choice, job):
+            if (found := find(choice)) is None:
                 continue
-            rival = choose(other, with_shapes=True)
-            rival, its = _preferred(rival, whole, recordings, thresholds)
+            rival, its = _chosen(job, found, with_shapes=True)
             saved = misprediction(validation) - misprediction(its)
             if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
                 choice, validation = rival, its
@@ -243,37 +240,41 @@ def _predicting(
     return choice, validation
 
 
+def _chosen(job: Job, by_length: FitsByLength, *, with_shapes: bool) -> tuple[Choice, Validation]:
+    """What a log shows of a full model, and how that predicts; or a rival that does so better."""
+    thresholds, insist = job.thresholds, job.exact
+    choice = choose_structure(
+        by_length, job.kept, with_shapes, job.progress, thresholds, insist=insist
+    )
+    job.progress("predicting the held-out data")
+    return _preferred(choice, job)
+
+
 def _explains(fitted: Fitted, thresholds: Thresholds) -> bool:
     """Whether nothing is left to explain over segments in which most springs turn round."""
     return fitted.excess <= thresholds.sensor_excess and fitted.duration >= TURNING
 
 
-def _beside(
-    choice: Choice, progress: Progress, thresholds: Thresholds
-) -> Iterator[Callable[[Choice], FitsByLength | None]]:
+def _beside(choice: Choice, job: Job) -> Iterator[Callable[[Choice], FitsByLength | None]]:
     """What to try where a choice leaves more than noise, each given what is chosen so far."""
-    by_length = choice.by_length
+    by_length, rest = choice.by_length, (job.progress, job.thresholds)
     full = by_length.found[-1]
-    before = turning(by_length.found, thresholds)
-    if before is not None and before.unexplained_over(TURNING) <= thresholds.shape_motion:
+    before = turning(by_length.found, job.thresholds)
+    if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
         if full.structure.joint.remembered <= full.structure.absent:
-            yield lambda _: fit_with_hysteresis(by_length, before, progress, thresholds)
+            yield lambda _: fit_with_hysteresis(by_length, before, *rest)
         for shape in SOUGHT:
             if not shape.is_in(full):
-                yield partial(_seeking, shape, by_length, before, progress, thresholds)
-    yield lambda chosen: _gapped(by_length, chosen, progress, thresholds)
+                yield partial(_seeking, shape, by_length, before, job)
+    yield lambda chosen: _gapped(by_length, chosen, job)
 
 
 def _seeking(
-    shape: SoughtShape,
-    by_length: FitsByLength,
-    before: Fitted,
-    progress: Progress,
-    thresholds: Thresholds,
-    chosen: Choice,
+    shape: SoughtShape, by_length: FitsByLength, before: Fitted, job: Job, chosen: Choice
 ) -> FitsByLength | None:
     """Fits with a shape whose constant is sought, unless it stands for play, a leaner term."""
-    found = fit_with_shape(shape, by_length, before, chosen.by_length.found, progress, thresholds)
+    rest = chosen.by_length.found, job.progress, job.thresholds
+    found = fit_with_shape(shape, by_length, before, *rest)
     return None if found is None or is_slack(found.found[-1]) else found
 
 
@@ -286,24 +287,21 @@ def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:
     return 0.0 if explains else thresholds.generous_gain
 
 
-def _gapped(
-    by_length: FitsByLength, chosen: Choice, progress: Progress, thresholds: Thresholds
-) -> FitsByLength | None:
+def _gapped(by_length: FitsByLength, chosen: Choice, job: Job) -> FitsByLength | None:
     """Fits with play, where what was chosen does not explain the log."""
-    if chosen.fitted.excess <= thresholds.sensor_excess:
+    if chosen.fitted.excess <= job.thresholds.sensor_excess:
         return None
-    return fit_with_play(by_length, chosen.by_length.found, progress, thresholds)
+    return fit_with_play(by_length, chosen.by_length.found, job.progress, job.thresholds)
 
 
-def _preferred(
-    choice: Choice, whole: Data, recordings: SplitRecordings, thresholds: Thresholds
-) -> tuple[Choice, Validation]:
+def _preferred(choice: Choice, job: Job) -> tuple[Choice, Validation]:
     """The structure as it was chosen, or a rival of it that predicts far better."""
-    chosen = validate(choice.fitted, whole, recordings.starts)
-    limit = misprediction(chosen) - thresholds.generous_gain
+    starts = job.recordings.starts
+    chosen = validate(choice.fitted, job.whole, starts)
+    limit = misprediction(chosen) - job.thresholds.generous_gain
     best = choice
     for rival in choice.rivals:
-        other = validate(rival, whole, recordings.starts)
+        other = validate(rival, job.whole, starts)
         if misprediction(other) < limit:
             limit, chosen = misprediction(other), other
             full = replace(choice.full, joint=rival.structure.joint)
