@@ -63,10 +63,14 @@ class Channel:
     """One canonical channel of a file, in SI units."""
 
     values: FloatArray  # shape (n,)
-    unit: str
     column: str  # as named in the file; several are joined by " + "
     unit_stated: bool  # whether the file or the map named a unit
     origin: Origin
+
+    @property
+    def unit(self) -> str:
+        """Of the values."""
+        return self.origin.unit
 
     @property
     def place(self) -> str:

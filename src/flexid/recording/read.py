@@ -22,7 +22,7 @@ from flexid.recording.velocities import is_used
 from flexid.recording.wraps import count_on, unwrap
 
 if TYPE_CHECKING:
-    from flexid.recording.column_map import MapSource
+    from flexid.recording.recipes import MapSource
 
 
 def read_log(path: Path, columns: MapSource | None = None) -> Log:

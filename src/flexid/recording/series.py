@@ -31,7 +31,7 @@ from flexid.recording.units import UnitError, scale_to_si
 if TYPE_CHECKING:
     import polars
 
-    from flexid.recording.column_map import MapSource
+    from flexid.recording.recipes import MapSource
 
 TIME = "time [s]"
 _TEMPORAL = {"Datetime": "Datetime", "Time": "Time"}  # types of Polars that may be a clock's

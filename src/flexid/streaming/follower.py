@@ -14,8 +14,8 @@ from flexid.errors import RecordingError, SettingError
 from flexid.identification.result.identification import Identification
 from flexid.recording import checks
 from flexid.recording.channel import ENCODERS, INPUTS, Draft
-from flexid.recording.column_map import MapSource
 from flexid.recording.read import add_link_position, recording_of
+from flexid.recording.recipes import MapSource
 from flexid.recording.sampling import GAP
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.wraps import TURN
