@@ -13,7 +13,7 @@ from test_identify_arm import MADE
 from two_links import ARM, TRUTH
 
 from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed
-from flexid.arms.doubts import Doubted, noise_of_the_inputs, other_minima, with_doubts
+from flexid.arms.doubts import input_noise, noise_of_the_inputs, other_minima, with_doubts
 from flexid.arms.fitting import exact_fits
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
@@ -77,12 +77,12 @@ def test_intervals_hold_the_truth_where_the_torque_is_noisy():
 def test_noise_of_the_inputs_is_what_was_added():
     """Assert that the noise that the log of the torque holds is found to a fifth."""
     truth = NOISE * np.sqrt(np.mean(recording().inputs ** 2, axis=0))
-    assert Doubted(disturbed()).input_noise == pytest.approx(truth, rel=0.2)
+    assert input_noise(disturbed()) == pytest.approx(truth, rel=0.2)
 
 
 def test_noise_of_the_inputs_makes_inertias_look_larger():
     """Assert that the bias that is expected has the sign of attenuation."""
-    made = Doubted(disturbed())
+    made = disturbed()
     moved = dict(zip(made.fitted.names, noise_of_the_inputs(made)[:, 0], strict=True))
     assert moved["motor_inertia_2"] > 0.0
 
@@ -92,7 +92,7 @@ def test_a_rival_as_likely_is_doubted_and_one_less_likely_is_not():
     fit, best = disturbed(), disturbed().best
     for worse, columns in ((1.0, 1), (1e3, 0)):
         own = replace(fit, rivals=(replace(best, cost=best.cost + worse),))
-        assert other_minima(Doubted(own)).shape == (len(best.fitted.names), columns)
+        assert other_minima(own).shape == (len(best.fitted.names), columns)
 
 
 def test_an_observer_predicts_the_deflections():

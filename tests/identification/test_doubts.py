@@ -13,7 +13,6 @@ from flexid.identification.estimation.doubts import (
     Doubted,
     calibration,
     coil_lag,
-    covariance_of,
     dead_zone,
     eccentric_encoders,
     elastic,
@@ -23,7 +22,9 @@ from flexid.identification.estimation.doubts import (
     looks_like_a_term,
     play,
     scales_apart,
+    widened,
 )
+from flexid.identification.vocabulary.estimate import Estimate
 
 VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 20.0, "beta1": 3.0}
 DELAY = 5e-4  # s
@@ -166,7 +167,8 @@ def test_a_rigid_drive_may_bend():
 def test_covariances_add():
     """Assert that all doubts together add their covariances, and that each value has some."""
     found = doubted("V")
-    every = covariance_of(DOUBTS, found)
-    parts = [covariance_of((doubt,), found) for doubt in DOUBTS]
-    np.testing.assert_allclose(every, np.sum(parts, axis=0))
-    assert np.all(np.diag(covariance_of((calibration,), found)) > 0.0)
+    known = Estimate(NAMES, found.fitted.values, np.zeros((6, 6)), (10.0,) * 6)
+    every = [doubt(found) for doubt in DOUBTS]
+    parts = [widened(known, [directions]).covariance for directions in every]
+    np.testing.assert_allclose(widened(known, every).covariance, np.sum(parts, axis=0))
+    assert np.all(np.diag(widened(known, [calibration(found)]).covariance) > 0.0)

@@ -8,7 +8,6 @@ import pytest
 from made_joint import COEFFICIENTS, data, fitted, log, made, posed
 
 import flexid.identification.structure.gap as gap
-from flexid.errors import ConvergenceError
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fitting import fit_to, in_own_steps
@@ -140,11 +139,10 @@ def test_half_the_way_may_lead_on(monkeypatch):
     first = with_gap(HALF_GAP, "backlash")
     tried = []
 
-    def nowhere(structure, *_, insist, iterations):
+    def nowhere(_fitted, structure, *, insist, iterations):
         tried.append(structure.joint.extended.constants[BACKLASH_WIDTH])
-        raise ConvergenceError("prediction error", "diverges")
 
-    monkeypatch.setattr(gap, "fit_by_length", nowhere)
+    monkeypatch.setattr(gap, "led_from", nowhere)
     assert as_wide_as_its_gap(first) is first
     own = half_gap(first)
     assert tried == pytest.approx([own, np.sqrt(own * width_of(first.structure))])

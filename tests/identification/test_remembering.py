@@ -7,7 +7,6 @@ import pytest
 from made_fits import JOINT, WITHOUT, made_fit, over
 
 import flexid.identification.full_model.fits_by_length as fits_by_length
-from flexid.errors import ConvergenceError
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     fit_with_hysteresis,
@@ -77,12 +76,12 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
     """Assert that first steps that take away enough are followed by as many as it takes."""
     asked = []
 
-    def fit_by_length(structure, data, start, segments, states=None, *, insist, iterations=None):
-        asked.append((iterations, start, states))
+    def led_from(fitted, structure, start=None, *, data=None, insist, iterations=None):
+        asked.append((iterations, start or fitted.by_name, fitted.minimum.point.initial_states))
         excess = 1.5 if iterations else 1.0
-        return [made_fit(excess, by_name={"excess": excess}, states="there")]
+        return made_fit(excess, by_name={"excess": excess}, states="there")
 
-    monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
+    monkeypatch.setattr(fits_by_length, "led_from", led_from)
     before = made_fit(9.0, states="here")
     found = fits_by_length.explained_by(before, WITHOUT, {"start": 0.0}, 1.0, THRESHOLDS)
     assert found is not None
@@ -96,23 +95,17 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
 def test_what_diverges_on_its_way_is_given_up(monkeypatch):
     """Assert that first steps that promise much and lead nowhere leave the fit without memory."""
 
-    def fit_by_length(*_, insist, iterations=None):
-        if iterations is None:
-            raise ConvergenceError("prediction error", "diverges")
-        return [made_fit(1.5)]
+    def led_from(*_, insist, iterations=None, data=None):
+        return None if iterations is None else made_fit(1.5)
 
-    monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
+    monkeypatch.setattr(fits_by_length, "led_from", led_from)
     assert fits_by_length.explained_by(made_fit(9.0), WITHOUT, {}, 1.0, THRESHOLDS) is None
 
 
 @pytest.mark.parametrize(("floor", "follows"), [(1.0, False), (1.1, True)])
 def test_noise_need_not_be_taken_away(monkeypatch, floor, follows):
     """Assert that what short segments leave, too, is none of what memory has to explain."""
-
-    def fit_by_length(*_, insist, iterations=None):
-        return [made_fit(1.12)]
-
-    monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
+    monkeypatch.setattr(fits_by_length, "led_from", lambda *_, **__: made_fit(1.12))
     found = fits_by_length.explained_by(made_fit(1.28), WITHOUT, {}, floor, THRESHOLDS)
     assert (found is not None) == follows
 
@@ -160,10 +153,8 @@ def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
     """Assert that what comes out negative is not followed up, however much it explains."""
     (name,) = JOINT.grips
 
-    def fit_by_length(*_, insist, iterations=None):
-        return [made_fit(1.0, by_name={name: size})]
-
-    monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
+    driving = made_fit(1.0, by_name={name: size})
+    monkeypatch.setattr(fits_by_length, "led_from", lambda *_, **__: driving)
     found = fits_by_length.explained_by(made_fit(9.0), WITHOUT, {}, 1.0, THRESHOLDS)
     assert (found is not None) == follows
 

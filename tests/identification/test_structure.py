@@ -11,6 +11,7 @@ import pytest
 from made_fits import JOINT, made_fit
 from scipy.stats import chi2, f, norm, t
 
+import flexid.identification.full_model.fitting as fitting
 import flexid.identification.structure.elimination as elimination
 import flexid.identification.structure.job as job
 from flexid.errors import ConvergenceError
@@ -316,26 +317,26 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained):
     without = Structure(JOINT, shapes, Timing("zero"))
     narrow = made_fit(excess, segments="segments", states="states", structure=without)
 
-    def fit_by_length(structure, data, start, divisions, states, *, insist):
-        assert (divisions, states, insist) == (["segments"], "states", False)
+    def led_from(fitted, structure, *, insist):
+        assert (fitted, insist) == (narrow, False)
         assert structure.absent == shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
-        return [made_fit(excess, structure=structure)]
+        return made_fit(excess, structure=structure)
 
     monkeypatch.setattr(elimination, "fit_like", lambda *_: None)
-    monkeypatch.setattr(elimination, "fit_by_length", fit_by_length)
+    monkeypatch.setattr(elimination, "led_from", led_from)
     by_length: Any = SimpleNamespace(found=(narrow,), holds=("zero",))
     wider, _ = elimination._wider(narrow, by_length, THRESHOLDS)
     assert (wider is not narrow) == explained
 
 
 def test_terms_that_lead_astray_do_not_join(monkeypatch):
-    """Assert that the fit without them stands."""
+    """Assert that a structure that diverges has no fit."""
 
-    def fit_by_length(*_, insist):
+    def fit_by_length(*_):
         raise ConvergenceError("prediction error", "diverges")
 
-    monkeypatch.setattr(elimination, "fit_by_length", fit_by_length)
-    assert elimination._as_far_as_it_leads(USUAL, made_fit()) is None
+    monkeypatch.setattr(fitting, "fit_by_length", fit_by_length)
+    assert fitting.led_from(made_fit(), USUAL, insist=False) is None
 
 
 @pytest.mark.parametrize(

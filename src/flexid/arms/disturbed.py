@@ -73,7 +73,7 @@ class Job:
         own = thinned(self.data, self.factor, held=True)
         own = replace(own, noise=encoder_noise(own.samples))
         hold = "zero" if self.factor == 1 else "cubic"
-        structure = replace(self.structure, timing=replace(self.structure.timing, hold=hold))
+        structure = self.structure.with_hold(hold)
         undirected = np.zeros((0, len(self.balance.rows)))
         rest = self.slowest, own.noise, _SEGMENT, COARSER, _MOST_SUBSTEPS, _STEPS
         return InBand(structure, own, undirected, *rest)
@@ -100,10 +100,7 @@ class DisturbedFit:
     @cached_property
     def estimate(self) -> Estimate:
         """What was sought; no value better known than by white noise."""
-        estimate = estimate_of(self.fitted)
-        least, now = np.diag(self.fitted.minimum.reduced.inverse), np.diag(estimate.covariance)
-        grown = np.divide(least, now, out=np.ones_like(now), where=now > 0)
-        return estimate.scaled(np.sqrt(np.maximum(grown, 1.0)))
+        return estimate_of(self.fitted).at_least(self.fitted.unit_deviations)
 
     def disturbing_torques(self) -> FloatArray:
         """Root mean square torque in each balance that no term describes."""

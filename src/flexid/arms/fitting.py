@@ -17,7 +17,6 @@ from flexid.arms.unusual import (
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.balance_start import filtered, starts
-from flexid.estimators.cluster_covariance import shrunken
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import Segments, divide
 from flexid.identification.full_model.fitting import (
@@ -115,7 +114,8 @@ def exact_fits(
             longer = over_longer(found[-1], segments, _BETWEEN)
         except ConvergenceError:
             break
-        if not timed and (duration >= _TIMED_FROM or not _near_noise(longer)):
+        late = duration >= _TIMED_FROM and longer.minimum.last_step <= _UNFINISHED
+        if not timed and (late or not _near_noise(longer)):
             longer, timed = _suited(longer), True
         found.append(longer)
         if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found)):
@@ -250,10 +250,7 @@ def predicted(fitted: FittedArm) -> Validation:
 
 def estimate_of(fitted: FittedArm) -> Estimate:
     """The estimate, its covariance drawn towards that of white noise."""
-    fit, variance = fitted.fit, max(fitted.excess, 1e-300)
-    white = fitted.minimum.reduced.inverse * variance
-    covariance, freedom = shrunken(fit.covariance, white, np.array(fit.degrees_of_freedom))
-    return Estimate(fitted.names, fitted.values, covariance, tuple(freedom.tolist()))
+    return fitted.fit.drawn_to(fitted.minimum.reduced.inverse * max(fitted.excess, 1e-300))
 
 
 def effect_sizes(balance: TorqueBalance, recordings: Sequence[Samples]) -> FloatArray:

@@ -26,7 +26,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
 from flexid.identification.full_model.model import Structure
-from flexid.identification.judgement.estimates import judged_value, verdict
+from flexid.identification.judgement.estimates import judged_function, judged_value
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.result.warnings import model_warnings, validation_warnings
 from flexid.identification.vocabulary.estimate import Estimate
@@ -36,7 +36,6 @@ from flexid.identification.vocabulary.evidence import (
     ParameterEstimate,
     Validation,
 )
-from flexid.identification.vocabulary.intervals import propagated
 from flexid.models.parameter_kinds import Quotient
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm, JointTerm
@@ -260,17 +259,7 @@ def _ratio(
     """
     name, stiffness = f"stiffness_over_inertia_{joint}", f"joint_stiffness_{joint}"
     ratio = Quotient(name, "1/s^2", stiffness, carried_inertia(arm, joint))
-    found = propagated(ratio, values, estimate)
-    return ParameterEstimate(
-        name,
-        ratio.unit,
-        found.value,
-        found.std,
-        found.interval,
-        *verdict(found.value, found.interval),
-        degrees_of_freedom=found.degrees_of_freedom,
-        slopes=found.slopes,
-    )
+    return judged_function(ParameterEstimate, ratio, values, estimate)
 
 
 def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:

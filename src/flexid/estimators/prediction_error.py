@@ -153,7 +153,7 @@ def _start_values(unknowns: Unknowns, start: Mapping[str, float] | LeastSquaresF
             raise SettingError(
                 "start", "it is a fit of another model or of other unknowns: fit these first"
             )
-        start = dict(zip(start.names, start.values.tolist(), strict=True))
+        start = start.by_name
     if set(start) != set(unknowns.names):
         names = ", ".join(unknowns.names)
         raise SettingError("start", f"give one value for each unknown of the model: {names}")

@@ -56,6 +56,11 @@ class LeastSquaresFit:
     blocks: tuple[int, ...]  # equations in each block of the covariance, independent of one another
 
     @property
+    def by_name(self) -> dict[str, float]:
+        """Values by name."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    @property
     def covariance(self) -> FloatArray:
         """Covariance of the values, shape (n, n).
 

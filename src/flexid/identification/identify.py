@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexid.estimators.channel_timing import INPUT
-from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.identification.estimation.answers import Answer, answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits
@@ -116,7 +115,7 @@ def identify(
         model=job.joint.kind,
         coefficients=numbers.coefficients,
         parameters=numbers.parameters,
-        least_squares={n: v for n, v in _values(fits.squares).items() if n in numbers.coefficients},
+        least_squares={n: v for n, v in fits.squares.by_name.items() if n in numbers.coefficients},
         excitation={r.name: row_excitation(r, ()) for r in fits.squares.rows if r.coefficients},
         residual_excess=fits.residual_excess,
         model_error=fits.error,
@@ -283,10 +282,6 @@ def _removed(
         if isinstance(p, Directional)
     }
     return {name: p for name, p in found.items() if name not in known}
-
-
-def _values(fit: LeastSquaresFit) -> dict[str, float]:
-    return dict(zip(fit.names, fit.values.tolist(), strict=True))
 
 
 def _stream(

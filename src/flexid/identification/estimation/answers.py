@@ -24,7 +24,7 @@ from flexid.identification.estimation.doubts import (
     OF_A_VOLTAGE,
     OF_AN_EXACT_FIT,
     Doubted,
-    covariance_of,
+    widened,
 )
 from flexid.identification.estimation.final_fits import (
     FILTER_RATE,
@@ -134,7 +134,7 @@ def _exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer:
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
     doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
-    estimate = estimate.widened(covariance_of(doubts, doubted))
+    estimate = widened(estimate, (doubt(doubted) for doubt in doubts))
     return Answer(fits, validation, estimate)
 
 

@@ -33,7 +33,7 @@ from flexid.identification.estimation.doubts import (
     Repeat,
     between_bands,
     between_halves,
-    covariance_of,
+    widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.in_band import FitInBand, InBand, observer_following
@@ -96,7 +96,7 @@ def fit_disturbed(
     # A low-passed input has no steps; how it runs between samples and its delay look alike.
     tried: Sequence[Hold] = holds if factor == 1 else holds[:1]
     for hold in tried:
-        held = replace(structure, timing=replace(structure.timing, hold=hold))
+        held = structure.with_hold(hold)
         for start in _starts(held, thinned(data, factor, held=hold == "zero")):
             with suppress(ConvergenceError):
                 found.append(_fit(held, data, factor, start))
@@ -153,10 +153,7 @@ def follower(found: Disturbed, data: Data) -> Follower:
 def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimate:
     """The estimate with the spread between bands and halves in its covariance."""
     fitted = found.fitted
-    estimate = fitted.fit
-    with np.errstate(invalid="ignore", divide="ignore"):
-        short = fitted.unit_deviations / estimate.deviations
-    estimate = estimate.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))
+    estimate = fitted.fit.at_least(fitted.unit_deviations)
     doubted = Doubted(
         fitted,
         row_sizes(_squares(fitted).rows),
@@ -168,9 +165,7 @@ def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimat
     own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
     apart = [between_bands(own, [*_in_other_bands(found, data)])]
     apart += [between_halves(*halves)] if halves else []
-    for errors in apart:
-        estimate = estimate.widened(errors @ errors.T)
-    return estimate.widened(covariance_of(DOUBTS, doubted))
+    return widened(estimate, [*apart, *(doubt(doubted) for doubt in DOUBTS)])
 
 
 def _squares(fitted: Fitted) -> LeastSquaresFit:
@@ -261,9 +256,8 @@ def _fit(
     noise = _sensor_noise(own)
     if sizes is not None and not of_band:  # with gains for less noise the steps lead astray
         sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
-    timing = structure.timing if factor == 1 else replace(structure.timing, hold="cubic")
     in_band = InBand(
-        replace(structure, timing=timing),
+        structure if factor == 1 else structure.with_hold("cubic"),
         own,
         directions(data.samples, factor),
         slowest_disturbance(own, rigid=structure.joint.kind == "rigid"),

@@ -6,7 +6,7 @@ doubt says by how much the values may be off, as directions of errors, shape (k,
 grows by the directions times their transpose.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.full_model.model import Fitted
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import balance_of
 from flexid.models.flexible_joint import DISSIPATIVE
 
@@ -240,15 +241,11 @@ def _beyond_chance(difference: FloatArray, variance: FloatArray) -> FloatArray:
     return np.sign(difference) * np.sqrt(np.maximum(square, 0.0))
 
 
-def covariance_of(doubts: tuple[Doubt, ...], doubted: Doubted) -> FloatArray:
-    """What some doubts add to a covariance, shape (k, k)."""
-    return sum(_squares(doubts, doubted), np.zeros((len(doubted.fitted.names),) * 2))
-
-
-def _squares(doubts: tuple[Doubt, ...], doubted: Doubted) -> Iterator[FloatArray]:
-    for doubt in doubts:
-        directions = doubt(doubted)
-        yield directions @ directions.T
+def widened(estimate: Estimate, errors: Iterable[FloatArray]) -> Estimate:
+    """The estimate with errors that are independent, directions of shape (k, m) each."""
+    for directions in errors:
+        estimate = estimate.widened(directions @ directions.T)
+    return estimate
 
 
 def _per_size(doubted: Doubted, name: str, of: frozenset[str]) -> float:

@@ -14,12 +14,10 @@ deflection all may be an error.
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.cluster_covariance import shrunken
 from flexid.identification.full_model.fitting import fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted
 from flexid.identification.structure.gap import PLAY, is_dead_zone
@@ -71,14 +69,10 @@ def widened(
     """
     estimate, reduced = fitted.fit, fitted.minimum.reduced
     if error.excess == 0.0:
-        freedom = np.array(estimate.degrees_of_freedom)
-        spread, freedom = shrunken(estimate.covariance, reduced.inverse, freedom)
-        estimate = replace(estimate, covariance=spread, degrees_of_freedom=tuple(freedom.tolist()))
+        estimate = estimate.drawn_to(reduced.inverse)
     else:
         least = np.maximum(least, fitted.unit_deviations)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        short = least / estimate.deviations
-    estimate = estimate.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))
+    estimate = estimate.at_least(least)
     beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
     untaken = np.outer(reduced.values_step, reduced.values_step)
     return estimate.widened(error.share**2 * beyond * reduced.inverse + untaken)

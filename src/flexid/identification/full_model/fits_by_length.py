@@ -19,6 +19,7 @@ from flexid.identification.full_model.beginning import FIRST_ITERATIONS, first_f
 from flexid.identification.full_model.fitting import (
     fit_by_length,
     fit_like,
+    led_from,
     lengths,
     longer_fits,
     motion_at,
@@ -67,7 +68,7 @@ def fit_full_model(
     progress("the full model")
     short = [s for s in divisions if s.mean_duration <= _SHORT]
     short = short or divisions[:1]
-    found = first_fits(_with_hold(base, holds[0]), data, short, insist=insist)
+    found = first_fits(base.with_hold(holds[0]), data, short, insist=insist)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
         found = ending_with(best, found, short)
@@ -90,8 +91,8 @@ def fit_with_hysteresis(
     joint = full.joint
     if not joint.remembered:
         return None
-    timing = replace(full.timing, hold=before.structure.timing.hold)
-    structure = replace(full, absent=full.absent - joint.remembered, timing=timing)
+    structure = replace(full, absent=full.absent - joint.remembered)
+    structure = structure.with_hold(before.structure.timing.hold)
     progress("hysteresis of the spring")
     segments = before.problem.segments
     ways = [
@@ -136,28 +137,18 @@ def explained_by(
     settled: Callable[[Fitted], Fitted] = _as_it_is,
 ) -> Fitted | None:
     """A wider fit, if its first steps take away most of what one without leaves beyond noise."""
-    segments, states = [before.problem.segments], before.minimum.point.initial_states
-    first = {"insist": False, "iterations": FIRST_ITERATIONS}
-    try:
-        (found,) = fit_by_length(structure, before.data, way, segments, states, **first)
-    except ConvergenceError:
-        return None
-    beyond = before.excess - floor
-    if before.excess - found.excess < _SETTLED_FROM * thresholds.shape_share * beyond:
+    found = led_from(before, structure, way, insist=False, iterations=FIRST_ITERATIONS)
+    wanted = thresholds.shape_share * (before.excess - floor)
+    if found is None or before.excess - found.excess < _SETTLED_FROM * wanted:
         return None
     found = settled(found)
-    if before.excess - found.excess < thresholds.shape_share * beyond:
+    if before.excess - found.excess < wanted:
         return None
-    states = found.minimum.point.initial_states
-    structure = found.structure
-    try:
-        (found,) = fit_by_length(
-            structure, before.data, found.by_name, segments, states, insist=False
-        )
-    except ConvergenceError:  # in steps that suit where it is now it may diverge
-        return None
+    # In steps that suit where it is now it may diverge.
+    found = led_from(found, found.structure, data=before.data, insist=False)
     # A friction that drives is no hysteresis: it stands for a gap, say.
-    drives = any(found.by_name.get(name, 0.0) < 0.0 for name in structure.joint.grips)
+    names = structure.joint.grips
+    drives = found is not None and any(found.by_name.get(name, 0.0) < 0.0 for name in names)
     return None if drives else found
 
 
@@ -197,10 +188,6 @@ def with_best_hold(
     return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), reason, tied)
 
 
-def _with_hold(structure: Structure, hold: Hold) -> Structure:
-    return replace(structure, timing=replace(structure.timing, hold=hold))
-
-
 def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
     """The same structure with another hold, from where a fit ended; None if there is none."""
     structure = fitted.ended
@@ -211,14 +198,11 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
     start = fitted.by_name
     if INPUT in start:
         start = {**start, INPUT: start[INPUT] + half * ((before == "zero") - (hold == "zero"))}
-    states = fitted.minimum.point.initial_states
-    segments = [fitted.problem.segments]
-    try:
-        (found,) = fit_by_length(_with_hold(structure, hold), fitted.data, start, segments, states)
-    except ConvergenceError:
-        return None
+    found = led_from(fitted, structure.with_hold(hold), start)
     # In as short steps as the fit, if it took any: their error would pass for a worse hold.
-    return (fit_like(found.structure, found) or found) if fitted.data.refinement > 1 else found
+    if found is None or fitted.data.refinement == 1:
+        return found
+    return fit_like(found.structure, found) or found
 
 
 def ending_with(best: Fitted, found: list[Fitted], divisions: Sequence[Segments]) -> list[Fitted]:

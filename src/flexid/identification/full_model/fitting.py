@@ -5,6 +5,7 @@ before it ended, with its states.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -90,6 +91,23 @@ def longer_fits(first: Fitted, divisions: Sequence[Segments]) -> list[Fitted]:
             break
         found.append(last)
     return found
+
+
+def led_from(
+    fitted: Fitted,
+    structure: Structure,
+    start: Mapping[str, float] | None = None,
+    *,
+    data: Data | None = None,
+    insist: bool = True,
+    iterations: int = ITERATIONS,
+) -> Fitted | None:
+    """Another structure over a fit's segments, from its states and values; None if it fails."""
+    states, segments = fitted.minimum.point.initial_states, [fitted.problem.segments]
+    rest = (fitted.by_name if start is None else start, segments, states, insist, iterations)
+    with suppress(ConvergenceError):
+        return fit_by_length(structure, data or fitted.data, *rest)[0]
+    return None
 
 
 def over_longer(fitted: Fitted[M], segments: Segments, steps: Steps) -> Fitted[M]:

@@ -22,7 +22,7 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.recording.recording import Recording
+from flexid.recording.recording import Hold, Recording
 from flexid.recording.slow_motion import scales_apart
 from flexid.recording.velocities import position_noise
 
@@ -146,6 +146,10 @@ class Structure(Generic[M]):
             for term, names in self.joint.terms.items()
             if not {*names} - follows <= self.absent
         )
+
+    def with_hold(self, hold: Hold) -> "Structure[M]":
+        """The same with an input that behaves otherwise between samples."""
+        return replace(self, timing=replace(self.timing, hold=hold))
 
     def without(self, names: Iterable[str]) -> "Structure[M]":
         """The same with some coefficients and delays zero, and what follows from them."""

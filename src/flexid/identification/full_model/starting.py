@@ -45,7 +45,7 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
         start, fit = least_squares_start(sought, data, rate)
         ways = [start]
         if moving := _while_moving(fit):
-            ways.append(_begun(sought, {**_values(fit), **moving}))
+            ways.append(_begun(sought, {**fit.by_name, **moving}))
         for way in ways:
             found.append((_misfit(structure, data, some, way, states), len(found), way))
     return [way for *_, way in sorted(found, key=lambda each: each[:2])]
@@ -69,10 +69,6 @@ def _misfit(
         return np.inf
     left = equations.costs - problem.solve(equations).by_states
     return float(np.mean(np.log(np.maximum(left / segments.lengths, 1.0))))
-
-
-def _values(fit: LeastSquaresFit) -> dict[str, float]:
-    return dict(zip(fit.names, fit.values.tolist(), strict=True))
 
 
 def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
@@ -99,7 +95,7 @@ def least_squares_start(
     unknowns = smooth_unknowns(structure, data.groups)
     hold = "zero" if structure.timing.hold == "zero" else "linear"
     fit = filtered_least_squares(data.samples, unknowns.system, filter_rate, hold, unknowns)
-    return _begun(structure, _values(fit)), fit
+    return _begun(structure, fit.by_name), fit
 
 
 def _begun(structure: Structure, values: Mapping[str, float]) -> dict[str, float]:
@@ -164,7 +160,7 @@ def turned_round(
         for some in (recordings, [mirrored(recording) for recording in recordings])
     ]
     as_it_is, other = (_unexplained(fit) for fit in fits)
-    springs = dict(zip(fits[1].names, fits[1].values.tolist(), strict=True))
+    springs = fits[1].by_name
     positive = all(springs.get(name, 1.0) > 0.0 for name in ("theta2", "alpha1"))
     return positive and other < share * as_it_is
 

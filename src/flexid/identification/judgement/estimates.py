@@ -27,7 +27,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.intervals import POSITIVE, interval, propagated
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import CONSTANT_UNITS
-from flexid.models.parameter_kinds import Product
+from flexid.models.parameter_kinds import PhysicalParameter, Product
 
 Judged = tuple[Verdict, str]
 
@@ -84,6 +84,29 @@ def judged_value(
     effect = 0.5 * (ends[1] - ends[0]) * size
     judged = verdict(value, ends, effect, thresholds)
     return kind(name, unit, value, std, ends, *judged, freedom, slopes={name: 1.0})
+
+
+def judged_function(
+    kind: type[V],
+    function: PhysicalParameter,
+    values: Mapping[str, float],
+    estimate: Estimate,
+    thresholds: Thresholds = THRESHOLDS,
+) -> V:
+    """A function of what was fitted, by the delta method, with interval and verdict."""
+    found = propagated(function, values, estimate)
+    judged = verdict(found.value, found.interval, thresholds=thresholds)
+    return kind(
+        function.name,
+        function.unit,
+        found.value,
+        found.std,
+        found.interval,
+        *judged,
+        found.degrees_of_freedom,
+        found.logarithmic,
+        found.slopes,
+    )
 
 
 def coefficient_estimates(
@@ -143,22 +166,11 @@ def _tied(
     for name, (a, b, d) in unknowns.tied.items():
         if a not in known or b not in known or d not in known:
             continue
-        unit = _unit(joint.units[name], input_unit)
-        tied = propagated(Product(name, unit, {**Counter((a, b)), d: -1}), values, estimate)
-        judged = verdict(tied.value, tied.interval, thresholds=thresholds)
+        tie = Product(name, _unit(joint.units[name], input_unit), {**Counter((a, b)), d: -1})
+        tied = judged_function(CoefficientEstimate, tie, values, estimate, thresholds)
         if np.isfinite(tied.std) and known[a].verdict == "determined":  # be it as none
-            judged = ("determined", "")
-        found[name] = CoefficientEstimate(
-            name,
-            unit,
-            tied.value,
-            tied.std,
-            tied.interval,
-            *judged,
-            tied.degrees_of_freedom,
-            tied.logarithmic,
-            tied.slopes,
-        )
+            tied = replace(tied, verdict="determined", reason="")
+        found[name] = tied
     return found
 
 
@@ -205,10 +217,9 @@ def parameter_estimates(
                 continue
             own = [labels[c] for c in parameter.coefficients]
             of_group = next((label[label.index("[") :] for label in own if "[" in label), "")
-            found = propagated(parameter, values, _renamed(estimate, labels))
-            name = parameter.name + of_group
-            unit = _unit(parameter.unit, input_unit)
-            judged, reason = verdict(found.value, found.interval, thresholds=thresholds)
+            renamed = _renamed(estimate, labels)
+            found = judged_function(ParameterEstimate, parameter, values, renamed, thresholds)
+            judged, reason = found.verdict, found.reason
             made = [coefficients[label] for label in own]
             if (
                 judged != "determined"
@@ -225,17 +236,14 @@ def parameter_estimates(
             elif all(c.verdict == "undetermined" for c in made):
                 # An angle of a gravity that may be none; its interval is that of small changes.
                 judged, reason = "undetermined", made[0].reason
-            estimates[name] = ParameterEstimate(
-                name,
-                unit,
-                found.value,
-                found.std,
-                found.interval,
-                judged,
-                reason,
-                found.degrees_of_freedom,
-                found.logarithmic,
-                {labels[c]: slope for c, slope in found.slopes.items()},
+            name = parameter.name + of_group
+            estimates[name] = replace(
+                found,
+                name=name,
+                unit=_unit(parameter.unit, input_unit),
+                verdict=judged,
+                reason=reason,
+                slopes={labels[c]: slope for c, slope in found.slopes.items()},
             )
             for coefficient in found.slopes:
                 doubt = doubts.get(balance_of(labels[coefficient]))

@@ -14,11 +14,10 @@ import numpy as np
 from scipy.special import fdtrc
 
 from flexid.arrays import FloatArray
-from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.normal_equations import least_with, scaled_inverse
 from flexid.identification.full_model.fits_by_length import FitsByLength, best_hold
-from flexid.identification.full_model.fitting import fit_by_length, fit_like, longer_fits
+from flexid.identification.full_model.fitting import fit_like, led_from, longer_fits
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, free_information, settled
@@ -200,7 +199,7 @@ def _wider(
     for narrow in (best, *reversed(shorter)):
         wider = fit_like(extended, narrow, ROUGH)
         if wider is None and narrow.excess <= thresholds.sensor_excess:
-            wider = _as_far_as_it_leads(extended, narrow)
+            wider = led_from(narrow, extended, insist=False)  # the log may not tell terms apart
         # One that is worse has ended at a bound.
         if wider is not None and wider.excess <= _NO_WORSE * narrow.excess:
             break
@@ -215,21 +214,6 @@ def _wider(
     if held is not wider:
         held = settled(held)
     return held, replace(by_length, hold_reason=reason, tied=tied)
-
-
-def _as_far_as_it_leads(structure: Structure, fitted: Fitted) -> Fitted | None:
-    """A wider structure where the steps need not end: the log may not tell some terms apart.
-
-    None where they lead astray.
-    """
-    segments, states = [fitted.problem.segments], fitted.minimum.point.initial_states
-    try:
-        (found,) = fit_by_length(
-            structure, fitted.data, fitted.by_name, segments, states, insist=False
-        )
-    except ConvergenceError:
-        return None
-    return found
 
 
 def relative_deviation(fitted: Fitted) -> float:

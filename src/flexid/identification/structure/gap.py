@@ -25,6 +25,7 @@ from flexid.identification.full_model.fitting import (
     fit_by_length,
     fit_like,
     in_own_steps,
+    led_from,
     longer_fits,
     motion_at,
 )
@@ -87,21 +88,9 @@ def _met(trail: list[tuple[float, float]]) -> float:
 
 def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
     """A fit with another width; None if its first steps do not lead below the sum of squares."""
-    structure, segments = _as_wide(fitted.structure, width), [fitted.problem.segments]
-    states = fitted.minimum.point.initial_states
-    try:
-        (first,) = fit_by_length(
-            structure,
-            fitted.data,
-            fitted.by_name,
-            segments,
-            states,
-            insist=False,
-            iterations=FIRST_ITERATIONS,
-        )
-    except ConvergenceError:
-        return None
-    if not _no_worse(first, fitted):
+    structure = _as_wide(fitted.structure, width)
+    first = led_from(fitted, structure, insist=False, iterations=FIRST_ITERATIONS)
+    if first is None or not _no_worse(first, fitted):
         return None
     found = fit_like(structure, first)
     return found if found is not None and _no_worse(found, fitted) else None

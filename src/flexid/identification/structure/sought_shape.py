@@ -134,8 +134,8 @@ def _promising(
     shape: SoughtShape, before: Fitted, full: Structure
 ) -> Iterator[tuple[float, Structure]]:
     """Structures with the term and the constants that promise most, the most promising first."""
-    timing = replace(full.timing, hold=before.structure.timing.hold)
-    structure = replace(full, absent=full.absent - shape.coefficients, timing=timing)
+    structure = replace(full, absent=full.absent - shape.coefficients)
+    structure = structure.with_hold(before.structure.timing.hold)
     constants = shape.candidates(before.structure, before.data)
     promising = [(_promised(before, shape.put(structure, value)), value) for value in constants]
     most = sorted(promising, key=itemgetter(0), reverse=True)[:_FOLLOWED]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.estimators.cluster_covariance import shrunken
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,18 @@ class Estimate:
         finite = np.isfinite(np.diag(self.covariance))
         factors = np.where(finite, factors, 1.0)
         return replace(self, covariance=self.covariance * np.outer(factors, factors))
+
+    def at_least(self, deviations: FloatArray | float) -> "Estimate":
+        """The same with no standard deviation below another, shape (k,)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            short = deviations / self.deviations
+        return self.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))
+
+    def drawn_to(self, white: FloatArray) -> "Estimate":
+        """The same with the covariance drawn towards that of white noise, shape (k, k)."""
+        own = np.array(self.degrees_of_freedom)
+        covariance, freedom = shrunken(self.covariance, white, own)
+        return replace(self, covariance=covariance, degrees_of_freedom=tuple(freedom.tolist()))
 
     def turned(self, mixing: FloatArray) -> "Estimate":
         """The same with errors that are a mixture, shape (k, k), of those that are finite."""
