@@ -142,20 +142,3 @@ def test_missing_coefficient_is_named() -> None:
     """Assert that a loop without all its true coefficients is refused."""
     with pytest.raises(SettingError, match="alpha2 missing"):
         replace(table_1(), coefficients={"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0})
-
-
-def test_explicit_route_agrees() -> None:
-    """Assert that a loop that is not stiff comes out the same by the explicit method."""
-    loop = table_1(controller=pd_gravity())
-    ours = simulate(loop, 10.0, 1e-2, 1e-9)
-    explicit = simulate(loop, 10.0, 1e-2, 1e-9, stiff=False)
-    assert np.max(np.abs(ours.states - explicit.states)) < 1e-6
-    assert np.max(np.abs(ours.parameter_errors - explicit.parameter_errors)) < 1e-6
-    assert explicit.statistics != ours.statistics
-
-
-@pytest.mark.thorough
-def test_explicit_route_says_that_a_loop_is_stiff() -> None:
-    """Assert that the explicit method gives up at high gain instead of going on for ever."""
-    with pytest.raises(SimulationError, match="steps did not suffice"):
-        simulate(table_1(), 30.0, stiff=False, maximum_steps=100_000)

@@ -11,14 +11,13 @@ from flexid.errors import FlexidError
 from flexid.experiments import Experiment
 from flexid.experiments.measures import run_columns
 from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.closed_loop import SIDE_BY_SIDE, loop_kernel
+from flexid.simulation.ensemble import STATUS as STATUS_NAMES
 from flexid.simulation.ensemble import (
-    SIDE_BY_SIDE,
     Ensemble,
-    ensemble_kernel,
     simulate_ensemble,
     simulate_sampled_ensemble,
 )
-from flexid.simulation.ensemble import STATUS as STATUS_NAMES
 from flexid.simulation.sampled import sampled_kernel
 
 STATUS, ERROR, REACHED, STEPS = "status", "error", "reached", "steps"
@@ -59,7 +58,7 @@ def run_part(
     """Run a part; `stopped` is asked every few runs, and ends it with `Stopped`."""
     declaration = experiment.loop.declaration  # of no run, if its kernel cannot be made
     if experiment.sampling is None:
-        ensemble_kernel(declaration, experiment.settings.stiff)
+        loop_kernel(declaration, experiment.settings.stiff)
     else:
         sampled_kernel(declaration)
     rows = part_rows(experiment, part.table, part.keep, stopped)

@@ -18,7 +18,7 @@ from flexid.errors import CampaignError, ExperimentError, SettingError
 from flexid.estimators.threads import cores
 from flexid.experiments import Experiment
 from flexid.experiments.variation import Variation
-from flexid.simulation.ensemble import SIDE_BY_SIDE
+from flexid.simulation.closed_loop import SIDE_BY_SIDE
 
 if TYPE_CHECKING:
     from distributed import Client

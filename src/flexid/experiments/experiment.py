@@ -181,7 +181,7 @@ class Experiment:
         if self.sampling is not None:
             return simulate_sampled(self.loop, settings.duration, self.sampling)
         try:
-            return simulate(self.loop, **settings.model_dump())
+            return simulate(self.loop, **settings.model_dump(exclude={"stiff"}))
         except AccelerationError as error:
             raise ExperimentError(
                 self.path,

@@ -1,4 +1,4 @@
-"""Continuous closed loops, stiff or not, to a stated tolerance."""
+"""Continuous closed loops, integrated to a stated tolerance."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -18,6 +18,9 @@ from flexid.simulation.loop import ClosedLoop, Run, SampleGrid, check_positive, 
 _FIRST_STEP = 1e-6
 _LONGEST_STEP = 1.0
 
+SIDE_BY_SIDE = 32
+"""Runs of a loop that is not stiff that go side by side: eight vectors of four, four of eight."""
+
 
 def simulate(
     loop: ClosedLoop,
@@ -26,23 +29,21 @@ def simulate(
     relative_tolerance: float = 1e-6,  # per step, of each coordinate and each parameter error
     absolute_tolerance: float | None = None,  # in SI units; a thousandth of the relative one
     maximum_steps: int = 1_000_000,  # accepted and rejected, after which the run is given up
-    stiff: bool = True,
 ) -> Run:
     """Simulate a closed loop in continuous time, sampled from 0 on; `SimulationError` if it fails.
 
-    By Rodas5P, good for any gain. Loops that are not stiff, as under PD control, are several times
-    faster by an explicit method, which is hopeless at high gain.
+    By Rodas5P, good for any gain.
     """
     tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
     grid = SampleGrid(duration, sample_time)
-    kernel = loop_kernel(loop.declaration, stiff)
+    kernel = loop_kernel(loop.declaration)
     samples = np.empty((1, grid.count, kernel.SIZE))
     ends = integrate_loops(kernel, [loop], grid, tolerance, samples, np.empty((1, 0)))
     if ends.status[0] != kernel.FINISHED:
         largest = float(np.max(np.abs(ends.variables)))
         reason = _reason(kernel, int(ends.status[0]), largest, maximum_steps)
         raise SimulationError(reason, float(ends.reached[0]))
-    settings = {"task": "continuous", "stiff": stiff, **asdict(grid), **asdict(tolerance)}
+    settings = {"task": "continuous", **asdict(grid), **asdict(tolerance)}
     return _run(loop, kernel, grid, samples[0], settings, ends)
 
 
@@ -107,14 +108,11 @@ def integrate_loops(
     return Ends(status, reached, variables, counts)
 
 
-def loop_kernel(
-    declaration: LoopDeclaration,
-    stiff: bool = True,
-    lanes: int = 1,
-) -> ModuleType:
-    """Compiled functions of a closed loop with its integrator, for stiff loops or for others.
+def loop_kernel(declaration: LoopDeclaration, stiff: bool = True) -> ModuleType:
+    """Compiled functions of a closed loop with its integrator.
 
-    Of a loop that is not stiff so many runs as there are lanes go side by side.
+    Where it is not stiff, that is an explicit one of many runs side by side, which keeps no
+    samples: several times faster as under PD control, and hopeless at high gain.
     """
 
     def build() -> str:
@@ -122,10 +120,10 @@ def loop_kernel(
         from flexid.derivation.loop_source import lane_loop_source, stiff_loop_source
 
         loop = compose_loop(declaration)
-        return stiff_loop_source(loop) if stiff else lane_loop_source(loop, lanes)
+        return stiff_loop_source(loop) if stiff else lane_loop_source(loop, SIDE_BY_SIDE)
 
     templates = ["rodas5p"] if stiff else ["sin_cos", "dopri5"]
-    decisive = [*declaration.digests, "" if stiff else f"{lanes} lanes"]
+    decisive = [*declaration.digests, "" if stiff else f"{SIDE_BY_SIDE} lanes"]
     return load_kernel("closed_loop", decisive, build, templates)
 
 

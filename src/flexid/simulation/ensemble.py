@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import (
@@ -47,9 +46,6 @@ STATUS = ("finished", "too many steps", "step too small", "not finite", "diverge
 ``"step too small"`` means stiffer than the tolerance or the sample time allows, ``"not finite"``
 that the equations have no value where the run ended.
 """
-
-SIDE_BY_SIDE = 32
-"""Runs of a loop that is not stiff that go side by side: eight vectors of four, four of eight."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,7 @@ def simulate_ensemble(
     stiff: bool = True,
     workers: int = 1,
 ) -> Ensemble:
-    """Simulate many closed loops in continuous time, each as `simulate` does.
+    """Simulate many closed loops in continuous time, each to the tolerance of `simulate`.
 
     Measures are taken at the integrator's accepted steps, where they are most accurate: means over
     time by the trapezoidal rule, peaks and settling times to within a step.
@@ -110,7 +106,7 @@ def simulate_ensemble(
     _check(loops, workers)
     tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
     grid = SampleGrid(duration, sample_time)
-    kernel = ensemble_kernel(loops[0].declaration, stiff)
+    kernel = loop_kernel(loops[0].declaration, stiff)
     table = _Table.of(len(loops), kernel.N_TOTALS)
     # Runs that are handed out together: as many as are wanted at once, but something for all.
     size = min(kernel.RUNS_AT_ONCE, -(-len(loops) // workers))
@@ -128,11 +124,6 @@ def simulate_ensemble(
     share_out(len(blocks), workers, job)
     states, _, _, errors, _, _ = split_columns(kernel, table.totals[:, kernel.N_MEASURES :])
     return _ensemble(kernel, loops[0].system, table, table.reached, states, errors)
-
-
-def ensemble_kernel(declaration: LoopDeclaration, stiff: bool) -> ModuleType:
-    """The compiled functions that `simulate_ensemble` uses."""
-    return loop_kernel(declaration, stiff=stiff, lanes=SIDE_BY_SIDE)
 
 
 def simulate_sampled_ensemble(

@@ -1,9 +1,7 @@
 """Explicit Runge-Kutta method of order 5 for several runs side by side, each at its own step.
 
-For problems that are not stiff; with a dense output of order 4. J. R. Dormand and P. J. Prince, "A
-family of embedded Runge-Kutta formulae", Journal of Computational and Applied Mathematics 6 (1980)
-19-26; dense output by L. F. Shampine as in E. Hairer, S. P. Norsett, G. Wanner, "Solving Ordinary
-Differential Equations I", section II.6.
+For problems that are not stiff. J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta
+formulae", Journal of Computational and Applied Mathematics 6 (1980) 19-26.
 """
 
 from math import sqrt
@@ -22,17 +20,6 @@ if TYPE_CHECKING:
 
 
 RUNS_AT_ONCE = 8 * LANES  # so that few lanes stand idle while the last ones end
-
-# Dense output: weights of the stages in its term of highest order.
-DORMAND_DENSE = (
-    -12715105075.0 / 11282082432.0,
-    0.0,
-    87487479700.0 / 32700410799.0,
-    -10690763975.0 / 1880347072.0,
-    701980252875.0 / 199316789632.0,
-    -1453857185.0 / 822651844.0,
-    69997945.0 / 29380423.0,
-)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -178,32 +165,6 @@ def ended_runs(w):
 
 
 @njit(cache=True, error_model="numpy")
-def interpolate(w, lane, start, sample_time, samples, filled):
-    """Fill the samples that lie in a lane's step; return how many are filled in all."""
-    t = w[at(TIME, lane)]
-    h = w[at(STEP, lane)]
-    while filled < samples.shape[0]:
-        # The last sample of a run falls on its last step's end, up to rounding.
-        place = (start + filled * sample_time - t) / h
-        if place > 1.0 + 1e-9:
-            break
-        rest = 1.0 - place
-        for i in range(SIZE):
-            highest = 0.0
-            for stage in range(7):
-                highest += DORMAND_DENSE[stage] * w[rate(stage, i, lane)]
-            z = w[at(STATE + i, lane)]
-            new = w[at(STAGE + i, lane)]
-            change = new - z
-            first = h * w[rate(0, i, lane)] - change
-            last = change - h * w[rate(6, i, lane)] - first
-            inner = change + rest * (first + place * (last + rest * h * highest))
-            samples[filled, i] = new if rest == 0.0 else z + place * inner
-        filled += 1
-    return filled
-
-
-@njit(cache=True, error_model="numpy")
 def enter(w, lane, run, start, z, p, first_step):
     """Put a run into a lane."""
     for slot in range(SLOTS):
@@ -246,31 +207,14 @@ def leave(w, lane, z, p, totals, counts):
     w[at(RUN, lane)] = -1.0
 
 
-@njit(cache=True, error_model="numpy")
-def fill_first(samples, z):
-    """Fill the first sample, if there is one; return how many are filled."""
-    if samples.shape[0] == 0:
-        return 0
-    for i in range(SIZE):  # an array assignment takes three seconds longer to compile
-        samples[0, i] = z[i]
-    return 1
-
-
-@njit(cache=True, error_model="numpy")
-def fill_samples(w, start, sample_time, samples, counts):
-    """Sample the step of every run where it is accepted."""
-    for lane in range(LANES):
-        run = int(w[at(RUN, lane)])
-        if run >= 0 and w[at(ERROR, lane)] <= 1.0:
-            counts[run, 2] = interpolate(w, lane, start, sample_time, samples[run], counts[run, 2])
-
-
 @njit(cache=True, error_model="numpy", nogil=True)
-def integrate(span, z, p, steps, sampling, totals, results):
-    """Integrate z' = rates(t, z, p) over a span; arguments are those of rodas5p."""
+def integrate(span, z, p, steps, _sampling, totals, results):
+    """Integrate z' = rates(t, z, p) over a span; arguments are those of rodas5p.
+
+    No samples are taken.
+    """
     start, stop = span
     relative, absolute, first_step, longest_step, limit, most_steps = steps
-    sample_time, samples = sampling
     status, reached, counts = results
     runs = z.shape[0]
     w = np.zeros(SLOTS * LANES)
@@ -282,15 +226,12 @@ def integrate(span, z, p, steps, sampling, totals, results):
         for lane in range(LANES):
             if w[at(RUN, lane)] < 0.0 and entered < runs:
                 enter(w, lane, entered, start, z[entered], p[entered], first_step)
-                counts[entered, 2] = fill_first(samples[entered], z[entered])
                 entered += 1
         begin_runs(w)
         ended = 0
         while ended == 0:
             dormand_step(w, stop, longest_step)
             dormand_error(w, relative, absolute)
-            if samples.shape[1] > 0:
-                fill_samples(w, start, sample_time, samples, counts)
             if totals.shape[1] > 0:
                 lane_measures(w)
             end_step(w, stop, limit, most_steps)
