@@ -2,8 +2,7 @@
 
 import pytest
 
-from flexid.control.controller import Controller
-from flexid.control.laws import robust_law
+from flexid.control.laws import Controller, robust_law
 from flexid.control.loop import LoopDeclaration
 from flexid.control.references import constant
 from flexid.errors import ExpressionError, ModelError

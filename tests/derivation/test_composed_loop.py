@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from flexid.control.controller import REFERENCE_NAMES, Controller
-from flexid.control.laws import pd_gravity, robust_law
+from flexid.control.laws import REFERENCE_NAMES, Controller, pd_gravity, robust_law
 from flexid.control.loop import LoopDeclaration
 from flexid.control.references import Multisine, Reference, sinusoid
 from flexid.derivation.closed_loop import compose_loop

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexid.analysis.histories import regressors_along
+from flexid.analysis.lyapunov import regressors_along
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,

@@ -1,7 +1,6 @@
 """The closed loop of Huang (2003), Table I."""
 
-from flexid.control.controller import Controller
-from flexid.control.laws import robust_law
+from flexid.control.laws import Controller, robust_law
 from flexid.control.references import sinusoid
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.loop import ClosedLoop

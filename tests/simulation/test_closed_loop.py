@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from flexid.control.controller import Controller
-from flexid.control.laws import pd_gravity, robust_law
+from flexid.control.laws import Controller, pd_gravity, robust_law
 from flexid.control.references import Multisine
 from flexid.errors import SettingError, SimulationError
 from flexid.models.flexible_joint import flexible_joint

@@ -10,7 +10,7 @@ import pytest
 
 from browser import Watched, serious_faults
 from flexid.analysis.excitation import excitation
-from flexid.analysis.histories import row_histories
+from flexid.analysis.lyapunov import row_histories
 from flexid.errors import SettingError, SimulationError
 from flexid.report.reproduction_charts import SYMBOLS
 from flexid.simulation import closed_loop

@@ -1,20 +1,100 @@
 """Theorem 1 of Huang (2003), watched along a run.
 
 The theorem bounds the parameter errors, makes their rates vanish, and makes the errors themselves
-vanish where they settle and (A4) holds. All of it can be read from a run: V of eq. (8) must never
-rise, the squared mismatches must have a finite integral, errors and their rates have limits.
+vanish where they settle and (A4) holds. All of it can be read from a run, of which each row has a
+history of regressors and errors: V of eq. (8) must never rise, the squared mismatches must have a
+finite integral, errors and their rates have limits.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexid.analysis.histories import RowHistory, row_histories
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.models.expression import FUNCTIONS, OPERATIONS, Algebra, fold
+from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.loop import Run
+
+
+@dataclass(frozen=True, eq=False)
+class RowHistory:
+    """One row along a run of n samples, with m coefficients."""
+
+    row: str  # name of the row
+    coefficients: tuple[str, ...]  # names of its m coefficients
+    gain: float  # the observer's gain c of this row
+    regressors: FloatArray  # (n, m), r at every sample
+    errors: FloatArray  # (n, m), p̃ = p̂ - p at every sample
+
+    @property
+    def mismatch(self) -> FloatArray:
+        """rᵀp̃, shape (n,): what the proof of Theorem 1 shows to vanish."""
+        return np.einsum("ij,ij->i", self.regressors, self.errors)
+
+    @property
+    def error_rates(self) -> FloatArray:
+        """p̃' = -c r rᵀp̃ of Huang (2003), eq. (7), shape (n, m), per second."""
+        return -self.gain * self.regressors * self.mismatch[:, None]
+
+    def part(self, samples: slice) -> "RowHistory":
+        """The same row over some of the samples."""
+        return replace(self, regressors=self.regressors[samples], errors=self.errors[samples])
+
+
+def row_histories(run: Run) -> tuple[RowHistory, ...]:
+    """Histories of all rows of a simulated closed loop."""
+    system = run.loop.system
+    regressors = regressors_along(system, run.states, run.inputs)
+    return tuple(
+        RowHistory(
+            row.name,
+            row.coefficients,
+            run.loop.observer_gains[row.name],
+            regressors[row.name],
+            run.parameter_errors[:, place],
+        )
+        for row, place in system.row_slices()
+    )
+
+
+def regressors_along(
+    system: ParametricSystem, states: ArrayLike, inputs: ArrayLike
+) -> dict[str, FloatArray]:
+    """Regressors of every row, shape (n, m) each, along states and inputs at n instants.
+
+    Examples
+    --------
+    >>> from flexid.models.flexible_joint import flexible_joint
+    >>> joint = flexible_joint(known={"beta1": 4.0})
+    >>> regressors_along(joint, [[0.0, 1.0, -0.5, 2.0]], [[0.0]])["motor"].tolist()
+    [[0.5, -2.0]]
+    """
+    states = np.asarray(states, dtype=float)
+    values: dict[str, ArrayLike] = dict(zip(system.states, states.T, strict=True))
+    values |= zip(system.inputs, np.asarray(inputs, dtype=float).T, strict=True)
+    values |= {**system.constants, "pi": np.pi}
+    algebra = Algebra(
+        lambda text: np.asarray(float(text)),
+        lambda name: np.asarray(values[name], dtype=float),
+        _OF_ARRAYS,
+    )
+    return {
+        row.name: np.stack(
+            [
+                np.broadcast_to(fold(text, system.variables, algebra, place), len(states))
+                for place, text in row.regressors.items()
+            ],
+            axis=1,
+        )
+        for row in system.rows
+    }
+
+
+_OF_ARRAYS = OPERATIONS | {"**": np.power} | {name: getattr(np, name) for name in FUNCTIONS}
+
 
 SETTLED = 1e-3
 """Share of an error's first value within which it has to stay to count as settled or vanished."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from flexid.control.controller import REFERENCE_NAMES, Controller
+from flexid.control.laws import REFERENCE_NAMES, Controller
 from flexid.control.references import Reference, reference_digest
 from flexid.errors import ModelError
 from flexid.models.expression import check_expression

@@ -6,8 +6,7 @@ from textwrap import indent
 import sympy as sp
 
 from flexid.control.loop import LoopDeclaration
-from flexid.derivation.closed_loop import SymbolicLoop, start_estimates
-from flexid.derivation.loop_signals import Signals
+from flexid.derivation.closed_loop import Signals, SymbolicLoop, start_estimates
 from flexid.derivation.source import IMPORTS, assignments, function
 from flexid.derivation.symbolic import symbol, symbolic_system
 

@@ -10,8 +10,7 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any, Literal
 
-from flexid.control.controller import Controller
-from flexid.control.laws import COEFFICIENTS, computed_torque, pd_gravity, robust_law
+from flexid.control.laws import COEFFICIENTS, Controller, computed_torque, pd_gravity, robust_law
 from flexid.control.references import Multisine, constant, sinusoid
 from flexid.errors import (
     AccelerationError,

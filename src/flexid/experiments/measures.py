@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.analysis.excitation import Excitation, excitation
-from flexid.analysis.histories import row_histories
+from flexid.analysis.lyapunov import row_histories
 from flexid.errors import ExperimentError
 from flexid.experiments.tables import (
     ContinuousRun,

@@ -25,7 +25,7 @@ from flexid.derivation.drive_source import plant_functions
 from flexid.errors import SettingError
 from flexid.exports.c99 import DriveSource
 from flexid.exports.request import ExportRequest, rendered
-from flexid.kernels.templates.bound import BOUND
+from flexid.kernels.templates.run_status import BOUND
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import SMOOTHING, without_jumps
 from flexid.recording.names import cut

@@ -33,8 +33,6 @@ import platformdirs
 
 from flexid.files import write_atomically
 
-_END = "\n# The kernel ends here.\n"
-
 _LOG = logging.getLogger(__name__)
 
 _LOADING = threading.RLock()  # a second thread would find half a module
@@ -114,11 +112,11 @@ def _shipped(task: str, declarations: Sequence[str]) -> str | None:
 def _provided(path: Path, make: Callable[[], str]) -> str:
     """A source on disk: written if it is not there, whole, and marked as in use."""
     made = False
-    if not _is_whole(path):
+    if not path.exists():
         path.parent.mkdir(exist_ok=True)
         with _one_writer(path):
-            if not _is_whole(path):  # nobody else has made it in the meantime
-                text = make() + _END
+            if not path.exists():  # nobody else has made it in the meantime
+                text = make()
                 write_atomically(path, lambda file: file.write_text(text, "utf-8"))
                 made = True
     _discard_damaged(path)
@@ -127,12 +125,7 @@ def _provided(path: Path, make: Callable[[], str]) -> str:
         mark.touch()
     if made:
         _evict(path.parent)
-    return path.read_text("utf-8").removesuffix(_END)
-
-
-def _is_whole(path: Path) -> bool:
-    """Whether there is a source, and no full disk or power failure took its last line."""
-    return path.exists() and path.read_text("utf-8").endswith(_END)
+    return path.read_text("utf-8")
 
 
 def _compiled(path: Path, endings: tuple[str, ...] = (".nbi", ".nbc")) -> list[Path]:

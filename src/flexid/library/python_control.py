@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.control.controller import REFERENCE_NAMES, Controller
+from flexid.control.laws import REFERENCE_NAMES, Controller
 from flexid.control.references import Reference
 from flexid.errors import ArgumentError, SettingError
 from flexid.estimators.online import OnlineEstimator
@@ -129,7 +129,7 @@ def controller_io_system(
     control = python_control()
 
     def build() -> str:
-        from flexid.derivation.plain_functions import law_module
+        from flexid.derivation.printing_code import law_module
 
         return law_module(controller, system)
 
@@ -237,7 +237,7 @@ def observer_start(
 
 def _observer_module(system: ParametricSystem) -> Any:
     def build() -> str:
-        from flexid.derivation.plain_functions import observer_module
+        from flexid.derivation.printing_code import observer_module
 
         return observer_module(system)
 

@@ -12,7 +12,7 @@ from flexid.arrays import FloatArray
 from flexid.control.loop import LoopDeclaration
 from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
-from flexid.kernels.templates.bound import BOUND
+from flexid.kernels.templates.run_status import BOUND
 from flexid.simulation.loop import ClosedLoop, Run, SampleGrid, check_positive, split_columns
 
 _FIRST_STEP = 1e-6

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.control.controller import Controller
+from flexid.control.laws import Controller
 from flexid.control.loop import LoopDeclaration
 from flexid.control.references import Reference
 from flexid.errors import SettingError, did_you_mean

@@ -26,8 +26,7 @@ MOST = 1 << 20  # bytes that are handed over at once
 LINGER = 1.0  # seconds for which a file that was replaced has got nothing before it is left
 
 _BUFFER = 4 << 20  # bytes that the system keeps of datagrams, if it lets us have so many
-_MOST_WAITING = 1 << 26  # bytes of datagrams; beyond it the oldest are lost: their clock shows it
-_ONE_MORE = 64  # bytes that a datagram takes beside its own, be it empty
+_MOST_WAITING = 1 << 17  # datagrams; beyond it the oldest are lost: their clock shows it
 _COMPARED = 256  # bytes, by which a file is known that is read on
 _BAUD = 115200
 _LOOPBACK = "127.0.0.1"
@@ -194,9 +193,7 @@ class Datagrams:
             ) from None
         self.port: int = self._socket.getsockname()[1]  # that the system chose, where 0 was given
         self.is_open_to_others = not address.is_loopback  # whether other machines can send to it
-        self._came: deque[bytes] = deque()
-        self._size = 0  # bytes that came and were not read
-        self._lock = threading.Lock()
+        self._came: deque[bytes] = deque(maxlen=_MOST_WAITING)
         self._some = threading.Event()
         self._closed = False
         self._thread = threading.Thread(target=self._receive, daemon=True)
@@ -206,8 +203,7 @@ class Datagrams:
         """Lines of the datagrams that came."""
         self._some.wait(WAIT)
         self._some.clear()
-        with self._lock:
-            came, self._came, self._size = self._came, deque(), 0
+        came = [self._came.popleft() for _ in range(len(self._came))]
         return b"".join(data if data.endswith(b"\n") else data + b"\n" for data in came)
 
     def _receive(self) -> None:
@@ -216,11 +212,7 @@ class Datagrams:
                 data = self._socket.recv(65536)
             except OSError:  # nothing for a while; or, on some systems, an answer to nobody
                 continue
-            with self._lock:
-                self._came.append(data)
-                self._size += len(data) + _ONE_MORE
-                while self._size > _MOST_WAITING:
-                    self._size -= len(self._came.popleft()) + _ONE_MORE
+            self._came.append(data)
             self._some.set()
 
     def close(self) -> None:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.analysis.excitation import Excitation, excitation
-from flexid.analysis.histories import row_histories
-from flexid.analysis.lyapunov import LyapunovMonitor, monitor_run
+from flexid.analysis.lyapunov import LyapunovMonitor, monitor_run, row_histories
 from flexid.control.laws import robust_law
 from flexid.control.references import Multisine
 from flexid.models.flexible_joint import flexible_joint

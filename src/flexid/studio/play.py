@@ -214,7 +214,7 @@ def _remembered(pairs: tuple[tuple[str, str], ...]) -> Played:
 
 def _measured(run: Run) -> Played:
     """What is shown of a run."""
-    from flexid.analysis.histories import row_histories
+    from flexid.analysis.lyapunov import row_histories
     from flexid.experiments.measures import coefficient_unit
 
     steady = run.between(DURATION - _LAST, DURATION)

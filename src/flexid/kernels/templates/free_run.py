@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.bound import *
     from flexid.kernels.templates.compiled import *
+    from flexid.kernels.templates.run_status import *
     from flexid.kernels.templates.runge_kutta import *
 
 # The address of the model, the input at the start of an interval and its change over it,

@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.bound import *
     from flexid.kernels.templates.compiled import *
     from flexid.kernels.templates.dry_motion import *
+    from flexid.kernels.templates.run_status import *
 
 
 AT_MOST = 1.5  # of a direction, which the low-pass may bring beyond 1; more says that a row rests
