@@ -148,8 +148,8 @@ def test_what_cannot_be_played(tmp_path: Path):
         next(iter(Follower(str(log), CHOSEN, header="time").turns(1.0)))
 
 
-H = 0.01
-TIMES = 5.0 + H * np.arange(1000)
+STEP = 0.01
+TIMES = 5.0 + STEP * np.arange(1000)
 PLACES = np.arange(1000) >= 400
 
 
@@ -169,7 +169,7 @@ def test_one_stamp_in_the_future(cut: int, ahead: float):
     found, jumps = due(times, cut)
     assert jumps == 1
     right = TIMES - TIMES[0] + np.where(PLACES, LONGEST_WAIT, 0.0)
-    np.testing.assert_allclose(found, right, atol=3 * H)
+    np.testing.assert_allclose(found, right, atol=3 * STEP)
 
 
 @pytest.mark.parametrize("cut", [1000, 400])
@@ -178,8 +178,8 @@ def test_a_clock_that_goes_on_elsewhere(cut: int, by: float, wait: float):
     """Assert that a pause is cut short, and a clock that is set back holds nobody up."""
     found, jumps = due(np.where(PLACES, TIMES + by, TIMES), cut)
     assert jumps == (by > LONGEST_WAIT)
-    right = TIMES - TIMES[0] + np.where(PLACES, wait - H * (wait != 0.9), 0.0)
-    np.testing.assert_allclose(found, right, atol=2 * H)
+    right = TIMES - TIMES[0] + np.where(PLACES, wait - STEP * (wait != 0.9), 0.0)
+    np.testing.assert_allclose(found, right, atol=2 * STEP)
 
 
 def test_late_samples_come_with_those_before_them():
@@ -196,4 +196,4 @@ def test_a_clock_that_returns_after_long():
     times = np.concatenate((TIMES, 60.0 + TIMES, TIMES[-1] + TIMES - TIMES[0]))
     found, jumps = due(times)
     assert jumps == 1
-    assert found[-1] == pytest.approx(3 * 1000 * H + LONGEST_WAIT, abs=4 * H)
+    assert found[-1] == pytest.approx(3 * 1000 * STEP + LONGEST_WAIT, abs=4 * STEP)

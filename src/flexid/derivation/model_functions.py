@@ -8,7 +8,6 @@ import sympy as sp
 from flexid.derivation.source import (
     ARRAY_IMPORTS,
     CALLED_IMPORTS,
-    DECORATORS,
     IMPORTS,
     assignments,
     called,
@@ -33,7 +32,7 @@ constants     {", ".join(system.constants) or "none"}
 
 import numpy as np
 from numba import njit
-{DECORATORS}
+
 N_STATES = {len(system.states)}
 N_ROWS = {len(system.rows)}
 N_INPUTS = {len(system.inputs)}

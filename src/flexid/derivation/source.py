@@ -112,26 +112,6 @@ def called(arrays: int) -> str:
 )"""
 
 
-DECORATORS = """
-# What runs at every stage of a step allocates nothing. References to arrays are then not counted,
-# which costs more than the mathematics. Python does not call these functions: their wrappers would
-# double the time to compile them. A product and the sum that it goes into are rounded once.
-_AT_EVERY_STAGE = {
-    "error_model": "numpy",
-    "fastmath": {"contract"},
-    "_nrt": False,
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-}
-uncounted = njit(**_AT_EVERY_STAGE)
-inner = njit(
-    error_model="numpy", fastmath={"contract"}, no_cpython_wrapper=True, no_cfunc_wrapper=True
-)
-inlined = njit(**_AT_EVERY_STAGE, forceinline=True)
-"""
-"""How functions are compiled that run at every stage of a step: they allocate nothing."""
-
-
 def function(
     signature: str,
     docstring: str,

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import prod
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from flexid.errors import ExperimentError, did_you_mean
 from flexid.experiments.tables import Number, Positive, Table, Whole
-from flexid.toml_file import validated
+from flexid.toml_file import Refuse, validated
 
 if TYPE_CHECKING:
     from flexid.experiments.experiment import Experiment
@@ -116,15 +116,6 @@ class DistributionTable(Table):
     normal: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
     integers: Annotated[list[Whole], Field(min_length=2, max_length=2)] | None = None
 
-    def distribution(self) -> Distribution | None:
-        """The one that is given, or nothing if it is not one."""
-        given = [
-            Distribution(kind, float(pair[0]), float(pair[1]))
-            for kind in get_args(Kind)
-            if (pair := getattr(self, kind)) is not None
-        ]
-        return given[0] if len(given) == 1 else None
-
 
 def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
     """Check a campaign against the experiment that it varies."""
@@ -178,19 +169,12 @@ def _input(experiment: "Experiment", path: str, value: Any) -> Input:
                 raise refuse(str(place), "has more digits than are kept: give at most 15")
         chosen: Input = tuple(validated({"values": value}, ListedValues, refuse).values)
         tried = chosen
-    elif not isinstance(value, dict):
-        raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
+    elif isinstance(value, dict):
+        chosen = _distribution(value, refuse)
+        ends = () if chosen.kind == "normal" else (chosen.first, chosen.second)
+        tried = (*ends, float(chosen.quantile(_INSIDE)))
     else:
-        found = validated(value, DistributionTable, refuse).distribution()
-        if found is None:
-            raise refuse("", "must have exactly one of uniform, log_uniform, normal, integers")
-        if found.kind != "normal" and not found.first < found.second:
-            raise refuse(found.kind, "must rise from the first number to the second: correct it")
-        if found.kind == "normal" and not found.second > 0.0:
-            raise refuse("normal", "needs a positive standard deviation: correct it")
-        chosen = found
-        ends = () if found.kind == "normal" else (found.first, found.second)
-        tried = (*ends, float(found.quantile(_INSIDE)))
+        raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
     for number in tried:
         try:
             experiment.with_values({path: number})
@@ -199,3 +183,16 @@ def _input(experiment: "Experiment", path: str, value: Any) -> Input:
                 "", f"reaches {number:g}, but the key {error.key!r} {error.reason}"
             ) from None
     return chosen
+
+
+def _distribution(value: dict[str, Any], refuse: Refuse) -> Distribution:
+    given = validated(value, DistributionTable, refuse).model_dump(exclude_none=True)
+    if len(given) != 1:
+        raise refuse("", "must have exactly one of uniform, log_uniform, normal, integers")
+    ((kind, pair),) = given.items()
+    found = Distribution(cast(Kind, kind), *map(float, pair))
+    if found.kind != "normal" and not found.first < found.second:
+        raise refuse(found.kind, "must rise from the first number to the second: correct it")
+    if found.kind == "normal" and not found.second > 0.0:
+        raise refuse("normal", "needs a positive standard deviation: correct it")
+    return found

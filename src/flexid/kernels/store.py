@@ -85,7 +85,11 @@ def _load(
             text = _provided(directory / "derived" / derived, build)
         except OSError:  # a full disk
             text = build()
-    source = "\n\n".join((text or "", *map(template, with_needed(templates))))
+    # How functions are compiled has to be known where the first of them stands.
+    needed = sorted(with_needed(templates), key=lambda template: template != "compiled")
+    texts = [*map(template, needed)]
+    texts.insert(needed[:1] == ["compiled"], text or "")
+    source = "\n\n".join(texts)
     name = f"flexid_{task}_{_digest(source)}"
     if name in sys.modules:
         return sys.modules[name]

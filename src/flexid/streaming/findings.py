@@ -103,20 +103,15 @@ def findings(learner: Learner, states: States, estimate: Estimate, stated: State
     departed = departures(
         options.reference, parameters, widths=LIMITS.departure, least=LIMITS.least_departure
     )
-    disagreement = learner.disagreement(states)
-    found = joined.estimate
-    widths = [
-        Width(
-            name,
-            float(found.values[place]),
-            quantile(found.degrees_of_freedom[place]) * float(found.deviations[place])
-            if found.degrees_of_freedom[place] > 0.0
-            else np.inf,
-            float(disagreement[place]),
+    found, apart = joined.estimate, learner.disagreement(states).tolist()
+    halves = [
+        quantile(freedom) * deviation if freedom > 0.0 else np.inf
+        for freedom, deviation in zip(
+            found.degrees_of_freedom, found.deviations.tolist(), strict=True
         )
-        for place, name in enumerate(found.names)
-        if name in POSITIVE
     ]
+    numbers = zip(found.names, found.values.tolist(), halves, apart, strict=True)
+    widths = [Width(*each) for each in numbers if each[0] in POSITIVE]
     widths += [Width(n, value, 0.0, 0.0) for n, value in options.given.items() if n in POSITIVE]
     return Findings(
         found, coefficients, parameters, widths, departed, joined.contradicted, joined.against

@@ -28,6 +28,7 @@ _WORDS = {
     "saturated": "at the input's limit",
     "missing": "missing",
 }
+_EVENTS = {"gaps": "gap", "wraps": "turn", "jumps": "jump", "restarts": "new clock"}
 
 
 @dataclass(frozen=True)
@@ -52,30 +53,20 @@ class Counts:
     @property
     def fed(self) -> int:
         """Samples in all."""
-        return sum((self.taken, self.no_number, self.repeated, self.late)) + sum(
-            (self.outliers, self.stuck, self.saturated)
-        )
+        return self.taken + sum(getattr(self, name) for name in _WORDS if name != "missing")
 
     @property
     def sentence(self) -> str:
         """What became of the samples, in a sentence."""
-        bad = ", ".join(
-            f"{getattr(self, name)} {words}"
-            for name, words in _WORDS.items()
-            if getattr(self, name)
+        found = {name: getattr(self, name) for name in (*_WORDS, *_EVENTS)}
+        bad = ", ".join(f"{found[name]} {words}" for name, words in _WORDS.items() if found[name])
+        events = ", ".join(
+            f"{found[name]} {word}{'s' if found[name] > 1 else ''}"
+            for name, word in _EVENTS.items()
+            if found[name]
         )
         text = f"Samples: {self.taken} of {self.fed} learnt from"
-        events = [
-            f"{number} {word}{'s' if number > 1 else ''}"
-            for number, word in (
-                (self.gaps, "gap"),
-                (self.wraps, "turn"),
-                (self.jumps, "jump"),
-                (self.restarts, "new clock"),
-            )
-            if number
-        ]
-        text += (f"; {bad}" if bad else "") + (f"; {', '.join(events)}" if events else "")
+        text += "".join(f"; {part}" for part in (bad, events) if part)
         if self.unclear:
             places = "1 place" if self.unclear == 1 else f"{self.unclear} places"
             text += (

@@ -1,4 +1,7 @@
-"""How the functions of a kernel of no model are compiled, and how they call a model's."""
+"""How functions are compiled that run at every sample or stage, and how they call a model's.
+
+This stands ahead of what is generated.
+"""
 
 from typing import Any
 
@@ -7,16 +10,19 @@ from numba import njit, types
 from numba.core.cgutils import unpack_tuple
 from numba.extending import intrinsic
 
-# What runs at every sample allocates nothing, and Python does not call it.
-_AT_EVERY_SAMPLE: dict[str, Any] = {
+# What runs at every sample allocates nothing. References to arrays are then not counted, which
+# costs more than the mathematics. Python does not call these functions: their wrappers would double
+# the time to compile them.
+_UNWRAPPED: dict[str, Any] = {
     "error_model": "numpy",
-    "_nrt": False,
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
 }
-rounded = njit(**_AT_EVERY_SAMPLE)  # each product and each sum
-uncounted = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"})  # a product and its sum at once
-inlined = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"}, forceinline=True)
+_AT_EVERY_SAMPLE: dict[str, Any] = {**_UNWRAPPED, "_nrt": False}
+rounded: Any = njit(**_AT_EVERY_SAMPLE)  # each product and each sum
+uncounted: Any = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"})  # a product and its sum at once
+inner: Any = njit(**_UNWRAPPED, fastmath={"contract"})  # the same, which returns tuples or arrays
+inlined: Any = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"}, forceinline=True)
 allocating: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True}
 equations: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 

@@ -27,11 +27,6 @@ STATE_SIZE: int
 TRACKED: int
 WIDTH: int
 
-# How functions are compiled that run at every stage of a step.
-inlined: Callable[[Any], Any]
-inner: Callable[[Any], Any]
-uncounted: Callable[[Any], Any]
-
 # Of a model.
 def regressors(_x: _Array, _u: _Array, _c: _Array, _r: _Array, _k: _Array) -> None: ...
 def state_rates(

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
+    from flexid.kernels.templates.compiled import *
     from flexid.kernels.templates.generated import *
     from flexid.kernels.templates.status import *
 

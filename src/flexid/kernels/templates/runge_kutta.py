@@ -9,6 +9,7 @@ of x that follow from the path since the start of the step.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from flexid.kernels.templates.compiled import *
     from flexid.kernels.templates.generated import *
 
 

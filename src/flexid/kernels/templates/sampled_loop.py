@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
+    from flexid.kernels.templates.compiled import *
     from flexid.kernels.templates.generated import *
     from flexid.kernels.templates.loop_measures import *
     from flexid.kernels.templates.run_status import *
