@@ -68,13 +68,10 @@ def _equations(
 
 
 class _PythonPrinter(PythonCodePrinter):
-    """Notes what it has used: names of `math` in ``module_imports``, and ln cosh."""
-
-    log_cosh = False
+    """Notes what it has used: names of `math` in ``module_imports``."""
 
     def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
-        self.log_cosh = True
-        return f"_log_cosh({self._print(expr.args[0])})"
+        return f"({self._print(expr.stable())})"
 
     def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802, the same
         return f"{self._module_format('math.exp')}(1)"  # a model may have its own e
@@ -84,13 +81,6 @@ class _PythonPrinter(PythonCodePrinter):
         copysign = self._module_format("math.copysign")
         return f"(0.0 if {argument} == 0 else {copysign}(1.0, {argument}))"
 
-
-_PYTHON_LOG_COSH = '''def _log_cosh(z):
-    """ln cosh z, without overflow."""
-    return abs(z) + log(1.0 + exp(-2.0 * abs(z))) - log(2.0)
-
-
-'''
 
 _PYTHON_RULE = '''def _integrate(function, upper):
     """Integral from 0 to upper: {count} nodes of Gauss and Legendre, dense towards 0."""
@@ -139,12 +129,11 @@ def python_observer(observer: SymbolicObserver) -> str:
             *of_eq_3,
         ),
     )
-    helpers = _PYTHON_LOG_COSH if printer.log_cosh else ""
+    helpers = ""
     if observer.quadratures:
         nodes, weights = (tuple(values.tolist()) for values in graded_rule())
-        helpers += _PYTHON_RULE.format(count=len(nodes), nodes=nodes, weights=weights)
+        helpers = _PYTHON_RULE.format(count=len(nodes), nodes=nodes, weights=weights)
     used = {name.removeprefix("math.") for name in printer.module_imports.get("math", ())}
-    used |= {"exp", "log"} if printer.log_cosh else set()
     imports = f"from math import {', '.join(sorted(used))}\n\n\n" if used else "\n"
     title = f"Parametric observer, Huang (2003), of the model {observer.symbolic.system.name}."
     return f'"""{title}"""\n\n{imports}{helpers}' + "\n\n".join(functions)
@@ -165,22 +154,12 @@ state input input_rate observer_state gain constant estimate rate NODES WEIGHTS
 RESERVED = frozenset(_RESERVED_WORDS.split())
 """Names that mean something in printed C."""
 
-_C_LOG_COSH = """
-static double log_cosh_(double z)
-{
-    return fabs(z) + log(1.0 + exp(-2.0*fabs(z))) - log(2.0);
-}
-"""
-
 
 class _CPrinter(C99CodePrinter):
-    """Products for small powers, and no macro that C99 does not have; notes a use of ln cosh."""
-
-    log_cosh = False
+    """Products for small powers, and no macro that C99 does not have."""
 
     def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
-        self.log_cosh = True
-        return f"log_cosh_({self._print(expr.args[0])})"
+        return f"({self._print(expr.stable())})"
 
     def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802, the same
         return repr(float(expr))
@@ -196,7 +175,7 @@ class _CPrinter(C99CodePrinter):
 
 def c_observer(observer: SymbolicObserver) -> str:
     """Print an observer as two C99 functions that allocate nothing."""
-    printer, names = _CPrinter(), fresh_names(observer)
+    printer, names = _CPrinter({"math_macros": {}}), fresh_names(observer)
     renamed = _names_in_c(observer)
 
     def show(expression: sp.Basic) -> str:
@@ -241,7 +220,7 @@ def c_observer(observer: SymbolicObserver) -> str:
         for name, values in zip(("NODES", "WEIGHTS"), graded_rule(), strict=True)
         if observer.quadratures
     )
-    return head + (_C_LOG_COSH if printer.log_cosh else "") + tables + functions
+    return head + tables + functions
 
 
 def _names_in_c(observer: SymbolicObserver) -> dict[sp.Symbol, sp.Symbol]:

@@ -9,11 +9,6 @@
  */
 #include <math.h>
 
-static double log_cosh_(double z)
-{
-    return fabs(z) + log(1.0 + exp(-2.0*fabs(z))) - log(2.0);
-}
-
 void observer_estimates(
     const double *state,
     const double *input,
@@ -44,7 +39,7 @@ void observer_estimates(
     const double c3 = gain[2];
     const double width = constant[0];
     estimate[0] = y1 - c1*v1*(q1 - q2);
-    estimate[1] = y2 - c1*width*log_cosh_(v1/width);
+    estimate[1] = y2 - c1*width*(log(1 + exp(-2*fabs(v1/width))) + fabs(v1/width) - log(2));
     estimate[2] = z1 + c2*v2*(q1 - q2);
     estimate[3] = z2 - c2*v2*(q2 - q3);
     estimate[4] = z3 - 1.0/4.0*c2*(v2*v2*v2*v2);
@@ -84,7 +79,7 @@ void observer_rates(
     const double c3 = gain[2];
     const double width = constant[0];
     const double a1_hat = y1 - c1*v1*(q1 - q2);
-    const double a2_hat = y2 - c1*width*log_cosh_(v1/width);
+    const double a2_hat = y2 - c1*width*(log(1 + exp(-2*fabs(v1/width))) + fabs(v1/width) - log(2));
     const double b1_hat = z1 + c2*v2*(q1 - q2);
     const double b2_hat = z2 - c2*v2*(q2 - q3);
     const double b3_hat = z3 - 1.0/4.0*c2*(v2*v2*v2*v2);
