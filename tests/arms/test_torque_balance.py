@@ -16,6 +16,7 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import divide
+from flexid.kernels.store import template
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import TorqueBalance
 
@@ -37,7 +38,8 @@ def functions_of(balance: TorqueBalance) -> dict[str, Any]:
     names: dict[str, Any] = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("numba.njit", lambda **_: lambda function: function)
-        exec(compile(balance_functions(balance), "generated", "exec"), names)
+        source = template("compiled") + balance_functions(balance)
+        exec(compile(source, "generated", "exec"), names)
     return names
 
 

@@ -8,6 +8,7 @@ from systems import ALL
 
 from flexid.derivation.model_functions import plain_model
 from flexid.derivation.sensitivities import sensitivity_functions
+from flexid.kernels.store import template
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
 
 JUMPS = ParametricSystem(
@@ -35,7 +36,7 @@ def plain(monkeypatch):
 
     def load(source: str) -> dict:
         names: dict = {}
-        exec(compile(source, "generated", "exec"), names)
+        exec(compile(template("compiled") + source, "generated", "exec"), names)
         return names
 
     return load
