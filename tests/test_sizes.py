@@ -14,7 +14,7 @@ from flexid.experiment_design.drive import read_drive
 from flexid.experiments.experiment import read_experiment
 from flexid.models.model_file import read_model
 from flexid.recording import read_log
-from flexid.recording.column_map import read_map
+from flexid.recording.recipes import read_map
 from flexid.stored_estimates.estimate_file import read_estimate
 from flexid.toml_file import MAX_BYTES
 

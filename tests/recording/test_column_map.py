@@ -176,7 +176,7 @@ def test_ambiguous_name() -> None:
 
 BAD = [
     ("scale = 30.0", "scal = 30.0", "key 'motor_position.scal': .*not known.*scale"),
-    ("30.0", '"30"', "key 'motor_position.scale': .*valid number"),
+    ("30.0", '"30"', "key 'motor_position.scale': .*finite number"),
     ("30.0", "nan", "key 'motor_position.scale': .*finite number"),
     ('column = "u", ', "", "key 'motor_voltage': exactly one of 'column' and 'sum'"),
     ('column = "u"', 'column = "u", sum = ["u"]', "exactly one of 'column' and 'sum'"),

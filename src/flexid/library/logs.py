@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexid.estimators.samples import Samples
-    from flexid.recording.column_map import MapSource
+    from flexid.recording.recipes import MapSource
 
     OneLog: TypeAlias = (
         str | os.PathLike[str] | IntoDataFrame | Mapping[str, ArrayLike] | Log | Recording

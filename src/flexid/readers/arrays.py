@@ -1,6 +1,7 @@
-"""Arrays of a file as signals: vectors, and columns of matrices."""
+"""Arrays of a file as signals: vectors, and columns of matrices; NumPy's files, which are such."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -22,6 +23,7 @@ Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
 _ALL = slice(None)
 _SIGNALS = "iufmM"  # kinds of numbers, dates and durations
 _RESOLUTIONS = ("[D]", "[ms]", "[us]", "[ns]")  # of dates and durations, that Polars knows
+_WORDS = {"U": "text", "S": "text", "O": "text or objects", "b": "logical"}
 
 
 class Arrays:
@@ -32,14 +34,14 @@ class Arrays:
 
     def __init__(self, brackets: str) -> None:
         self.others: dict[str, str] = {}
-        self._series: dict[str, Series] = {}
-        self._values: dict[str, tuple[Values, Selection]] = {}
+        self._found: dict[str, tuple[Series, Values, Selection]] = {}
         self._brackets = brackets
         self._first = int(brackets == "()")
 
-    def index(self, position: int) -> str:
-        """An index in a path, from its position from 0."""
-        return f"{self._brackets[0]}{position + self._first}{self._brackets[1]}"
+    def index(self, position: int | str) -> str:
+        """An index in a path, from its position from 0, or as it is."""
+        index = position if isinstance(position, str) else position + self._first
+        return f"{self._brackets[0]}{index}{self._brackets[1]}"
 
     def add(
         self,
@@ -51,57 +53,53 @@ class Arrays:
         names: Sequence[str] = (),  # of a matrix's columns
     ) -> None:
         """Add an array, of which `values` reads a selection; what is no signal is only listed."""
-        long = [axis for axis, size in enumerate(shape) if size != 1]
+        *across, along = sorted(
+            (axis for axis, size in enumerate(shape) if size != 1),
+            key=lambda axis: (shape[axis], -axis),
+        ) or [-1]  # of a matrix the longer side is time
+        wide = shape[across[0]] if across else 1
         if len(path) > LONGEST_PATH:
             self.others[path[:LONGEST_PATH]] = "a path too long to be named"
-        elif dtype.kind not in _SIGNALS or not 1 <= len(long) <= 2 or 0 in shape:
-            self.others[path] = f"{_kind(dtype)}, {_size(shape)}"
-        elif len(long) == 1:
-            self._add(path, shape, long[0], {}, dtype, values, unit)
-        elif min(shape[axis] for axis in long) > WIDEST:
-            self.others[path] = f"{_kind(dtype)}, {_size(shape)}"
-        else:  # of a matrix the longer side is time
-            first, second = long
-            along, across = (first, second) if shape[first] >= shape[second] else (second, first)
-            for position in range(shape[across]):
-                number = str(position + self._first)
-                name = f":,{number}" if along == first else f"{number},:"
-                name = f"{path}{self._brackets[0]}{name}{self._brackets[1]}"
-                if len({*names}) == shape[across]:
-                    name = f"{path}.{names[position]}"
-                self._add(name, shape, along, {across: position}, dtype, values, unit)
-        if len(self._series) > MOST_SIGNALS:
+            return
+        if (
+            dtype.kind not in _SIGNALS
+            or along < 0
+            or len(across) > 1
+            or 0 in shape
+            or wide > WIDEST
+        ):
+            size = " × ".join(map(str, shape)) or "one value"
+            self.others[path] = f"{_WORDS.get(dtype.kind, dtype.name)}, {size}"
+            return
+        for position in range(wide):
+            where: list[int | slice] = [0] * len(shape)
+            where[along] = _ALL
+            name = path
+            if across:
+                where[across[0]] = position
+                number = position + self._first
+                name += self.index(f":,{number}" if along < across[0] else f"{number},:")
+            if across and len({*names}) == wide:
+                name = f"{path}.{names[position]}"
+            series = Series(name, dtype.name, shape[along], unit)
+            self._found[name] = series, values, tuple(where)
+        if len(self._found) > MOST_SIGNALS:
             raise RefusedError("", "it holds too many signals: write those of one joint")
 
     def contents(self) -> Contents:
         """All of it."""
-        return Contents([*self._series.values()], self._read, self.others)
-
-    def _add(
-        self,
-        path: str,
-        shape: tuple[int, ...],
-        along: int,
-        at: dict[int, int],
-        dtype: np.dtype,
-        values: Values,
-        unit: str,
-    ) -> None:
-        where = tuple(_ALL if axis == along else at.get(axis, 0) for axis in range(len(shape)))
-        self._series[path] = Series(path, dtype.name, shape[along], unit)
-        self._values[path] = values, where
+        return Contents([series for series, *_ in self._found.values()], self._read, self.others)
 
     def _read(self, paths: Collection[str], size: int) -> Iterator[Frame]:
-        length = max((self._series[path].length for path in paths), default=0)
+        length = max((self._found[path][0].length for path in paths), default=0)
         for start in range(0, length, size):
             part = slice(start, start + size)
-            yield (
-                "",
-                {
-                    path: known_times(path, read(tuple(part if at == _ALL else at for at in where)))
-                    for path, (read, where) in ((path, self._values[path]) for path in paths)
-                },
-            )
+            columns = {}
+            for path in paths:
+                _, values, where = self._found[path]
+                picked = tuple(part if at == _ALL else at for at in where)
+                columns[path] = known_times(path, values(picked))
+            yield "", columns
 
 
 def known_times(name: str, values: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -121,10 +119,19 @@ def known_times(name: str, values: NDArray[np.generic]) -> NDArray[np.generic]:
     return times
 
 
-def _size(shape: tuple[int, ...]) -> str:
-    return " × ".join(map(str, shape)) or "one value"
-
-
-def _kind(dtype: np.dtype) -> str:
-    words = {"U": "text", "S": "text", "O": "text or objects", "b": "logical"}
-    return words.get(dtype.kind, dtype.name)
+def read(path: Path) -> Contents:
+    """The signals of an .npz or .npy file: vectors, columns of matrices, fields of records."""
+    loaded = np.load(path, allow_pickle=False)
+    is_one = not isinstance(loaded, np.lib.npyio.NpzFile)
+    found = Arrays("[]")
+    for name in [path.stem] if is_one else loaded.files:
+        try:
+            array = loaded if is_one else loaded[name]
+        except ValueError:  # they could hold any program
+            found.others[name] = "objects, which are not read"
+            continue
+        for field in array.dtype.names or ("",):
+            values = array[field] if field else array
+            path_of = f"{name}.{field}" if field else name
+            found.add(path_of, values.shape, values.dtype, values.__getitem__)
+    return found.contents()

@@ -23,9 +23,9 @@ _MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
 PARQUET = Format("Parquet", "a Parquet file", (".parquet", ".pq"), f"{_HERE}.parquet", (b"PAR1",))
 FORMATS = [
     PARQUET,
-    Format("MATLAB", "a MATLAB file", (".mat",), f"{_HERE}.matlab", _MATLAB, "hdf5"),
-    Format("HDF5", "an HDF5 file", (".h5", ".hdf5"), f"{_HERE}.hdf5", (b"\x89HDF",), "hdf5"),
-    Format("NumPy", "a NumPy file", (".npz", ".npy"), f"{_HERE}.numpy_file", (b"\x93NUMPY",)),
+    Format("MATLAB", "a MATLAB file", (".mat",), f"{_HERE}.matlab_hdf5", _MATLAB, "hdf5"),
+    Format("HDF5", "an HDF5 file", (".h5", ".hdf5"), f"{_HERE}.matlab_hdf5", (b"\x89HDF",), "hdf5"),
+    Format("NumPy", "a NumPy file", (".npz", ".npy"), f"{_HERE}.arrays", (b"\x93NUMPY",)),
     Format("MDF", "an MDF file", (".mf4", ".mdf"), f"{_HERE}.mdf", (b"MDF     ",), "mdf"),
     Format("MCAP", "an MCAP file", (".mcap",), f"{_HERE}.ros", (b"\x89MCAP",), "ros", True),
     Format("ROS 1 bag", "a ROS 1 bag", (".bag",), f"{_HERE}.ros", (b"#ROSBAG V",), "ros"),

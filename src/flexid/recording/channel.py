@@ -1,6 +1,6 @@
 """Channels that a log may have, one of them in SI units, a log while it is read, and its limits."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -63,10 +63,14 @@ class Channel:
     """One canonical channel of a file, in SI units."""
 
     values: FloatArray  # shape (n,)
-    unit: str
     column: str  # as named in the file; several are joined by " + "
     unit_stated: bool  # whether the file or the map named a unit
     origin: Origin
+
+    @property
+    def unit(self) -> str:
+        """Of the values."""
+        return self.origin.unit
 
     @property
     def place(self) -> str:
@@ -83,8 +87,7 @@ class Draft:
     """A log that is checked and mended step by step."""
 
     file: str
-    channels: dict[str, Channel]  # without the time
-    time: Channel
+    channels: dict[str, Channel]  # the time among them
     warnings: list[str] = field(default_factory=list)
     uncounted: tuple[int, ...] = ()  # as in `Log`
 
@@ -94,34 +97,42 @@ class Draft:
     def __setitem__(self, name: str, values: FloatArray) -> None:
         self.channels[name] = replace(self.channels[name], values=values)
 
-    def set_time(self, values: FloatArray) -> None:
-        """Take other times in s."""
-        self.time = replace(self.time, values=values)
+    @property
+    def time(self) -> FloatArray:
+        """Time stamps in s."""
+        return self["time"]
+
+    @property
+    def names(self) -> list[str]:
+        """The channels but the time."""
+        return [name for name in self.channels if name != "time"]
 
     def those_of(self, names: Iterable[str]) -> list[str]:
         """The channels of some that there are."""
         return [name for name in names if name in self.channels]
 
-    def columns(self, names: Iterable[str]) -> str:
-        """The columns of some channels, for a message."""
-        return "columns " + " and ".join(repr(self.channels[name].column) for name in names)
-
     def at(self, places: Any) -> str:
         """Times of some samples, for a message: the first three, and how many more there are."""
-        shown = [f"{time:.6g} s" for time in self.time.values[places[:MOST_TIMES]]]
+        shown = [f"{time:.6g} s" for time in self.time[places[:MOST_TIMES]]]
         return first_times(shown, len(places))
 
-    def warn(self, place: str, what: str, rank: Rank = Rank.NOTE) -> None:
-        """Note a warning: place and sentence."""
-        parts = (self.file, place, what) if place else (self.file, what)
+    def warn(self, names: str | Sequence[str], what: str, rank: Rank = Rank.NOTE) -> None:
+        """Note a sentence about a channel, about several, or about the whole log."""
+        parts = (self.file, place, what) if (place := self._place(names)) else (self.file, what)
         self.warnings.append(Caution(": ".join(parts), rank))
 
-    def refusal(self, place: str, reason: str) -> RecordingError:
-        """The error by which the log is refused."""
-        return RecordingError(self.file, place, reason)
+    def refusal(self, names: str | Sequence[str], reason: str) -> RecordingError:
+        """The error by which the log is refused, about as many channels."""
+        return RecordingError(self.file, self._place(names), reason)
+
+    def _place(self, names: str | Sequence[str]) -> str:
+        """The columns of some channels, or what else has a name."""
+        if isinstance(names, str):
+            return self.channels[names].place if names in self.channels else names
+        columns = [repr(self.channels[name].column) for name in names]
+        return f"columns {' and '.join(columns)}"
 
     def keep(self, kept: np.ndarray) -> None:
         """Leave all samples out but these."""
         for name in self.channels:
             self[name] = self[name][kept]
-        self.set_time(self.time.values[kept])

@@ -9,7 +9,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.caution import Rank
-from flexid.recording.channel import ENCODERS, INPUTS, POSITIONS, Draft
+from flexid.recording.channel import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft
 from flexid.recording.names import first_times
 from flexid.recording.velocities import is_noise, position_noise
 
@@ -26,28 +26,19 @@ _FEWEST_READINGS = 50  # changes of a sensor, from which it is said how often it
 _EVENLY = 0.95  # of the times between its changes are multiples of one
 _DEAD = {
     "deflection": "the link moves as if rigidly tied to the motor, or the sensor is dead",
-    "link_position": "the encoder is stuck or not connected",
-    "motor_position": "the encoder is stuck or not connected",
-    "link_velocity": "the sensor is dead, so leave the column out",
-    "motor_velocity": "the sensor is dead, so leave the column out",
+    **dict.fromkeys(ENCODERS, "the encoder is stuck or not connected"),
+    **dict.fromkeys(VELOCITIES, "the sensor is dead, so leave the column out"),
 }
 _DEAD_INPUT = "nothing drives the motor; without the column the link is identified alone"
 
 
 def check_magnitude(log: Draft) -> None:
     """Raise if a channel, or the time, holds absurdly large values."""
-    for name, channel in {"time": log.time, **log.channels}.items():
+    for name, channel in log.channels.items():
         sizes = np.abs(channel.values)
         if np.any(sizes > LARGEST_VALUE):
             largest = f"{np.nanmax(sizes):.3g} {channel.unit}"
-            raise log.refusal(
-                channel.place, f"{name} reaches {largest}: correct the cell or the unit"
-            )
-
-
-def _is_constant(values: FloatArray, about: FloatArray) -> bool:
-    """Whether a signal is constant but for the rounding of another one."""
-    return bool(np.ptp(values) <= _SMALLEST_MOTION * max(1.0, float(np.abs(about).max())))
+            raise log.refusal(name, f"{name} reaches {largest}: correct the cell or the unit")
 
 
 def check_varies(log: Draft, name: str) -> None:
@@ -62,34 +53,37 @@ def check_moves(log: Draft, name: str) -> None:
         raise _dead(log, name, f"constant but for noise of {np.std(log[name]):.2g} rad")
 
 
+def _is_constant(values: FloatArray, about: FloatArray) -> bool:
+    """Whether a signal is constant but for the rounding of another one."""
+    return bool(np.ptp(values) <= _SMALLEST_MOTION * max(1.0, float(np.abs(about).max())))
+
+
 def _dead(log: Draft, name: str, what: str) -> RecordingError:
-    return log.refusal(
-        log.channels[name].place,
-        f"{name} is {what} and carries no information ({_DEAD.get(name, _DEAD_INPUT)}): record it "
-        f"while it moves",
-    )
+    why = _DEAD.get(name, _DEAD_INPUT)
+    reason = f"{name} is {what} and carries no information ({why}): record it while it moves"
+    return log.refusal(name, reason)
 
 
 def check_copy(log: Draft, name: str) -> None:
     """Raise if an input is the same signal as another channel, or as a position's derivative."""
-    drive, time = log.channels[name], log.time.values
-    values, clock = drive.values - drive.values.mean(), time - time.mean()
-    total = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))))
-    for other, channel in log.channels.items():
+    values, clock = log[name] - log[name].mean(), log.time - log.time.mean()
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(clock)
+    total = np.concatenate(([0.0], np.cumsum(steps)))
+    for other in log.names:
         if other in INPUTS:
             continue
-        units = drive.origin.factor / channel.origin.factor  # the file's, in which it was copied
+        # The file's units, in which it was copied.
+        units = log.channels[name].origin.factor / log.channels[other].origin.factor
+        moved = log[other] - log[other].mean()
         for copied, what in ((values, other), (total, f"the derivative of {other}")):
             matrix = np.column_stack((copied, clock, np.ones_like(clock)))
-            moved = channel.values - channel.values.mean()
             solution = np.linalg.lstsq(matrix, moved, rcond=None)[0]
             off = float(np.std(moved - matrix @ solution))
             explained = abs(float(solution[0])) * float(np.std(copied))
-            if off < _COPIED * explained and any(
-                abs(slope - 1.0) < _SAME for slope in (solution[0], solution[0] * units)
-            ):
+            is_same = min(abs(solution[0] - 1.0), abs(solution[0] * units - 1.0)) < _SAME
+            if off < _COPIED * explained and is_same:
                 raise log.refusal(
-                    log.columns((name, other)),
+                    (name, other),
                     f"{name} is the same signal as {what}, to {100.0 * off / explained:.1g} %: "
                     f"name the column of the input in a column map",
                 )
@@ -103,7 +97,7 @@ def check_whole(log: Draft, name: str) -> None:
         return
     if len(np.unique(values)) >= _FEWEST_LEVELS:
         log.warn(
-            channel.place,
+            name,
             f"{name} holds whole numbers only, up to {largest:.6g}, which are read as "
             f"{channel.unit}: if a drive or an encoder counts so, write the unit, as [mA] or "
             f"[mN m], or its scale in a column map",
@@ -113,17 +107,17 @@ def check_whole(log: Draft, name: str) -> None:
 
 def check_power(log: Draft, name: str) -> None:
     """Warn of an input, or of the power of a torque, that is larger than a joint's drive gives."""
-    drive, values = log.channels[name], log[name]
-    what, most = f"is {{:.3g}} {drive.unit}", _LARGEST_INPUT.get(drive.unit)
+    values, unit = log[name], log.channels[name].unit
+    what, most = f"is {{:.3g}} {unit}", _LARGEST_INPUT.get(unit)
     if most is None:
         speed = _speed(log, "motor_position")
         values, what, most = values[-len(speed) :] * speed, "gives {:.3g} W", MOST_POWER
     reached = float(np.quantile(np.abs(values), 0.95))
     if reached > most:
         log.warn(
-            drive.place,
+            name,
             f"{name} {what.format(reached)}, more than {most:g}, the limit for a joint's drive: "
-            f"check the unit, as in {name} [m{drive.unit}]",
+            f"check the unit, as in {name} [m{unit}]",
             Rank.SCALE,
         )
 
@@ -133,17 +127,15 @@ def check_speed(log: Draft, name: str) -> None:
     fast = float(np.quantile(np.abs(_speed(log, name)), 0.95))
     if fast <= FASTEST_JOINT:
         return
-    channel = log.channels[name]
     found = f"{name} turns at {fast:.3g} rad/s, faster than a joint does at the link side"
-    if not channel.unit_stated:
-        reason = f"{found}: name its unit in the header, as in {name} [deg]"
-        raise log.refusal(channel.place, reason)
-    log.warn(channel.place, f"{found}: check the unit and the gear ratio", Rank.SCALE)
+    if not log.channels[name].unit_stated:
+        raise log.refusal(name, f"{found}: name its unit in the header, as in {name} [deg]")
+    log.warn(name, f"{found}: check the unit and the gear ratio", Rank.SCALE)
 
 
 def _speed(log: Draft, name: str) -> FloatArray:
     """Mean velocity of a position over ten samples, shape (n - 10,)."""
-    time, values = log.time.values, log[name]
+    time, values = log.time, log[name]
     lag = min(10, len(time) - 1)
     return (values[lag:] - values[:-lag]) / (time[lag:] - time[:-lag])
 
@@ -160,7 +152,7 @@ def check_repeats(log: Draft, name: str) -> None:
     if period < 2 or np.mean(apart % period == 0) < _EVENLY or np.median(sizes) < 3.0 * sizes.min():
         return
     log.warn(
-        log.channels[name].place,
+        name,
         f"{name} changes only every {period} samples, as if it was read so rarely and repeated: "
         f"log it as fast as the others, or all at its rate",
         Rank.DATA,
@@ -175,7 +167,7 @@ def check_saturation(log: Draft, name: str) -> None:
         # An input that is switched between few levels is no fault.
         if share > 0.01 and len(np.unique(values)) > 20 and _has_limit(sign * values):
             log.warn(
-                log.channels[name].place,
+                name,
                 f"{name} stands at its extreme of {level:.4g} {log.channels[name].unit} in "
                 f"{100.0 * share:.2g} % of the samples, as if clipped: reduce the amplitude or "
                 f"widen the sensor's range",
@@ -193,15 +185,13 @@ def _has_limit(values: FloatArray) -> bool:
 def check_two_encoders(log: Draft) -> None:
     """Check that link and motor position are two angles at the same side of the gear."""
     link, motor = (log[name] for name in ENCODERS)
-    link_part, motor_part = (values - values.mean() for values in (link, motor))
-    link_size, motor_size = (float(np.sqrt(np.mean(part**2))) for part in (link_part, motor_part))
-    correlation = float(np.mean(link_part * motor_part)) / (link_size * motor_size)
-    larger, smaller = ("motor", "link") if motor_size > link_size else ("link", "motor")
-    factor = max(motor_size / link_size, link_size / motor_size)
+    correlation = float(np.corrcoef(link, motor)[0, 1])
+    factor = float(motor.std() / link.std())
+    larger, smaller = ("motor", "link") if factor > 1.0 else ("link", "motor")
+    remedy = "write the drive's gear_ratio"
+    if larger == "link":
+        factor, remedy = 1.0 / factor, f"scale the link position by {factor:.3g}"
     moves = f"the {larger} position is about {factor:.3g} times the {smaller} position"
-    remedy = f"scale the link position by {1.0 / factor:.3g}"
-    if larger == "motor":
-        remedy = "write the drive's gear_ratio"
     # A joint near its resonance moves one side several times as much: only clear cases are refused.
     is_one_motion = abs(correlation) > 0.98
     faults = {
@@ -222,13 +212,12 @@ def check_two_encoders(log: Draft) -> None:
         f"link and motor position hardly follow each other (correlation {correlation:.2f}): check "
         f"that they belong to one joint, and the gear ratio": abs(correlation) < 0.3,
     }
-    place = log.columns(ENCODERS)
     for reason, is_so in faults.items():
         if is_so:
-            raise log.refusal(place, reason)
+            raise log.refusal(ENCODERS, reason)
     for odd, is_so in oddities.items():
         if is_so:
-            log.warn(place, odd, Rank.SCALE)
+            log.warn(ENCODERS, odd, Rank.SCALE)
 
 
 _FEWEST = 20  # samples without any change, to count
@@ -255,13 +244,13 @@ def drop_frozen(log: Draft) -> None:
     it. So a stretch is left out only where a position is another one when it goes on, or where the
     log ends in mid-motion; and where the input rests as well or the other side of the joint moves.
     """
-    kept = np.ones(len(log.time.values), dtype=np.bool_)
+    kept = np.ones(len(log.time), dtype=np.bool_)
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
         sensors = {
             name: _Position(log[name], _CLEAR * position_noise(log[name]))
             for name in log.those_of(POSITIONS)
         }
-        every = [channel.values for channel in log.channels.values()]
+        every = [log[name] for name in log.names]
         found = {"": list(_of_all(every, [*sensors.values()]))}
         found |= {name: list(_of_one(name, sensors)) for name in sensors}
     for name, stretches in found.items():
@@ -278,12 +267,10 @@ def drop_frozen(log: Draft) -> None:
 
 def _warn(log: Draft, name: str, stretches: Sequence[Stretch], remedy: str) -> None:
     """Name the stretches in which a sensor is stuck, or all are."""
-    time = log.time.values
-    at = first_times([f"{time[a]:.6g} s to {time[b - 1]:.6g} s" for a, b in stretches])
-    what = (_STUCK if name else _REPEATED).format(name=name, at=at)
+    spans = [f"{log.time[a]:.6g} s to {log.time[b - 1]:.6g} s" for a, b in stretches]
+    what = (_STUCK if name else _REPEATED).format(name=name, at=first_times(spans))
     if stretches:
-        place = log.channels[name].place if name else ""
-        log.warn(place, f"{what}: {remedy}", Rank.DATA)
+        log.warn(name, f"{what}: {remedy}", Rank.DATA)
 
 
 class _Position(NamedTuple):

@@ -93,7 +93,7 @@ def on_one_clock(
 
 def drop_holes(log: Draft) -> None:
     """Leave out few rows with an empty cell; of many, each channel has a clock of its own."""
-    there = {name: ~np.isnan(log[name]) for name in log.channels}
+    there = {name: ~np.isnan(log[name]) for name in log.names}
     unused = _sparse_velocities(there)
     if unused:
         columns = " and ".join(log.channels[name].place for name in sorted(unused))
@@ -114,21 +114,19 @@ def drop_holes(log: Draft) -> None:
         )
         log.keep(whole)
         return
-    channels = log.channels.items()
-    stamps = {channel.column: log.time.values[there[name]] for name, channel in channels}
+    columns = {name: log.channels[name].column for name in there}
+    stamps = {columns[name]: log.time[own] for name, own in there.items()}
     signals = [
-        Signal(name, channel.column, log[name][there[name]], name in INPUTS)
-        for name, channel in channels
+        Signal(name, columns[name], log[name][own], name in INPUTS) for name, own in there.items()
     ]
-    times, columns, warnings = on_one_clock(log.file, stamps, signals)
+    times, found, warnings = on_one_clock(log.file, stamps, signals)
     steps = np.diff(times)
     if np.mean(steps > GAP * np.median(steps)) > MOST_GAPS:
         raise log.refusal(
             missing,
             f"{count}, at uneven times: log every channel in every sample, or at a rate of its own",
         )
-    log.set_time(times)
-    for name, values in columns.items():
+    for name, values in {"time": times, **found}.items():
         log[name] = values
     log.warnings += warnings
 

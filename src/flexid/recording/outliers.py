@@ -292,19 +292,19 @@ _MOST = 0.01  # share of spikes, up to which a channel is mended: more are no si
 
 def mend(log: Draft) -> None:
     """Replace spikes of encoders, and put back lost samples."""
-    if len(log.time.values) < 4 * _AROUND:
+    if len(log.time) < 4 * _AROUND:
         return
     sensors = log.those_of(POSITIONS)
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
         for name in sensors:
             _mend_spikes(log, name)
         positions = [log[name] for name in sensors]
-        counted = counted_anew(log.time.values, positions)
+        counted = counted_anew(log.time, positions)
         if counted is not None:
-            digit, step = np.median(np.diff(log.time.values)), np.min(np.diff(counted))
+            digit, step = np.median(np.diff(log.time)), np.min(np.diff(counted))
             warn_rounded(log, "the time", float(digit), float(step), Rank.DATA)
-            log.set_time(counted)
-        time = log.time.values
+            log["time"] = counted
+        time = log.time
         lost = lost_samples(positions, time)
     missing = lost_by_the_clock(time)
     if missing.any():
@@ -320,7 +320,7 @@ def mend(log: Draft) -> None:
     elif np.count_nonzero(lost) >= FEWEST_PLACES:
         places = np.flatnonzero(lost)
         log.warn(
-            log.columns(sensors),
+            sensors,
             f"in {len(places)} places all positions advance by whole steps more than around them "
             f"(at {log.at(places)}): {lost.sum()} samples were lost and the time counted from the "
             f"rest, so they were put back by interpolation: log the time of each sample",
@@ -332,14 +332,14 @@ def mend(log: Draft) -> None:
 
 def _put_back(log: Draft, lost: NDArray[np.int64], time: FloatArray) -> None:
     """Put lost samples back, at the times of all."""
-    for name in log.channels:
+    for name in log.names:
         log[name] = put_back(log[name], lost, held=name in INPUTS)
-    log.set_time(time)
+    log["time"] = time
 
 
 def _mend_spikes(log: Draft, name: str) -> None:
     """Replace the spikes of a position, where they are few."""
-    clock, values = np.diff(log.time.values), log[name].copy()
+    clock, values = np.diff(log.time), log[name].copy()
     found = list(_spikes(values, clock <= GAP * np.median(clock)))
     if not 0 < len(found) <= max(1.0, _MOST * len(values)):
         return
@@ -348,7 +348,7 @@ def _mend_spikes(log: Draft, name: str) -> None:
     log[name] = values
     single = "sample is" if len(found) == 1 else "samples are"
     log.warn(
-        log.channels[name].place,
+        name,
         f"{len(found)} {single} off the samples around by up to {np.abs(sizes).max():.2g} rad (at "
         f"{log.at(places)}), so a cubic through these was taken instead: check the sensor and its "
         f"cable",

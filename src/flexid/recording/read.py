@@ -22,7 +22,7 @@ from flexid.recording.velocities import is_used
 from flexid.recording.wraps import count_on, unwrap
 
 if TYPE_CHECKING:
-    from flexid.recording.column_map import MapSource
+    from flexid.recording.recipes import MapSource
 
 
 def read_log(path: Path, columns: MapSource | None = None) -> Log:
@@ -34,8 +34,7 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     """As `read_log`, from a file's columns."""
     channels, warnings = read_channels(table, columns)
     origins = {name: channel.origin for name, channel in channels.items()}
-    log = Draft(table.file, channels, channels.pop("time"))
-    log.warnings += dict.fromkeys(table.warnings + warnings)
+    log = Draft(table.file, channels, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
     count_on(log)
     drop_repeats(log, table)
@@ -43,7 +42,7 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     drop_frozen(log)
     mend(log)
     grid = even_grid(log)
-    for name in log.channels:
+    for name in log.names:
         checks.check_varies(log, name)
         checks.check_saturation(log, name)
         checks.check_repeats(log, name)
@@ -90,7 +89,7 @@ def recording_of(
     log: Draft, sample_time: float, part: slice, *, resample: bool = False
 ) -> Recording:
     """One recording of a log, interpolated to even times if asked to."""
-    time = log.time.values[part]
+    time = log.time[part]
     drive = next(iter(log.those_of(INPUTS)), "")
 
     def sampled(name: str) -> FloatArray | None:

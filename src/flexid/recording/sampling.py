@@ -1,8 +1,8 @@
 """Time stamps to an even grid: gaps cut the log into recordings, jitter is interpolated away."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,11 @@ _OF_STAMPS = (
     "than 12 h apart, so write the date too; and write all zeros behind the point"
 )
 ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
+_UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s, of times that are no seconds
 _MOST_ALIKE = 4.0  # samples to a digit: of more, the line is too free
 
 
-@dataclass(frozen=True, eq=False)
-class Grid:
+class Grid(NamedTuple):
     """Where the recordings of a log lie, and on which even times."""
 
     sample_time: float  # common to all recordings, in s
@@ -43,20 +43,20 @@ def drop_repeats(log: Draft, table: Table) -> None:
 
     Of 2000 samples per second in whole milliseconds two have the same time, and are even.
     """
-    time = log.time.values
+    time = log.time
     steps = np.diff(time)
     again = steps == 0.0
     if np.all(steps > 0.0):
         return
-    for name in log.channels:
+    for name in log.names:
         values = log[name]
         again &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     increases = (steps > 0.0) | again
     if not np.all(increases):
         sample_time = _rounded_step(log)
         if sample_time is None:
-            raise _not_increasing(table, log.time.column, time, increases)
-        log.set_time(time[0] + sample_time * np.arange(len(time)))
+            raise _not_increasing(table, log.channels["time"].column, time, increases)
+        log["time"] = time[0] + sample_time * np.arange(len(time))
         return
     log.warn(
         "",
@@ -88,11 +88,17 @@ def _not_increasing(
 
 def even_grid(log: Draft) -> Grid:
     """Sample time and gaps of increasing time stamps in s; raise where they are too uneven."""
-    time, place = log.time.values, log.time.place
-    _check_count(log, len(time))
+    time = log.time
+    if len(time) < FEWEST_SAMPLES:
+        found = "is 1 sample" if len(time) == 1 else f"are {len(time)} samples"
+        raise log.refusal(
+            "",
+            f"there {found} where {FEWEST_SAMPLES} are the fewest that are read, and "
+            f"{FEWEST_TO_IDENTIFY} the fewest that can be identified: record for longer",
+        )
     steps = np.diff(time)
     typical = float(np.median(steps))
-    check_typical(log.file, place, typical, steps)
+    check_typical(log.file, log.channels["time"].place, typical, steps)
     is_gap = steps > GAP * typical
     off_whole = np.abs(steps / typical - np.rint(steps / typical)).max()
     is_whole = off_whole < EVEN and is_gap.mean() <= MOST_GAPS  # where samples are missing
@@ -106,7 +112,7 @@ def even_grid(log: Draft) -> Grid:
     recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
     if not recordings:
         reason = f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps"
-        raise log.refusal(place, reason)
+        raise log.refusal("time", reason)
     _warn_of_gaps(log, parts, recordings)
     sample_time = _fitted_sample_time(time, recordings)
     off_grid = max(_off_grid(time[recording], sample_time) for recording in recordings)
@@ -118,7 +124,7 @@ def even_grid(log: Draft) -> Grid:
     if jitter > MOST_JITTER:
         raise _uneven(log, within)
     log.warn(
-        place,
+        "time",
         f"the time steps vary by {200.0 * jitter:.2g} % of the sample time of "
         f"{sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record at a "
         f"fixed rate, or write the time with more digits",
@@ -128,26 +134,17 @@ def even_grid(log: Draft) -> Grid:
 
 def check_typical(file: str, place: str, typical: float, steps: FloatArray) -> None:
     """Raise unless a drive may be sampled so, in s, as these time steps say."""
-    if not SHORTEST_SAMPLE_TIME <= typical <= LONGEST_SAMPLE_TIME:
-        raise RecordingError(
-            file,
-            place,
-            f"the sample time would be {typical:.4g} s, which no drive log has: "
-            f"{_remedy_of_time(typical, steps)}",
-        )
-
-
-def _remedy_of_time(typical: float, steps: FloatArray) -> str:
-    """What to write where a sample time is none: the unit by which it is one."""
+    if is_sample_time(typical):
+        return
+    fitting = (unit for unit, size in _UNITS.items() if is_sample_time(size * typical))
+    remedy = f"name the unit of the time, as in [{next(fitting, 'ms')}]"
     if np.all(steps == 1.0):
-        return (
-            "if it numbers the samples, give the sample time in a column map, as scale = 0.001 for "
-            "1 ms; else name the unit of the time, as in [ms]"
+        remedy = (
+            f"if it numbers the samples, give the sample time in a column map, as scale = 0.001 "
+            f"for 1 ms; else {remedy}"
         )
-    units = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-    fitting = (n for n, s in units.items() if s * typical >= SHORTEST_SAMPLE_TIME)
-    unit = next((n for n in fitting if units[n] * typical <= LONGEST_SAMPLE_TIME), "ms")
-    return f"name the unit of the time, as in [{unit}]"
+    reason = f"the sample time would be {typical:.4g} s, which no drive log has: {remedy}"
+    raise RecordingError(file, place, reason)
 
 
 def _rounded_step(log: Draft) -> float | None:
@@ -156,7 +153,7 @@ def _rounded_step(log: Draft) -> float | None:
     Of 400 samples per second, written in whole milliseconds, two come 3 ms after the one before and
     two 2 ms: they are even all the same, and interpolation would make them uneven.
     """
-    time = log.time.values
+    time = log.time
     sample_time = _fitted_sample_time(time, [slice(0, len(time))])
     off = np.ptp(time - sample_time * np.arange(len(time)))
     if off <= 2.0 * EVEN * sample_time:
@@ -166,7 +163,7 @@ def _rounded_step(log: Draft) -> float | None:
         return None
     if not (0.5 * digit < np.ptp(np.diff(time)) <= ROUNDED * digit and off <= ROUNDED * digit):
         return None
-    warn_rounded(log, log.time.place, digit, sample_time)
+    warn_rounded(log, "time", digit, sample_time)
     return sample_time
 
 
@@ -209,19 +206,14 @@ def interpolated(time: FloatArray, values: FloatArray, at: FloatArray, *, held: 
         return np.asarray(interpolator(time, values)(at), dtype=np.float64)
 
 
-def _check_count(log: Draft, count: int) -> None:
-    if count < FEWEST_SAMPLES:
-        found = "is 1 sample" if count == 1 else f"are {count} samples"
-        raise log.refusal(
-            "",
-            f"there {found} where {FEWEST_SAMPLES} are the fewest that are read, and "
-            f"{FEWEST_TO_IDENTIFY} the fewest that can be identified: record for longer",
-        )
+def is_sample_time(seconds: float) -> bool:
+    """Whether a drive may be sampled so."""
+    return SHORTEST_SAMPLE_TIME <= seconds <= LONGEST_SAMPLE_TIME
 
 
 def check_sample_time(sample_time: float) -> None:
     """Raise a `SettingError` unless a drive may be sampled so, in s."""
-    if not SHORTEST_SAMPLE_TIME <= sample_time <= LONGEST_SAMPLE_TIME:
+    if not is_sample_time(sample_time):
         raise SettingError(
             "sample time",
             f"{sample_time:g} s is outside {SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s: "
@@ -230,7 +222,7 @@ def check_sample_time(sample_time: float) -> None:
 
 
 def _uneven(log: Draft, steps: FloatArray) -> RecordingError:
-    time = log.time.values
+    time = log.time
     every = np.diff(time)
     changes = np.flatnonzero(np.abs(np.diff(every)) > MOST_JITTER * every.min())
     remedy = "record at a fixed rate, or write the time with more digits"
@@ -238,7 +230,7 @@ def _uneven(log: Draft, steps: FloatArray) -> RecordingError:
         there = f"{time[changes[0] + 1]:.6g} s"
         remedy = f"cut the log at {there}, where the sample time changes, into two logs"
     return log.refusal(
-        log.time.place,
+        "time",
         f"the time steps vary between {steps.min() * 1e3:.4g} and {steps.max() * 1e3:.4g} ms: "
         f"{remedy}",
     )
@@ -246,7 +238,7 @@ def _uneven(log: Draft, steps: FloatArray) -> RecordingError:
 
 def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> None:
     """Name gaps, and parts between two gaps that are too short to be recordings."""
-    time = log.time.values
+    time = log.time
 
     def spans(ends: Iterable[tuple[int, int]]) -> str:
         return first_times([f"{time[first]:.6g} s to {time[last]:.6g} s" for first, last in ends])

@@ -31,10 +31,11 @@ from flexid.recording.units import UnitError, scale_to_si
 if TYPE_CHECKING:
     import polars
 
-    from flexid.recording.column_map import MapSource
+    from flexid.recording.recipes import MapSource
 
 TIME = "time [s]"
-_TEMPORAL = {"Datetime": "Datetime", "Time": "Time"}  # types of Polars that may be a clock's
+_TEMPORAL = ("Datetime", "Time")  # types of Polars that may be a clock's
+_EXPORT = "export the log again"
 
 
 def table_of_file(path: Path, columns: MapSource | None) -> Table:
@@ -52,7 +53,7 @@ def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> G
         yield from tables_of(reading, columns, size)
 
 
-def with_own_times(reading: Reading, columns: MapSource | None) -> Reading | OwnTimes:
+def with_own_times(reading: Reading, columns: MapSource | None) -> Reading:
     """A file, with a time for each signal where its names tell no common one but these."""
     times = _times_beside(reading.series)
     if reading.is_table or _is_clocked(reading) or not times:
@@ -70,24 +71,22 @@ def with_own_times(reading: Reading, columns: MapSource | None) -> Reading | Own
     return reading
 
 
-def names_of(reading: Reading | OwnTimes) -> Table:
+def names_of(reading: Reading) -> Table:
     """A table without rows, from which is decided what is read."""
     import polars as pl
 
     file, series = reading.file, reading.series
     if reading.is_table and (not series or not series[0].length):
-        raise RecordingError(file, "", "the file holds no samples: export the log again")
+        raise RecordingError(file, "", f"the file holds no samples: {_EXPORT}")
     if not series:
         found = first_of([f"{cut(name)!r} ({why})" for name, why in reading.others.items()])
-        raise RecordingError(
-            file,
-            "",
-            f"the file holds no signals{f', only {found}' if found else ''}: export the log again",
-        )
+        only = f", only {found}" if found else ""
+        raise RecordingError(file, "", f"the file holds no signals{only}: {_EXPORT}")
     check_cells(file, 1, len(series))
     if reading.is_table:
-        kinds = {one.path: _TEMPORAL.get(one.kind.partition("(")[0], "Float64") for one in series}
-        frame = pl.DataFrame(schema={path: getattr(pl, kind) for path, kind in kinds.items()})
+        kinds = {one.path: one.kind.partition("(")[0] for one in series}
+        known = {path: kind if kind in _TEMPORAL else "Float64" for path, kind in kinds.items()}
+        frame = pl.DataFrame(schema={path: getattr(pl, kind) for path, kind in known.items()})
         return Table(file, frame, reading.sha256)
     short = shortest_ends(map(_header_of, series))
     headers = list(short)
@@ -98,8 +97,7 @@ def names_of(reading: Reading | OwnTimes) -> Table:
         headers = [TIME, *headers]
     kinds = {_header_of(one): f"{one.kind}, {one.length} values" for one in series}
     frame = pl.DataFrame(schema=dict.fromkeys(headers, pl.Float64))
-    kinds |= reading.others
-    return Table(file, frame, reading.sha256, short=short, kinds=kinds)
+    return Table(file, frame, reading.sha256, short=short, kinds=kinds | reading.others)
 
 
 def tables_of(opened: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
@@ -109,9 +107,7 @@ def tables_of(opened: Reading, columns: MapSource | None, size: int | None) -> I
     lengths = {one.path: one.length for one in wanted.chosen.values()}
     empty = [path for path, length in lengths.items() if not length]
     if empty or not lengths:
-        raise RecordingError(
-            file, "", f"the signals {quoted(empty)} hold no samples: export the log again"
-        )
+        raise RecordingError(file, "", f"the signals {quoted(empty)} hold no samples: {_EXPORT}")
     longest = max(lengths.values())
     is_clocked = _is_clocked(reading)
     held = longest if size is None or is_clocked else min(size, longest)
@@ -124,11 +120,12 @@ def tables_of(opened: Reading, columns: MapSource | None, size: int | None) -> I
             f"it has {longest} rows, more than the {MOST_ROWS} that are read at once: "
             f"{remedy}cut the log into shorter files",
         )
-    short = {header: wanted.names.short[header] for header in wanted.chosen if wanted.names.short}
+    names = wanted.names
+    short = {header: names.short[header] for header in wanted.chosen if names.short}
     row = 1
     for frame, found in (_clocked if is_clocked else _together)(reading, wanted, size):
-        names = replace(wanted.names, frame=frame, first_row=row)
-        yield replace(names, short=short, warnings=(*wanted.warnings, *found))
+        warnings = (*wanted.warnings, *found)
+        yield replace(names, frame=frame, first_row=row, short=short, warnings=warnings)
         row += frame.height
 
 
@@ -141,7 +138,7 @@ class _Wanted(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def _wanted(reading: Reading | OwnTimes, columns: MapSource | None) -> _Wanted:
+def _wanted(reading: Reading, columns: MapSource | None) -> _Wanted:
     names = names_of(reading)
     recipes, warnings = recipes_of(names, columns)
     time = TIME if _is_clocked(reading) else None
@@ -154,7 +151,7 @@ def _wanted(reading: Reading | OwnTimes, columns: MapSource | None) -> _Wanted:
     return _Wanted(names, headers, chosen, warnings)
 
 
-def _is_clocked(reading: Reading | OwnTimes) -> bool:
+def _is_clocked(reading: Reading) -> bool:
     """Whether signals have time stamps of their own."""
     return any(one.clock for one in reading.series)
 
@@ -162,7 +159,7 @@ def _is_clocked(reading: Reading | OwnTimes) -> bool:
 Part = tuple["polars.DataFrame", tuple[str, ...]]  # with warnings
 
 
-def _together(reading: Reading | OwnTimes, wanted: _Wanted, size: int | None) -> Iterator[Part]:
+def _together(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
     """Columns of a table, or arrays of one length and of one time."""
     paths = {one.path: header for header, one in wanted.chosen.items()}
     times = wanted.headers["time"] or [*wanted.chosen]  # where they are counted, as many as any
@@ -176,14 +173,13 @@ def _together(reading: Reading | OwnTimes, wanted: _Wanted, size: int | None) ->
         yield frame.select([*paths]).rename(paths), ()
 
 
-def _own_times(reading: Reading | OwnTimes, wanted: _Wanted, time: Series) -> dict[str, str]:
+def _own_times(reading: Reading, wanted: _Wanted, time: Series) -> dict[str, str]:
     """Arrays of times that stand nearer to a chosen one than the chosen time, which it names."""
     lengths = {one.path: one.length for one in reading.series}
     beside = _times_beside(reading.series)
     found = {}
     for one in wanted.chosen.values():
-        if one.length != time.length:
-            raise _other_length(reading.file, one, time)
+        _check_length(reading.file, one, time)
         clock = _nearest(one.path, beside)
         if clock and clock != time.path:
             if lengths[clock] != time.length:
@@ -201,7 +197,7 @@ def _other_times(file: str, path: str, clock: str, time: Series) -> RecordingErr
     )
 
 
-def _clocked(reading: Reading | OwnTimes, wanted: _Wanted, size: int | None) -> Iterator[Part]:
+def _clocked(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
     """Signals with clocks of their own, brought to one; with a size, damage comes last."""
     first = [wanted.chosen[header] for header in wanted.headers.get("motor_position", ())]
     clocks = list(dict.fromkeys(one.clock for one in (*first, *wanted.chosen.values())))
@@ -227,17 +223,18 @@ def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, po
     """By clock, seconds and values; whole nanoseconds are sorted, and count from the first."""
     import polars as pl
 
-    frames = {clock: pl.concat(parts) for clock, parts in held.items()}
-    stamps = {clock: frame[STAMPS].to_numpy() for clock, frame in frames.items()}
-    origin = min((times.min() for times in stamps.values() if times.dtype.kind == "i"), default=0)
     found: dict[str, tuple[Any, polars.DataFrame]] = {}
-    for clock, frame in frames.items():
-        if stamps[clock].dtype.kind == "i":
-            frame = frame.sort(STAMPS, maintain_order=True)
-            found[clock] = 1e-9 * (frame[STAMPS].to_numpy() - origin), frame
-        else:
-            found[clock] = stamps[clock], frame
-    return found
+    for clock, parts in held.items():
+        frame = pl.concat(parts)
+        is_whole = frame[STAMPS].dtype.is_integer()
+        frame = frame.sort(STAMPS, maintain_order=True) if is_whole else frame
+        found[clock] = frame[STAMPS].to_numpy(), frame
+    whole = {clock for clock, (stamps, _) in found.items() if stamps.dtype.kind == "i"}
+    origin = min((found[clock][0][0] for clock in whole), default=0)
+    return {
+        clock: (1e-9 * (stamps - origin) if clock in whole else stamps, frame)
+        for clock, (stamps, frame) in found.items()
+    }
 
 
 def _of_one_clock(
@@ -261,13 +258,11 @@ def _of_one_clock(
     return pl.DataFrame({TIME: times, **columns}), warnings
 
 
-class OwnTimes:
+class OwnTimes(Reading):
     """A file of arrays that each have the times nearest to them: signals with clocks."""
 
     def __init__(self, reading: Reading, times: Mapping[str, str]) -> None:
-        self.file, self.sha256, self.format = reading.file, reading.sha256, reading.format
-        self.notes, self.is_table = reading.notes, False
-        self._reading = reading
+        self.__dict__.update(vars(reading))  # the same process
         self._times = {one.path: one for one in reading.series if one.path in times.values()}
         own = [
             one._replace(clock=_nearest(one.path, times))
@@ -280,13 +275,10 @@ class OwnTimes:
 
     def frames(self, paths: Collection[str], size: int) -> Iterator[tuple[str, polars.DataFrame]]:
         """Values of some signals with their times, clock by clock."""
-        import polars as pl
-
         chosen: dict[str, list[str]] = {}
         for one in self.series:
             if one.path in paths:
-                if one.length != self._times[one.clock].length:
-                    raise _other_length(self.file, one, self._times[one.clock])
+                _check_length(self.file, one, self._times[one.clock])
                 chosen.setdefault(one.clock, []).append(one.path)
         dated = {clock for clock in chosen if self._times[clock].kind.startswith("datetime")}
         if dated and dated != {*chosen}:
@@ -296,23 +288,24 @@ class OwnTimes:
                 "some hold dates and the others numbers or durations: give all of them one clock",
             )
         for clock, own in chosen.items():
-            for _, frame in self._reading.frames([clock, *own], size):
-                stamps = frame[clock]
-                if clock in dated:
-                    stamps = stamps.cast(pl.Datetime("ns")).to_physical()
-                elif stamps.dtype.is_temporal():
-                    stamps = 1e-9 * stamps.cast(pl.Duration("ns")).to_physical()
-                else:
-                    stamps = stamps.cast(pl.Float64) * self._unit(clock)
-                yield clock, frame.drop(clock).with_columns(stamps.alias(STAMPS))
+            for _, frame in super().frames([clock, *own], size):
+                stamps = self._seconds(clock, frame[clock]).alias(STAMPS)
+                yield clock, frame.drop(clock).with_columns(stamps)
 
-    def _unit(self, clock: str) -> float:
-        """One unit of a clock of numbers in s."""
+    def _seconds(self, clock: str, stamps: polars.Series) -> polars.Series:
+        """Times of a clock in s; dates in whole nanoseconds."""
+        import polars as pl
+
+        if stamps.dtype == pl.Datetime:
+            return stamps.cast(pl.Datetime("ns")).to_physical()
+        if stamps.dtype == pl.Duration:
+            return 1e-9 * stamps.cast(pl.Duration("ns")).to_physical()
         usual = usual_channel(_split_path(_header_of(self._times[clock]))[1])
         try:
-            return scale_to_si((usual.unit if usual else None) or "s", ("s",))[0]
+            unit = scale_to_si((usual.unit if usual else None) or "s", ("s",))[0]
         except UnitError as error:
             raise RecordingError(self.file, f"{clock!r}", str(error)) from None
+        return stamps.cast(pl.Float64) * unit
 
 
 def _header_of(series: Series) -> str:
@@ -322,13 +315,13 @@ def _header_of(series: Series) -> str:
 
 def _times_beside(series: Iterable[Series]) -> dict[str, str]:
     """By the path of what they stand in, the arrays of times; empty where there are several."""
-    found: dict[str, list[str]] = {}
+    found: dict[str, str] = {}
     for one in series:
         folder, name = _split_path(one.path)
         usual = usual_channel(name)
         if usual is not None and usual.channel == "time":
-            found.setdefault(folder, []).append(one.path)
-    return {folder: paths[0] if len(paths) == 1 else "" for folder, paths in found.items()}
+            found[folder] = "" if folder in found else one.path
+    return found
 
 
 def _nearest(path: str, times: Mapping[str, str]) -> str:
@@ -347,11 +340,12 @@ def _split_path(path: str) -> tuple[str, str]:
     return (path[:at], path[at + 1 :]) if at >= 0 else ("", path)
 
 
-def _other_length(file: str, one: Series, time: Series) -> RecordingError:
-    """What is said of an array that is longer or shorter than its times."""
-    return RecordingError(
-        file,
-        f"{one.path!r}",
-        f"it has {one.length} values where {time.path!r} has {time.length}: bring the two to one "
-        f"clock, and save them at one length",
-    )
+def _check_length(file: str, one: Series, time: Series) -> None:
+    """Raise where an array is longer or shorter than its times."""
+    if one.length != time.length:
+        raise RecordingError(
+            file,
+            f"{one.path!r}",
+            f"it has {one.length} values where {time.path!r} has {time.length}: bring the two to "
+            f"one clock, and save them at one length",
+        )

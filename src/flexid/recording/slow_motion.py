@@ -69,7 +69,7 @@ def check_motion(log: Draft, recording: Recording) -> None:
     for factor, beside, words in _WRONG_UNITS:
         if not wrong and left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
             wrong = words
-    place = log.columns(log.those_of(ENCODERS))
+    place = log.those_of(ENCODERS)
     share, error = (0.0, 0.0) if wrong else _apart(recording, smoothed)
     if wrong:
         log.warn(

@@ -164,11 +164,10 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
     measured, own, other, change = (np.concatenate(parts) for parts in zip(*means, strict=True))
     size = float(np.sqrt(own @ own))
     slope = float(own @ measured) / size**2
-    place = log.channels[name].place
     for factor, remedy in _KNOWN.items():
         if abs(slope / factor - 1.0) < 0.1 and _share(measured - slope * own, measured) < 0.4:
             reason = f"{name} is {slope:.3g} times the position's derivative: it is {remedy}"
-            raise log.refusal(place, reason)
+            raise log.refusal(name, reason)
     off = _share(measured - own, own)
     if off <= _MOST_OFF and abs(slope - 1.0) <= _MOST_SCALED:
         return True
@@ -185,7 +184,7 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
         else:
             cause = f", as if it were scaled by {scale:.3g}"
     log.warn(
-        place,
+        name,
         f"{name} differs from the derivative of its position by {100 * off:.0f} % RMS{cause}: it "
         f"is not used, and derived from the position instead; correct the column, or leave it out",
         Rank.SCALE,

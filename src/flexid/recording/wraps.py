@@ -13,7 +13,7 @@ _FEW_VALUES = 20  # a position of so few counts does not jump, it steps
 
 def count_on(log: Draft) -> None:
     """Go on with a time where a counter of 16 or 32 bits begins again."""
-    time, factor = log.time.values, log.time.origin.factor
+    time, factor = log.time, log.channels["time"].origin.factor
     if np.all(np.diff(time) >= 0.0):
         return
     ticks = time / factor
@@ -22,12 +22,12 @@ def count_on(log: Draft) -> None:
     for bits in (16, 32):
         if np.all(np.abs(steps[again] + 2.0**bits - usual) < (GAP - 1.0) * usual):
             log.warn(
-                log.time.place,
+                "time",
                 f"the time begins again after {log.at(again)}, as a counter of {bits} bits does, "
                 f"and was counted on: check it",
             )
             ticks[1:] += 2.0**bits * np.cumsum(steps < 0.0)
-            log.set_time(ticks * factor)
+            log["time"] = ticks * factor
             return
 
 
@@ -47,7 +47,7 @@ def unwrap(log: Draft) -> None:
 
 def _unwrap(log: Draft, name: str) -> bool:
     """Whether a position jumped by turns, which it then does no more; raise for other jumps."""
-    channel, time = log.channels[name], log.time.values
+    channel, time = log.channels[name], log.time
     values, steps, clock = channel.values, np.diff(channel.values), np.diff(time)
     turn = TURN / abs(channel.origin.gear_ratio) if channel.origin.gear_ratio else 0.0
     if np.abs(steps).max() <= 0.5 * (turn or TURN):
@@ -62,12 +62,12 @@ def _unwrap(log: Draft, name: str) -> bool:
     at = log.at(jumps + 1)
     if np.abs(np.diff(positions)[seen]).max() > 0.25 * period:
         raise log.refusal(
-            channel.place,
+            name,
             f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {at}, which is not a whole turn of "
             f"an encoder: check the unit and the gear ratio, or remove the outlier"
             + ("" if period == TURN else "; if the encoder wraps, unwrap it, or log faster"),
         )
-    log.warn(channel.place, f"{name} jumps by a turn at {at}, and was unwrapped: check it")
+    log.warn(name, f"{name} jumps by a turn at {at}, and was unwrapped: check it")
     log[name] = positions
     return True
 
@@ -92,14 +92,14 @@ def without_wraps(
 def _check_jumps(log: Draft, name: str) -> None:
     """Warn of a position that jumps across its range, as a counter does that overflows."""
     # It may be another after a gap, and one of a few counts does not jump.
-    values, clock = log[name], np.diff(log.time.values)
+    values, clock = log[name], np.diff(log.time)
     steps = np.where(clock > GAP * np.median(clock), 0.0, np.abs(np.diff(values)))
     extent = float(np.ptp(values))
     is_jump = steps > 0.5 * extent
     rest = steps[~is_jump].max(initial=0.0)
     if is_jump.any() and rest <= 0.25 * extent and len(np.unique(values)) > _FEW_VALUES:
         log.warn(
-            log.channels[name].place,
+            name,
             f"{name} jumps by more than half of its range at "
             f"{log.at(np.flatnonzero(is_jump) + 1)}: if a counter overflows, unwrap it, or write "
             f"the gear_ratio in a column map; if it is an outlier, remove it",

@@ -14,8 +14,8 @@ from flexid.errors import RecordingError, SettingError
 from flexid.identification.result.identification import Identification
 from flexid.recording import checks
 from flexid.recording.channel import ENCODERS, INPUTS, Draft
-from flexid.recording.column_map import MapSource
 from flexid.recording.read import add_link_position, recording_of
+from flexid.recording.recipes import MapSource
 from flexid.recording.sampling import GAP
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.wraps import TURN
@@ -69,16 +69,16 @@ class Scales:
             name: replace(channel, values=self._unwrapped(name, values[name]))
             for name, channel in self._channels.sampled.items()
         }
-        log = Draft(self._source, channels, channels.pop("time"))
-        for name in log.channels:
+        log = Draft(self._source, channels)
+        for name in log.names:
             checks.check_whole(log, name)
         if "deflection" not in log.channels:
             _check_encoders(log)
         for name in log.those_of(INPUTS):
             checks.check_power(log, name)
         add_link_position(log)
-        gaps = np.flatnonzero(np.diff(log.time.values) > GAP * self._sample_time) + 1
-        parts = [slice(*ends) for ends in pairwise((0, *gaps.tolist(), len(log.time.values)))]
+        gaps = np.flatnonzero(np.diff(log.time) > GAP * self._sample_time) + 1
+        parts = [slice(*ends) for ends in pairwise((0, *gaps.tolist(), len(log.time)))]
         longest = max(parts, key=lambda part: part.stop - part.start)
         check_motion(log, recording_of(log, self._sample_time, longest))
         return log.warnings

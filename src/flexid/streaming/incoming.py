@@ -13,8 +13,8 @@ from flexid.files import shown
 from flexid.readers.formats import format_of
 from flexid.recording.channel import Channel
 from flexid.recording.clock import Clock
-from flexid.recording.column_map import MapSource
 from flexid.recording.columns import channels_of, recipes_of
+from flexid.recording.recipes import MapSource
 from flexid.recording.series import tables_of_file
 from flexid.streaming.options import StreamChannels, chosen_channels
 from flexid.streaming.sources import WAIT, Source

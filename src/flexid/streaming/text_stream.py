@@ -27,8 +27,8 @@ from flexid.recording.layout import (
     layout_of,
     split,
 )
+from flexid.recording.recipes import Recipe
 from flexid.recording.sampling import GAP, check_typical
-from flexid.recording.si_channels import Recipe
 from flexid.recording.table import HOLE, decimal_mark, first_mark, is_number
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels
@@ -36,7 +36,7 @@ from flexid.streaming.options import StreamChannels, chosen_channels
 if TYPE_CHECKING:
     import polars
 
-    from flexid.recording.column_map import MapSource
+    from flexid.recording.recipes import MapSource
 
 HEAD_LINES = 200  # lines at the beginning from which layout and sample time are taken
 LINES_FOR_LAYOUT = 8  # lines from which the layout alone is taken, where the sample time is known

@@ -49,7 +49,7 @@ from flexid.streaming.options import WatchOptions, options_of_stream, stream_ter
 from flexid.streaming.session import Session
 
 if TYPE_CHECKING:
-    from flexid.recording.column_map import MapSource
+    from flexid.recording.recipes import MapSource
 
 HEAD_ROWS = 120_000  # samples at the beginning that choices are made on: two minutes at 1 kHz
 _DRIFT = 1e-6  # relative change of the sample time from the head to the whole that is worth a word

@@ -1,0 +1,141 @@
+"""HDF5 files, by h5py, and MATLAB's, by SciPy; those of version 7.3 are HDF5."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexid.readers.arrays import Arrays
+from flexid.readers.child import still_alive
+from flexid.readers.contents import DEEPEST, WIDEST, Contents, RefusedError
+
+_MOST_OBJECTS = 100_000
+_OF_COLUMNS = ("columns", "names", "column_names", "labels", "fields", "channels")
+_MATLABS_OWN = ("#refs#", "#subsystem#")
+_PLAIN = {"double", "single"} | {f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)}
+_NAMES = ("label", "Name", "name")
+_OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
+
+
+def read(path: Path) -> Contents:
+    """The signals of a file: vectors, columns of matrices, fields of tables and of structs.
+
+    In HDF5 a dataset's unit is its attribute ``units`` or ``unit``. Links to other files are not
+    followed.
+    """
+    with path.open("rb") as opened:
+        begin = opened.read(16)
+    is_matlab = begin.startswith(b"MATLAB")
+    is_hdf5 = path.suffix.lower() != ".mat" or begin.startswith((b"MATLAB 7.3", b"\x89HDF"))
+    found = Arrays("()" if is_matlab or not is_hdf5 else "[]")
+    if is_hdf5:
+        _add_hdf5(found, path, is_matlab=is_matlab)
+        return found.contents()
+    from scipy.io import loadmat
+
+    for name, value in loadmat(path).items():
+        if not name.startswith("__"):
+            _add_variable(found, name, value, 0)
+    return found.contents()
+
+
+def _add_hdf5(found: Arrays, path: Path, *, is_matlab: bool) -> None:
+    """Add the datasets of all groups."""
+    import h5py
+
+    objects = 0
+
+    def visit(name: str, one: Any) -> bool | None:
+        nonlocal objects
+        objects += 1
+        still_alive()
+        if objects > _MOST_OBJECTS:
+            return True
+        name = name.replace("/", ".") if is_matlab else name
+        if not isinstance(one, h5py.Dataset) or (is_matlab and name.startswith(_MATLABS_OWN)):
+            return None
+        if one.is_virtual or one.external:
+            found.others[name] = "its values stand in another file, which is not read"
+        else:
+            (_add_matlab if is_matlab else _add)(found, name, file[one.name])
+        return None
+
+    file = h5py.File(path, "r")
+    if file.visititems(visit):
+        raise RefusedError("", "it holds too many signals: write those of one joint")
+
+
+def _add(found: Arrays, name: str, dataset: Any) -> None:
+    """A dataset, or the fields of a table."""
+    if dataset.dtype.names is None:
+        unit = _text(dataset.attrs.get("units") or dataset.attrs.get("unit")).strip()
+        values = dataset.__getitem__
+        shape, names = dataset.shape or (), _names_of_columns(dataset)
+        found.add(name, shape, dataset.dtype, values, unit.strip("[]()"), names)
+        return
+    for field in dataset.dtype.names:
+        values = dataset.fields(field).__getitem__
+        found.add(f"{name}.{field}", dataset.shape, dataset.dtype[field], values)
+
+
+def _names_of_columns(dataset: Any) -> list[str]:
+    """Names of a matrix's columns: in an attribute, or beside it as pandas writes them."""
+    beside = dataset.name.removesuffix("_values") + "_items"
+    named = [dataset.attrs[key] for key in _OF_COLUMNS if key in dataset.attrs]
+    if not named and dataset.name.endswith("_values") and beside in dataset.file:
+        items = dataset.file[beside]
+        named = [items[:]] if items.ndim == 1 and items.size <= WIDEST else []
+    names = list(named[0]) if named and getattr(named[0], "ndim", 0) == 1 else []
+    return [text for one in names if (text := _text(one).strip())]
+
+
+def _text(value: Any) -> str:
+    value = value.decode(errors="replace") if isinstance(value, bytes) else value
+    return value if isinstance(value, str) else ""
+
+
+def _add_matlab(found: Arrays, name: str, dataset: Any) -> None:
+    """A variable of MATLAB, of which HDF5 has the dimensions in the opposite order."""
+    kind = _text(dataset.attrs.get("MATLAB_class"))
+    if kind not in _PLAIN or dataset.shape is None:
+        found.others[name] = f"{kind or 'an object'}: save its values as arrays"
+        return
+    found.add(name, dataset.shape[::-1], dataset.dtype, lambda picked: dataset[picked[::-1]])
+
+
+def _add_variable(found: Arrays, path: str, value: Any, depth: int) -> None:
+    """Add a variable of an older version, or a field of a struct."""
+    if depth > DEEPEST:
+        raise RefusedError("", "its structs are nested too deep: save the signals of one joint")
+    array = np.asarray(value)
+    names = array.dtype.names
+    if type(value).__name__ in _OBJECTS:
+        found.others[path] = "an object: save its Time and Data as arrays"
+    elif names is None and array.dtype != object:
+        found.add(path, array.shape, array.dtype, array.__getitem__)
+    elif array.size > WIDEST:
+        found.others[path] = f"{array.size} structs or cells"
+    else:
+        elements = array.ravel(order="F")
+        own = [_own_name(one) if names else "" for one in elements]
+        for number, one in enumerate(elements):
+            where = path if array.size == 1 and names else path + found.index(number)
+            if own[number] and own.count(own[number]) == 1:
+                where = f"{path}.{own[number]}"
+            if names is None:
+                _add_variable(found, where, one, depth + 1)
+            for name in names or ():
+                _add_variable(found, f"{where}.{name}", one[name], depth + 1)
+
+
+def _own_name(struct: Any) -> str:
+    """What a struct is called by a field of its own, as one of a simulation's signals is."""
+    one = np.asarray(struct)
+    if one.size != 1:
+        return ""
+    fields = [field for field in _NAMES if field in (one.dtype.names or ())]
+    texts = [np.asarray(one.reshape(-1)[0][field]) for field in fields]
+    words = [
+        str(text.reshape(-1)[0]).strip() for text in texts if text.size and text.dtype.kind == "U"
+    ]
+    return next((word for word in words if word), "")

@@ -1,0 +1,329 @@
+"""Recipes of channels, which names or a column map give, and what they make of columns, in SI."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from numbers import Real
+from pathlib import Path
+from sys import float_info
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexid.errors import RecordingError
+from flexid.files import shown
+from flexid.recording.channel import (
+    GEARED,
+    LONGEST_SAMPLE_TIME,
+    SHORTEST_SAMPLE_TIME,
+    SI_UNITS,
+    Channel,
+    Origin,
+)
+from flexid.recording.clock import Clock
+from flexid.recording.names import cut, did_you_mean, folded, quoted, split_header
+from flexid.recording.table import Table
+from flexid.recording.units import UnitError, scale_to_si
+from flexid.toml_file import parse_toml, read_bytes
+
+MapSource: TypeAlias = Path | Mapping[str, object]
+"""A TOML file that holds a column map, or the same keys and values in Python."""
+
+ARGUMENT = "columns"  # what messages call a map that is no file: the argument by which it is given
+REMEDY = (
+    "write a column name, a table of column or sum, scale, offset, unit and side, or false for a "
+    "channel that is not to be read"
+)
+_RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
+_GEAR_REMEDY = 'write how often the motor turns in one turn of the link, as 101 or "1/101"'
+
+
+class Recipe(NamedTuple):
+    """How a channel is made: ``scale * (sum of weight * column) + offset``, in `unit`."""
+
+    weights: dict[str, float]  # by column: its header, or in a map that was just read its name
+    file: str  # where the recipe stands, for messages
+    place: str
+    unit: str | None = None  # None: as the headers say, or SI
+    scale: float = 1.0  # in `unit` per raw unit
+    offset: float = 0.0  # in `unit`
+    gear: float | None = None  # the ratio that may act on the channel
+    is_mapped: bool = False  # whether a column map gives it, not a name
+
+    @property
+    def header(self) -> str:
+        """The first column."""
+        return next(iter(self.weights))
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """What a column map says."""
+
+    file: str  # its path, for messages; `ARGUMENT` where it is no file
+    recipes: Mapping[str, Recipe]  # by channel, columns by the names that the map has for them
+    gear_ratio: float | None  # turns of the motor in one of the link; < 0: opposite ones
+    unread: frozenset[str]  # channels that are not read, whatever columns there are
+
+    @property
+    def described(self) -> str:
+        """What it is, for a message that says where to name a column."""
+        return self.file if self.file == ARGUMENT else f"the column map {self.file}"
+
+    def recipe(self, table: Table, name: str) -> Recipe:
+        """The recipe of a channel by the headers of a file."""
+        recipe = self.recipes[name]
+        found = ((_find_header(table, c, recipe), w) for c, w in recipe.weights.items())
+        return recipe._replace(weights=_weights(self.file, name, found))
+
+
+def read_map(source: MapSource) -> ColumnMap:
+    """The column map in a TOML file, or in a mapping with its keys; a `false` channel is unread."""
+    if isinstance(source, Mapping):
+        return _map_of(ARGUMENT, dict(source))
+    file = shown(source)
+
+    def refuse(_key: str, reason: str) -> RecordingError:
+        return RecordingError(file, "", reason)
+
+    raw = read_bytes(source, "a column map in TOML", refuse)
+    return _map_of(file, parse_toml(raw, lambda _, reason: refuse("", _no_map(raw, reason))))
+
+
+def _no_map(raw: bytes, reason: str) -> str:
+    """Why a file that is no TOML is no column map."""
+    first = raw.lstrip().partition(b"\n")[0]
+    if b"=" not in first and not first.startswith((b"#", b"[")):
+        return (
+            "this is not a column map, but perhaps the log: give --columns a TOML file such as "
+            "examples/columns_voltage_arm.toml, and the log without an option"
+        )
+    return f"the column map {reason}"
+
+
+def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
+    """A column map from its keys and values."""
+    if not content:
+        raise RecordingError(file, "", "the column map is empty: name the columns in it")
+    gear_ratio = _gear_ratio(file, content.pop("gear_ratio", None))
+    seconds = _sample_time(file, content.pop("sample_time", None), content.get("time", False))
+    for key in content:
+        if key not in SI_UNITS:
+            raise RecordingError(
+                file,
+                f"key {key!r}",
+                f"this is not a channel{did_you_mean(str(key), SI_UNITS)}: use one of "
+                f"{', '.join(SI_UNITS)}, gear_ratio or sample_time",
+            )
+    unread = frozenset(key for key, value in content.items() if value is False)
+    recipes = {k: _entry(file, k, v, gear_ratio) for k, v in content.items() if k not in unread}
+    if seconds is not None:
+        place = "key 'sample_time'"
+        recipes["time"] = Recipe({}, file, place, scale=seconds, is_mapped=True)
+    return ColumnMap(file, recipes, gear_ratio, unread)
+
+
+def _entry(file: str, name: str, value: object, gear_ratio: float | None) -> Recipe:
+    """The recipe in one entry of a column map."""
+    entry = _checked(file, name, value, [*_MAY_BE])
+    if ("column" in entry) == bool(entry.get("sum")):
+        raise _bad(file, name, "exactly one of 'column' and 'sum' is needed")
+    side = entry.get("side")
+    if side and (gear_ratio is None or name not in GEARED):
+        what = "has a side, but the map no gear_ratio" if name in GEARED else "has no side"
+        reason = f"{name} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio"
+        raise RecordingError(file, f"key '{name}.side'", reason)
+    terms = [
+        _checked(file, f"{name}.sum.{number}", term, ["column", "scale"])
+        for number, term in enumerate(entry.get("sum", [entry.get("column")]))
+    ]
+    return Recipe(
+        _weights(file, name, ((t["column"], _quotient(t.get("scale", 1.0))) for t in terms)),
+        file,
+        f"key '{name}'",
+        entry.get("unit"),
+        _quotient(entry.get("scale", 1.0)),
+        _quotient(entry.get("offset", 0.0)),
+        None if side == "link" else gear_ratio,
+        is_mapped=True,
+    )
+
+
+def _is_number(value: object) -> bool:
+    number = _quotient(value)
+    is_bool = isinstance(number, bool)
+    return isinstance(number, int | float) and not is_bool and abs(number) <= float_info.max
+
+
+_MAY_BE: dict[str, tuple[Callable[[Any], bool], str]] = {  # what keys of an entry hold
+    "column": (lambda value: isinstance(value, str), "the name of a column"),
+    "sum": (lambda value: isinstance(value, list | tuple), "a list of columns"),
+    "scale": (_is_number, "a finite number"),
+    "offset": (_is_number, "a finite number"),
+    "unit": (lambda value: isinstance(value, str | None), "the name of a unit"),
+    "side": (lambda value: value is None or str(value) in ("motor", "link"), "'motor' or 'link'"),
+}
+
+
+def _checked(file: str, place: str, value: object, keys: list[str]) -> Mapping[str, Any]:
+    """An entry, or a term of a sum, by its keys; raise where it is not what it may be."""
+    table = {"column": value} if isinstance(value, str) else value
+    if not isinstance(table, Mapping):
+        raise _bad(file, place, "this is neither a column name nor a table")
+    for key, held in table.items():
+        if key not in keys:
+            raise _bad(file, f"{place}.{key}", "this key is not known")
+        is_right, what = _MAY_BE[key]
+        if not is_right(held):
+            raise _bad(file, f"{place}.{key}", f"{cut(repr(held))} is not {what}")
+    if "column" not in table and "sum" not in keys:
+        raise _bad(file, place, "a column is needed")
+    return table
+
+
+def _bad(file: str, place: str, reason: str) -> RecordingError:
+    return RecordingError(file, f"key '{place}'", f"{reason}: {REMEDY}")
+
+
+def _weights(file: str, name: str, terms: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Factors by column; raise where a sum has one twice."""
+    weights: dict[str, float] = {}
+    for column, factor in terms:
+        if column in weights:
+            reason = f"'sum' has the column {column!r} twice: give it once, with a scale"
+            raise RecordingError(file, f"key '{name}'", reason)
+        weights[column] = float(factor)
+    return weights
+
+
+def _quotient(value: Any) -> Any:
+    """The number that a text such as "1/101" or one of NumPy's types stands for."""
+    if isinstance(value, Real) and not isinstance(value, bool | int):
+        return float(value)
+    match = _RATIO.fullmatch(value) if isinstance(value, str) else None
+    return float(match[1]) / float(match[2]) if match and float(match[2]) else value
+
+
+def _gear_ratio(file: str, value: object) -> float | None:
+    """Turns of the motor in one turn of the link, however the ratio is written."""
+    if value is None:
+        return None
+    ratio = _quotient(value)
+    if isinstance(value, str) and isinstance(ratio, float) and 0.0 < abs(ratio) < 1.0:
+        ratio = 1.0 / ratio
+    if _is_number(ratio) and 1.0 <= abs(ratio) <= 1e6:
+        return float(ratio)
+    reason = f"{cut(repr(value))} is not a ratio: {_GEAR_REMEDY}"
+    raise RecordingError(file, "key 'gear_ratio'", reason)
+
+
+def _sample_time(file: str, value: object, time: object) -> float | None:
+    """Seconds between the rows of a log without a time."""
+    if value is None:
+        return None
+    refuse = partial(RecordingError, file, "key 'sample_time'")
+    if time is not False:
+        raise refuse("the map names a column for the time, too: leave one of the two out")
+    seconds = _quotient(value)
+    if not isinstance(seconds, int | float) or isinstance(seconds, bool):
+        raise refuse(f'{value!r} is not a number of seconds: write it as 0.001 or "1/1000"')
+    if not SHORTEST_SAMPLE_TIME <= seconds <= LONGEST_SAMPLE_TIME:
+        limits = f"{SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s"
+        raise refuse(
+            f"{cut(repr(value))} s is outside {limits}: write the seconds between two rows"
+        )
+    return float(seconds)
+
+
+def _find_header(table: Table, column: str, recipe: Recipe) -> str:
+    """The header that a map names: exactly, without its unit, or in other letters."""
+    bare = {header: split_header(header)[0] for header in table.names}
+    for matches in (
+        [header for header in table.names if header == column],
+        [header for header in table.names if bare[header] == column],
+        [
+            header
+            for header in table.names
+            if folded(column) in (folded(header), folded(bare[header]))
+            or column == split_header(table.short_name(header))[0]
+        ],
+    ):
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            reason = f"{quoted(matches)} both match {column!r}: write the name as in the file"
+            raise RecordingError(recipe.file, recipe.place, reason)
+    hint = did_you_mean(column, bare.values())
+    reason = f"{table.file} has no column {column!r}{hint}: name one of {table.listing}"
+    raise RecordingError(recipe.file, recipe.place, reason)
+
+
+def recipe_of_column(table: Table, header: str, unit: str | None, nanoseconds: str = "") -> Recipe:
+    """The recipe of a column by its name, with that of a stamp's nanoseconds, if there is one."""
+    place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
+    weights = {header: 1.0, **({nanoseconds: 1e-9} if nanoseconds else {})}
+    return Recipe(weights, table.file, place, unit)
+
+
+def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
+    """A channel by its recipe; raise where a cell or a unit is bad."""
+    if not recipe.weights:
+        values = recipe.scale * clock.counted(table.frame.height)
+        return Channel(values, "sample_time", True, Origin({}, recipe.scale, 0.0, "s", None))
+    for header in recipe.weights if name == "time" else ():
+        stamps = clock.stamped(table, header)
+        if stamps is not None:  # they have no unit, whatever stands beside their name
+            _check_plain(recipe, header)
+            return Channel(stamps, header, True, Origin({header: 1.0}, 1.0, 0.0, "s", None))
+    unit = _unit(recipe)
+    factor, si_unit = 1.0, SI_UNITS[name][0]
+    if unit is not None:
+        try:
+            factor, si_unit = scale_to_si(unit, SI_UNITS[name])
+        except UnitError as error:
+            raise RecordingError(recipe.file, recipe.place, str(error)) from error
+    gear = None if name not in GEARED or si_unit in ("V", "A") else recipe.gear
+    if gear is not None:
+        factor *= gear if name == "motor_torque" else 1.0 / gear
+    total = np.zeros(table.frame.height)
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd values are refused later
+        for header, weight in recipe.weights.items():
+            if name == "time":  # counted from its beginning, if that is long ago
+                numbers = clock.numbers(table, header, factor * recipe.scale * weight)
+            else:
+                numbers = table.numbers(header, holes=True)
+            total += weight * numbers
+        values = factor * (recipe.scale * total + recipe.offset)
+    scale, offset = factor * recipe.scale, factor * recipe.offset
+    origin = Origin(recipe.weights, scale, offset, si_unit, gear)
+    return Channel(values, " + ".join(recipe.weights), unit is not None, origin)
+
+
+def _unit(recipe: Recipe) -> str | None:
+    """The unit that a recipe or its headers state."""
+    if recipe.unit is not None:
+        return recipe.unit
+    units = {split_header(header)[1] for header in recipe.weights}
+    if len(units) > 1:
+        raise RecordingError(
+            recipe.file,
+            recipe.place,
+            f"the columns {quoted(recipe.weights)} differ in unit: scale them to one and name it "
+            f"by 'unit'",
+        )
+    return units.pop()
+
+
+def _check_plain(recipe: Recipe, header: str) -> None:
+    """Raise where a column map computes with time stamps."""
+    is_scaled = [*recipe.weights.values()] != [1.0] or recipe.scale != 1.0 or recipe.offset
+    if recipe.is_mapped and (is_scaled or recipe.unit not in (None, "s")):
+        raise RecordingError(
+            recipe.file,
+            recipe.place,
+            f"the column {header!r} holds time stamps, which are read as they are: give its name "
+            f"alone",
+        )
