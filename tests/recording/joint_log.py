@@ -47,10 +47,12 @@ def csv_text(columns: Columns) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_csv(folder: Path, columns: Columns, name: str = "log.csv") -> Path:
-    """Write columns to a CSV file and return its path."""
+def written(
+    folder: Path, content: str | bytes, encoding: str = "utf-8", name: str = "log.csv"
+) -> Path:
+    """A text, or bytes, as a file."""
     path = folder / name
-    path.write_text(csv_text(columns), encoding="utf-8")
+    path.write_bytes(content.encode(encoding) if isinstance(content, str) else content)
     return path
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joint_log import assert_words, joint_columns, read_columns, refused, without, write_csv
+from joint_log import assert_words, csv_text, joint_columns, read_columns, refused, without, written
 
 from flexid.arrays import FloatArray
 from flexid.recording import Log, read_log
@@ -209,8 +209,7 @@ def test_bad_maps(tmp_path: Path, old: str, new: str, words: str, monkeypatch) -
     assert old in RAW_MAP
     monkeypatch.chdir(tmp_path)
     text = RAW_MAP.replace(old, new)
-    log, path = write_csv(Path(), RAW), Path("columns.toml")
-    path.write_text(text, encoding="utf-8")
+    log, path = written(Path(), csv_text(RAW)), written(Path(), text, name="columns.toml")
     message = refused(read_log, log, path)
     assert_words(f"^columns.toml: .*{words}", message)
     with suppress(tomllib.TOMLDecodeError):
@@ -261,6 +260,5 @@ def test_mappings_that_no_file_holds(content: Mapping[Any, object], words: str) 
 )
 def test_unreadable_maps(tmp_path: Path, content: bytes, words: str) -> None:
     """Assert that a file that is no column map is refused."""
-    path = tmp_path / "columns.toml"
-    path.write_bytes(content)
+    path = written(tmp_path, content, name="columns.toml")
     assert_words(words, refused(read_columns, RAW, path))

@@ -1,92 +1,70 @@
-"""One log in every format is one log."""
+"""One log in every format is one log: at once, in parts, and where it is cut short."""
 
-import json
-from collections.abc import Callable
 from pathlib import Path
 
-import h5py
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from joint_log import Columns, assert_equal_logs, joint_columns, read_columns
-from mcap.writer import Writer
-from scipy.io import savemat
+from joint_log import assert_words, refused
+from log_files import COLUMNS, SIGNALS, WRITERS, in_groups, mcap, mdf, measured, signal
 
 from flexid.recording import read_log
+from flexid.recording.series import table_of_file, tables_of_file
 
-START = 1_700_000_000_000_000_000
-
-
-def as_parquet(path: Path, columns: Columns) -> None:
-    """Parquet."""
-    pl.DataFrame(dict(columns)).write_parquet(path)
-
-
-def as_matlab(path: Path, columns: Columns) -> None:
-    """A struct of a MATLAB file."""
-    savemat(path, {"log": dict(columns)}, do_compression=True)
-
-
-def as_hdf5(path: Path, columns: Columns) -> None:
-    """Datasets in a group."""
-    with h5py.File(path, "w") as file:
-        for name, values in columns.items():
-            file[f"log/{name}"] = values
-
-
-def as_mcap(path: Path, columns: Columns) -> None:
-    """Messages of JSON."""
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channel = writer.register_channel("/log", "json", 0)
-        for index, time in enumerate(columns["time"]):
-            row = {name: float(v[index]) for name, v in columns.items() if name != "time"}
-            writer.add_message(channel, START + round(1e9 * time), json.dumps(row).encode(), 0)
-        writer.finish()
-
-
-FORMATS: dict[str, Callable[[Path, Columns], None]] = {
-    ".parquet": as_parquet,
-    ".mat": as_matlab,
-    ".h5": as_hdf5,
-    ".mcap": as_mcap,
+FAST = np.arange(0.0007, 0.4, 1e-3)
+IN_PARTS = {
+    **{name: WRITERS[name] for name in ("Parquet", "HDF5", "MDF 4", "MDF 3")},
+    "MDF, two rates": (
+        lambda f: mdf(f / "a.mf4", in_groups()[0], [signal("motor_torque", np.sin(FAST), FAST)]),
+        None,
+    ),
+    "MCAP in blocks": (
+        lambda f: mcap(f / "log.mcap", sorted(measured(2_000_000), key=lambda one: one[0])),
+        {"motor_torque": "/tau.data"},
+    ),
 }
+CUT = ("MATLAB 5, rows", "HDF5", "ROS 1", "ROS 2, database", "ROS 2, MCAP")
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
-@settings(
-    max_examples=15,
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(
-    count=st.integers(20, 60),
-    noise=st.floats(0.0, 1e-3),
-    seed=st.integers(0, 2**32),
-    order=st.permutations(range(6)),
-    left_out=st.sampled_from([(), ("link_velocity",), ("link_velocity", "link_position")]),
-)
-def test_channels_are_the_same_bits(
-    suffix: str,
-    tmp_path: Path,
-    count: int,
-    noise: float,
-    seed: int,
-    order: list[int],
-    left_out: tuple[str, ...],
-):
-    """Assert that whatever the channels, their number and order, every format gives their bits."""
-    plain = joint_columns(count)
-    draw = np.random.default_rng(seed)
-    names = [list(plain)[index] for index in order]
-    columns = {
-        name: plain[name] + (0.0 if name == "time" else noise * draw.normal(size=count))
-        for name in names
-        if name not in left_out
-    }
-    FORMATS[suffix](tmp_path / f"log{suffix}", columns)
-    assert_equal_logs(read_log(tmp_path / f"log{suffix}"), read_columns(columns))
+@pytest.mark.parametrize("name", WRITERS)
+def test_channels_are_the_same_bits(name: str, tmp_path: Path):
+    """Assert that every format gives them, at its own times."""
+    write, column_map = WRITERS[name]
+    (recording,) = read_log(write(tmp_path), column_map).recordings
+    np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
+    np.testing.assert_array_equal(recording.motor_position, COLUMNS["motor_position"])
+    np.testing.assert_array_equal(recording.input, COLUMNS["motor_torque"])
+    assert recording.sample_time == pytest.approx(0.005, rel=1e-9)
+    assert recording.input_unit == "N m"
+
+
+@pytest.mark.parametrize("name", IN_PARTS)
+def test_parts_are_the_whole(name: str, tmp_path: Path):
+    """Assert that a file is read in parts, of one clock or of two, as it is at once."""
+    write, column_map = IN_PARTS[name]
+    path = write(tmp_path)
+    parts = [table.frame for table in tables_of_file(path, column_map, 30)]
+    assert [part.height for part in parts[:2]] == [30, 30]
+    assert pl.concat(parts).equals(table_of_file(path, column_map).frame)
+
+
+@pytest.mark.parametrize("name", CUT)
+def test_a_file_that_is_cut_short(name: str, tmp_path: Path):
+    """Assert that it is refused."""
+    path = WRITERS[name][0](tmp_path)
+    raw = path.read_bytes()
+    path.write_bytes(raw[: len(raw) // 2])
+    assert_words("that can be read|cannot be read on from there", refused(read_log, path))
+
+
+def test_a_column_says_where_it_stands(tmp_path: Path):
+    """Assert that a result names paths in a file, and that nothing but names is warned of."""
+    for name, path in (
+        ("MATLAB, struct", "run.motor_position"),
+        ("HDF5", "run/1/motor_position"),
+        ("ROS 2, database", "/joint_states.position.motor [rad]"),
+    ):
+        log = read_log(WRITERS[name][0](tmp_path))
+        assert log.columns["motor_position"].columns == {path: 1.0}
+        assert len(log.warnings) == name.startswith("ROS")  # taken by their names
+    assert {*log.columns} == {"time", *SIGNALS}

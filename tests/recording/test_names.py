@@ -126,13 +126,6 @@ def test_a_command_counts_where_nothing_was_measured() -> None:
     assert log.recordings[0].input_unit == "A"
 
 
-def test_the_torque_of_the_joint_is_not_the_motors() -> None:
-    """Assert that the spring's torque, as a sensor in the joint measures it, is not taken."""
-    log = of_names(motor_torque="joint_torque")
-    assert log.recordings[0].input is None
-    assert any("to identify the motor too, name 'joint_torque'" in one for one in log.warnings)
-
-
 def test_joints_with_numbers() -> None:
     """Assert that the only one is read, and that several are refused with an example."""
     own = {"link_position": "joint_3_q_l", "motor_position": "joint_3_q_m"}

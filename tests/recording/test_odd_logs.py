@@ -1,16 +1,21 @@
 """Logs as drive engineers export them: right numbers, or a sentence that says what to do."""
 
-import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-import polars as pl
 import pytest
-from joint_log import Columns, assert_words, csv_text, joint_columns, read_columns, refused, without
-from scipy.io import savemat
+from joint_log import (
+    Columns,
+    assert_words,
+    csv_text,
+    joint_columns,
+    read_columns,
+    refused,
+    without,
+    written,
+)
+from log_files import hdf5
 
 from flexid.recording import Log
 from flexid.recording.read import read_log
@@ -122,16 +127,14 @@ LEFT_OUT = {
 def test_lines_that_hold_no_sample(name: str, tmp_path: Path) -> None:
     """Assert that they are left out, with a warning, and that a bad cell has its line still."""
     text, words = LEFT_OUT[name]
-    path = tmp_path / "log.csv"
-    path.write_text(text, encoding="utf-8")
-    log = read_log(path)
+    log = read_log(written(tmp_path, text))
     same_numbers(log)
     (warning,) = log.warnings
     assert_words(words, warning)
     lines = text.splitlines()
     place = lines.index(LINES[-1].replace(",", " ") if "blanks" in name else LINES[-1])
     lines[place] = lines[place].replace("1.995", "1.9x5", 1)
-    path.write_text("\n".join(lines), encoding="utf-8")
+    path = written(tmp_path, "\n".join(lines))
     assert_words(f"line {place + 1}, column 'time': '1.9x5' is not", refused(read_log, path))
 
 
@@ -150,9 +153,7 @@ def same_numbers(log: Log) -> None:
 @pytest.mark.parametrize("name", READ)
 def test_read(name: str, tmp_path: Path) -> None:
     """Assert that the numbers are right without a column map."""
-    path, content = tmp_path / "log.csv", READ[name]
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    same_numbers(read_log(path))
+    same_numbers(read_log(written(tmp_path, READ[name])))
 
 
 REFUSED = {
@@ -213,9 +214,7 @@ REFUSED = {
 def test_refused(name: str, tmp_path: Path) -> None:
     """Assert that one sentence says what to do."""
     text, words = REFUSED[name]
-    path = tmp_path / "log.csv"
-    path.write_text(text, encoding="utf-8")
-    assert_words(words, refused(read_log, path))
+    assert_words(words, refused(read_log, written(tmp_path, text)))
 
 
 @pytest.mark.parametrize(("tick", "bits"), [("ms", 16), ("us", 32)])
@@ -234,20 +233,18 @@ def test_a_clock_that_overflows_is_counted_on(tick: str, bits: int, is_signed: b
     assert_words("runs backwards", refused(read_columns, {**columns, f"time [{tick}]": -ticks}))
 
 
-def with_holes(cell: str, every: int) -> str:
-    """The log whose link position has a value in the first of every so many rows."""
+def with_holes(cell: str) -> str:
+    """The log whose link position has a value in every second row."""
     rows = [line.split(",") for line in LINES]
-    for place, row in enumerate(rows):
-        row[1] = row[1] if place % every == 0 else cell
+    for row in rows[1::2]:
+        row[1] = cell
     return "\n".join([HEADER, *map(",".join, rows)]) + "\n"
 
 
 @pytest.mark.parametrize("cell", ["", "NaN", "NA", "n/a", "null", "None", "#N/A", "-"])
 def test_two_rates_in_one_table(cell: str, tmp_path: Path) -> None:
     """Assert that rows in which one sensor was not read make a log of the slower rate."""
-    path = tmp_path / "log.csv"
-    path.write_text(with_holes(cell, 2), encoding="utf-8")
-    log = read_log(path)
+    log = read_log(written(tmp_path, with_holes(cell)))
     (recording,) = log.recordings
     assert recording.sample_time == pytest.approx(0.01)
     for name in ("link_position", "motor_position"):
@@ -334,120 +331,21 @@ def test_a_log_that_repeats_every_sample_is_named() -> None:
     assert_words("changes only every 5 samples", log.warnings[0])
 
 
-UNITS = {
-    "a drive's own unit": ({"motor_torque": 1000.0}, "holds whole numbers only, up to .*N m"),
-    "thousandths": (
-        {"motor_torque": 999.5},
-        "gives .* W, more than 20000, the limit for a joint's drive",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", UNITS)
-def test_numbers_in_another_unit(name: str) -> None:
+def test_numbers_in_another_unit() -> None:
     """Assert that a size or a form that no SI unit makes likely is named."""
-    factors, words = UNITS[name]
-    columns = {n: factors.get(n, 1.0) * values for n, values in COLUMNS.items()}
-    if name != "thousandths":
-        columns |= {n: np.round(columns[n]) for n in factors}
-    log = read_columns(columns)
-    assert any(re.search(words, warning) for warning in log.warnings), log.warnings
+    torque = COLUMNS["motor_torque"]
+    for other, words in (
+        (np.round(1000.0 * torque), "holds whole numbers only, up to .*N m"),
+        (999.5 * torque, "gives .* W, more than 20000, the limit for a joint's drive"),
+    ):
+        warnings = read_columns({**COLUMNS, "motor_torque": other}).warnings
+        assert_words(words, " ".join(warnings))
 
 
 def test_a_torque_of_the_link_is_not_the_motors(tmp_path: Path) -> None:
     """Assert that the end of a path takes the side along that stands before it."""
-    path = tmp_path / "log.csv"
     text = headed("time,joint/link/position,joint/motor/position,joint/link/torque")
-    path.write_text(text, encoding="utf-8")
-    assert read_log(path).recordings[0].input is None
-
-
-def records(folder: Path) -> Path:
-    """Positions in a struct, as Parquet has it."""
-    path, frame = folder / "log.parquet", pl.DataFrame(COLUMNS)
-    frame.select("time", pl.struct(pl.exclude("time")).alias("joint")).write_parquet(path)
-    return path
-
-
-def lists(folder: Path) -> Path:
-    """Positions in a list for each sample."""
-    path, frame = folder / "log.parquet", pl.DataFrame(COLUMNS)
-    positions = pl.concat_list("link_position", "motor_position").alias("q")
-    frame.select("time", positions, "motor_torque").write_parquet(path)
-    return path
-
-
-def vectors(folder: Path) -> Path:
-    """Arrays of NumPy by name, one of them of objects."""
-    arrays: dict[str, Any] = {**COLUMNS, "note": np.array([{}], dtype=object)}
-    np.savez(folder / "log.npz", **arrays)
-    return folder / "log.npz"
-
-
-def matrix(folder: Path) -> Path:
-    """Columns of one array."""
-    np.save(folder / "log.npy", np.column_stack([*COLUMNS.values()]))
-    return folder / "log.npy"
-
-
-def table(folder: Path) -> Path:
-    """Records of NumPy."""
-    names = ",".join(COLUMNS)
-    records = np.rec.fromarrays([*COLUMNS.values()], names=names)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    np.savez(folder / "log.npz", run=records)
-    return folder / "log.npz"
-
-
-def own_times(folder: Path) -> Path:
-    """Signals of a simulation, each with a time of its own."""
-    signals = without(COLUMNS, "time")
-    savemat(
-        folder / "log.mat",
-        {"out": {name: {"Time": COLUMNS["time"], "Data": v} for name, v in signals.items()}},
-    )
-    return folder / "log.mat"
-
-
-def structs_with_names(folder: Path) -> Path:
-    """Signals in cells, each of which says its name in a field."""
-    signals = [{"Name": name, "Data": values} for name, values in COLUMNS.items()]
-    savemat(folder / "log.mat", {"run": {"Y": np.array(signals, dtype=object)}})
-    return folder / "log.mat"
-
-
-def matrix_with_names(folder: Path) -> Path:
-    """A matrix whose columns have names in an attribute."""
-    with h5py.File(folder / "log.h5", "w") as file:
-        file["run"] = np.column_stack([*COLUMNS.values()])
-        file["run"].attrs["columns"] = [*COLUMNS]
-    return folder / "log.h5"
-
-
-def matrix_of_pandas(folder: Path) -> Path:
-    """A matrix whose columns have names in another array."""
-    with h5py.File(folder / "log.h5", "w") as file:
-        file["df/block0_values"] = np.column_stack([*COLUMNS.values()])
-        file["df/block0_items"] = np.array([name.encode() for name in COLUMNS])
-    return folder / "log.h5"
-
-
-BINARY: dict[Callable[[Path], Path], dict[str, object] | None] = {
-    records: None,
-    lists: {"link_position": "q[0]", "motor_position": "q[1]"},
-    vectors: None,
-    own_times: None,
-    structs_with_names: None,
-    matrix_with_names: None,
-    matrix_of_pandas: None,
-    matrix: {name: f"log[:,{place}]" for place, name in enumerate(COLUMNS)},
-    table: None,
-}
-
-
-@pytest.mark.parametrize("made", BINARY)
-def test_binary(made: Callable[[Path], Path], tmp_path: Path) -> None:
-    """Assert that nested columns and arrays are signals by their paths."""
-    same_numbers(read_log(made(tmp_path), BINARY[made]))
+    assert read_log(written(tmp_path, text)).recordings[0].input is None
 
 
 @pytest.mark.parametrize("unit", ["ms", "us", "ns", "ps"])
@@ -478,12 +376,9 @@ def test_times_of_numpy(origin: str, unit: str, tmp_path: Path) -> None:
 def test_signals_with_times_that_differ(tmp_path: Path) -> None:
     """Assert that they are brought to the slower of two clocks, each in its unit."""
     time = COLUMNS["time"]
-    with h5py.File(tmp_path / "log.h5", "w") as file:
-        file["link/time_ms"] = 1e3 * time[::2]
-        file["link/position"] = COLUMNS["link_position"][::2]
-        file["motor/time"] = time
-        file["motor/position"] = COLUMNS["motor_position"]
-    log = read_log(tmp_path / "log.h5")
+    link = {"link/time_ms": 1e3 * time[::2], "link/position": COLUMNS["link_position"][::2]}
+    motor = {"motor/time": time, "motor/position": COLUMNS["motor_position"]}
+    log = read_log(hdf5(tmp_path / "log.h5", link | motor))
     np.testing.assert_allclose(
         log.recordings[0].motor_position, COLUMNS["motor_position"][::2], atol=1e-12
     )
@@ -492,12 +387,10 @@ def test_signals_with_times_that_differ(tmp_path: Path) -> None:
 
 def test_a_signal_that_is_longer_than_its_times(tmp_path: Path) -> None:
     """Assert that both lengths are named."""
-    with h5py.File(tmp_path / "log.h5", "w") as file:
-        for side in ("link", "motor"):
-            file[f"{side}/time"] = COLUMNS["time"][: 399 if side == "link" else 400]
-            file[f"{side}/position"] = COLUMNS[f"{side}_position"]
+    arrays = {"link/time": COLUMNS["time"][:399], "motor/time": COLUMNS["time"]}
+    arrays |= {f"{side}/position": COLUMNS[f"{side}_position"] for side in ("link", "motor")}
     words = "'link/position': it has 400 values where 'link/time' has 399"
-    assert_words(words, refused(read_log, tmp_path / "log.h5"))
+    assert_words(words, refused(read_log, hdf5(tmp_path / "log.h5", arrays)))
 
 
 def test_a_sensor_that_is_read_rarely_is_named() -> None:
@@ -511,10 +404,10 @@ def test_a_sensor_that_is_read_rarely_is_named() -> None:
 
 def test_a_column_with_the_unit_of_an_input_is_named(tmp_path: Path) -> None:
     """Assert that the link alone is not taken without saying which column may be the torque."""
-    path = tmp_path / "log.csv"
-    path.write_text(headed(HEADER.replace("motor_torque", "M_Nm")), encoding="utf-8")
-    log = read_log(path)
-    assert log.recordings[0].input is None
-    assert_words("only the link.*to identify the motor too, name 'M_Nm'.*map$", log.warnings[0])
-    path.write_text(headed(HEADER.replace("motor_torque", "joint_torque")), encoding="utf-8")
-    assert_words("'joint_torque' in .* unless a sensor measures it", read_log(path).warnings[0])
+    for name, words in (
+        ("M_Nm", "only the link.*to identify the motor too, name 'M_Nm'.*map$"),
+        ("joint_torque", "'joint_torque' in .* unless a sensor measures it"),
+    ):
+        log = read_log(written(tmp_path, headed(HEADER.replace("motor_torque", name))))
+        assert log.recordings[0].input is None
+        assert_words(words, log.warnings[0])

@@ -17,7 +17,7 @@ from joint_log import (
     read_columns,
     refused,
     without,
-    write_csv,
+    written,
 )
 from numpy.typing import NDArray
 
@@ -31,7 +31,7 @@ CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity"
 def test_canonical_columns(tmp_path: Path) -> None:
     """Assert that every channel arrives bit for bit, from CSV and from Parquet."""
     columns = joint_columns()
-    path = write_csv(tmp_path, columns)
+    path = written(tmp_path, csv_text(columns))
     log = read_log(path)
     assert (log.warnings, log.source) == ((), str(path))
     assert log.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
@@ -122,9 +122,8 @@ def test_torque_is_preferred_to_current() -> None:
 def test_unused_columns_are_named(tmp_path: Path) -> None:
     """Assert that a column with an unknown name is ignored with a warning, text or not."""
     text = csv_text(joint_columns()).splitlines()
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join([text[0] + ",note", *(line + ",idle" for line in text[1:])]))
-    (warning,) = read_log(path).warnings
+    noted = "\n".join([text[0] + ",note", *(line + ",idle" for line in text[1:])])
+    (warning,) = read_log(written(tmp_path, noted)).warnings
     assert "'note' is not used" in warning
 
 

@@ -15,6 +15,7 @@ from joint_log import (
     read_columns,
     refused,
     without,
+    written,
 )
 
 from flexid.recording import read_log
@@ -155,13 +156,6 @@ READ: dict[str, Change] = {
     "blanks in names": named(link_position="Link position", motor_torque="Motor-Torque (Nm)"),
     "capitals in units": named(link_position="link_position [RAD]"),
 }
-
-
-def written(folder: Path, text: str, encoding: str = "utf-8") -> Path:
-    """A text as a file."""
-    path = folder / "log.csv"
-    path.write_bytes(text.encode(encoding))
-    return path
 
 
 def streamed(path: Path) -> np.ndarray:

@@ -6,7 +6,7 @@ import errno
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -17,9 +17,6 @@ from flexid.readers.contents import RefusedError
 from flexid.recording.channel import MOST_ROWS
 from flexid.recording.names import split_header
 from flexid.recording.table import Table
-
-if TYPE_CHECKING:
-    import polars
 
 FRAME = "data frame"
 ARRAYS = "arrays"
@@ -52,14 +49,12 @@ def table_of_frame(frame: Any) -> Table:
 def _with_index(frame: Any) -> Any:
     """A frame of pandas whose index is among the columns, if it has names or is a time."""
     names = [name for name in frame.index.names if name is not None]
-    again = {_bare(name) for name in names} & {_bare(name) for name in frame.columns}
+    own, others = (  # without units, in small letters
+        {str(name).partition("[")[0].strip().casefold() for name in each}
+        for each in (names, frame.columns)
+    )
     is_time = getattr(frame.index.dtype, "kind", "") in "mM"
-    return frame.reset_index() if (names or is_time) and not again else frame
-
-
-def _bare(name: object) -> str:
-    """A name without its unit, in small letters."""
-    return str(name).partition("[")[0].strip().casefold()
+    return frame.reset_index() if (names or is_time) and not own & others else frame
 
 
 def _values(column: Any) -> Any:
@@ -80,16 +75,14 @@ def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
         if not isinstance(name, str):
             raise RecordingError(ARRAYS, f"key {name!r}", "it is not text: name the channel")
         columns[name] = _array(name, values)
-    lengths = {name: len(values) for name, values in columns.items()}
-    if len({*lengths.values()}) > 1:
-        first, *others = lengths
-        other = next(name for name in others if lengths[name] != lengths[first])
-        raise RecordingError(
-            ARRAYS,
-            f"column {other!r}",
-            f"it has {lengths[other]} values where {first!r} has {lengths[first]}: give every "
-            f"column one value for each sample",
-        )
+        first = next(iter(columns))
+        if len(columns[name]) != len(columns[first]):
+            raise RecordingError(
+                ARRAYS,
+                f"column {name!r}",
+                f"it has {len(columns[name])} values where {first!r} has {len(columns[first])}: "
+                f"give every column one value for each sample",
+            )
     return _table(ARRAYS, columns)
 
 
@@ -108,9 +101,8 @@ def _named(arrays: Mapping[str, Any]) -> dict[Any, Any]:
 
 def _array(name: str, values: Any) -> Any:
     if np.ma.is_masked(values):
-        raise RecordingError(
-            ARRAYS, f"column {name!r}", "some of its values are masked: remove these samples"
-        )
+        reason = "some of its values are masked: remove these samples"
+        raise RecordingError(ARRAYS, f"column {name!r}", reason)
     try:
         found = np.asarray(values)
     except ValueError:  # lists of different lengths
@@ -122,18 +114,17 @@ def _array(name: str, values: Any) -> Any:
 
 
 def _table(file: str, columns: Mapping[str, Any]) -> Table:
-    import polars as pl
-
     try:
-        arrays = {name: v for name, v in columns.items() if isinstance(v, np.ndarray)}
-        times = {name: known_times(name, values) for name, values in arrays.items()}
-        frame = pl.DataFrame({**columns, **times}, strict=False)
+        known = {
+            name: known_times(name, values) if isinstance(values, np.ndarray) else values
+            for name, values in columns.items()
+        }
+        frame = pl.DataFrame(known, strict=False)
     except RefusedError as error:
         raise RecordingError(file, error.place, error.reason) from None
     except (pl.exceptions.PolarsError, TypeError, ValueError) as error:
-        raise RecordingError(
-            file, "", f"its columns are no table of numbers ({error}): give numbers"
-        ) from None
+        reason = f"its columns are no table of numbers ({error}): give numbers"
+        raise RecordingError(file, "", reason) from None
     if not frame.height or not frame.width:
         raise RecordingError(file, "", "it holds no samples: give a value for each sample")
     if frame.height > MOST_ROWS:
@@ -146,7 +137,7 @@ def _table(file: str, columns: Mapping[str, Any]) -> Table:
     return Table(file, frame, _digest(frame), first_row=0)
 
 
-def _digest(frame: polars.DataFrame) -> str:
+def _digest(frame: pl.DataFrame) -> str:
     """Hash of names and values: the same data twice are not two logs."""
     digest = hashlib.sha256(repr(frame.schema).encode())
     for column in frame:

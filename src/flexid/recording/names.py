@@ -51,13 +51,8 @@ _OTHERS = {
     ),
     "filler of time": "date stamp elapsed rel relative since start sim simulation ros abs system",
 }
-_NEED_UNIT = {
-    "i",
-    "u",
-    "v",
-    "tension",
-    "par",
-}  # a row's number, any input, a speed, a belt's tension
+# A row's number, any input, a speed, a belt's tension.
+_NEED_UNIT = {"i", "u", "v", "tension", "par"}
 _ENGLISH = {"position", "pos", "angle", "ang", "velocity", "vel", "speed", "torque", "current"}
 _BESIDE = r"[\s_.,:;/\\$|{}()\[\]<>'\"-]*"  # what may stand between words
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[A-Z]|\d+|[^\W\d_a-zA-Z]+")
@@ -67,11 +62,12 @@ _LONGEST_WORD = 40  # letters of a word that is taken apart
 _ACCENTED = "aceinouACEINOU"  # letters whose accents say nothing: a point above is a derivative
 
 
-def _kinds(table: dict[str, str]) -> dict[str, str]:
-    return {word: kind for kind, words in table.items() for word in words.split()}
-
-
-_KINDS = {**_kinds(QUANTITIES), **_kinds(SIDES), **_kinds(_OTHERS)}
+_KINDS = {
+    word: kind
+    for table in (QUANTITIES, SIDES, _OTHERS)
+    for kind, words in table.items()
+    for word in words.split()
+}
 
 
 class Words(NamedTuple):
@@ -92,15 +88,16 @@ def words_of(name: str) -> Words | None:
     >>> words_of("Abtriebswinkel").quantities, [*words_of("θ_m").sides], words_of("torque %")
     (('position',), ['motor'], None)
     """
-    plain = re.sub(
-        r"(?i)(?<![a-z])i_q(?![a-z])",
-        "iq",
-        "".join(map(_letter, unicodedata.normalize("NFC", name))),
-    )
+    plain = "".join(map(_letter, unicodedata.normalize("NFC", name)))
+    plain = re.sub(r"(?i)(?<![a-z])i_q(?![a-z])", "iq", plain)
     if plain.lstrip().startswith("-") or not re.fullmatch(_BESIDE, _WORD.sub("", plain)):
         return None
     words = tuple(part for word in _WORD.findall(plain) for part in _parts(word.lower()))
-    kinds = [_kind(word, after) for word, after in zip(words, (*words[1:], ""), strict=False)]
+    kinds = [
+        # The last position is that of the sample before, not of a Last.
+        "" if word == "last" and after in _ENGLISH else _KINDS.get(word, "")
+        for word, after in zip(words, (*words[1:], ""), strict=False)
+    ]
     quantities = tuple(kind for kind in kinds if kind in QUANTITIES)
     unknown = ("", "filler of time")[: 1 if "time" in quantities else 2]
     return Words(
@@ -111,11 +108,6 @@ def words_of(name: str) -> Words | None:
         not _NEED_UNIT.isdisjoint(words),
         tuple(word for word, kind in zip(words, kinds, strict=True) if kind in unknown),
     )
-
-
-def _kind(word: str, after: str) -> str:
-    """What a word stands for; the last position is that of the sample before, not of a Last."""
-    return "" if word == "last" and after in _ENGLISH else _KINDS.get(word, "")
 
 
 def _letter(letter: str) -> str:

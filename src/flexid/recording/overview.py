@@ -67,46 +67,35 @@ def overview(path: Path) -> FileOverview:
 
 def _cells(frame: polars.DataFrame) -> dict[str, tuple[str, ...]]:
     """The first values of each column as text."""
+
+    def text(cell: object) -> str:
+        if isinstance(cell, float):
+            return f"{cell:.9g}"
+        return "" if cell is None else str(cell).strip()
+
     return {
-        column.name: tuple(cut(_text(cell), _LONGEST_CELL) for cell in column)
+        column.name: tuple(cut(text(cell), _LONGEST_CELL) for cell in column)
         for column in frame.head(_ROWS)
     }
 
 
-def _text(cell: object) -> str:
-    if cell is None:
-        return ""
-    return f"{cell:.9g}" if isinstance(cell, float) else str(cell).strip()
-
-
 def _overview(table: Table, rows: int, cells: dict[str, tuple[str, ...]]) -> FileOverview:
-    columns = tuple(
-        ColumnOverview(
-            header,
-            _unit(table, header),
-            "" if header == TIME else table.kinds.get(header, ""),
-            cells.get(header, ()),
-        )
-        for header in table.names
-    )
+    short = {header: table.short_name(header) for header in table.names}
+    usual = {header: one for header, name in short.items() if (one := usual_channel(name))}
+    columns = []
+    for header, name in short.items():
+        unit = split_header(name)[1] or (usual[header].unit if header in usual else None) or ""
+        kind = "" if header == TIME else table.kinds.get(header, "")
+        columns.append(ColumnOverview(header, unit, kind, cells.get(header, ())))
     channels, unclear = {}, ""
     try:
         recipes, _ = recipes_of(table, None)
         channels = {name: recipe.header for name, recipe in recipes.items()}
     except RecordingError as error:
         unclear = error.reason
-        for header in table.names:
-            usual = usual_channel(table.short_name(header))
-            if usual is not None:
-                channels.setdefault(usual[0], header)
-    return FileOverview(table.file, table.sha256, rows, columns, channels, unclear)
-
-
-def _unit(table: Table, header: str) -> str:
-    """The unit that a column's name states."""
-    short = table.short_name(header)
-    usual = usual_channel(short)
-    return split_header(short)[1] or (usual[1] if usual else None) or ""
+        for header, one in usual.items():
+            channels.setdefault(one.channel, header)
+    return FileOverview(table.file, table.sha256, rows, tuple(columns), channels, unclear)
 
 
 _RESTING = 0.02  # of the largest velocity
@@ -146,8 +135,10 @@ class LogSurvey:
 def survey(log: Log) -> LogSurvey:
     """What a log shows at a glance."""
     longest = max(log.recordings, key=len)
+    samples = sum(map(len, log.recordings))
     reversals, resting = _motion(log.recordings)
     deflection = _deflection_over_noise(longest)
+    model = "link" if longest.input is None else "flexible"
     remarks = []
     if len(longest) < FEWEST_TO_IDENTIFY:
         remarks.append(
@@ -165,10 +156,10 @@ def survey(log: Log) -> LogSurvey:
             f"not show: drive the joint harder, or near its resonance."
         )
     return LogSurvey(
-        _model(longest),
+        model if longest.link_position is not None else "rigid",
         longest.sample_time,
-        sum(len(recording) for recording in log.recordings) * longest.sample_time,
-        sum(len(recording) for recording in log.recordings),
+        samples * longest.sample_time,
+        samples,
         len(log.recordings),
         tuple(_channels(log.recordings)),
         reversals,
@@ -177,12 +168,6 @@ def survey(log: Log) -> LogSurvey:
         _bandwidth(longest),
         tuple(remarks),
     )
-
-
-def _model(recording: Recording) -> str:
-    if recording.link_position is None:
-        return "rigid"
-    return "link" if recording.input is None else "flexible"
 
 
 def _channels(recordings: tuple[Recording, ...]) -> list[ChannelSurvey]:
