@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
-from joint_log import assert_words, csv_text, joint_columns, read_columns, refused
+from joint_log import assert_words, csv_text, joint_columns, read_columns, refused, written
 
 from flexid.arrays import FloatArray
 from flexid.recording import Log, read_log
@@ -40,24 +40,15 @@ FORMS: dict[str, Callable[[datetime], str]] = {
     "days before it": lambda t: f"{t.day - 1} days {t:%H:%M:%S.%f}",
     "time of day": lambda t: f"{t:%H:%M:%S.%f}".lstrip("0") if t.hour else f"{t:%H:%M:%S.%f}",
 }
-
-
 MOMENTS = [BEGIN + k * STEP for k in range(COUNT)]
 ISO = [*map(FORMS["iso"], MOMENTS)]
 
 
-def text_of(stamps: list[str], header: str = "time") -> str:
-    """A log with such stamps."""
-    rows = zip(stamps, *CELLS.values(), strict=True)
-    lines = [";".join([header, *CELLS]), *(";".join(map(str, row)) for row in rows)]
+def text_of(stamps: list[str], header: str = "time", cells: dict[str, list[float]] = CELLS) -> str:
+    """A log with such stamps, between semicolons."""
+    rows = zip(stamps, *cells.values(), strict=True)
+    lines = [";".join([header, *cells]), *(";".join(map(str, row)) for row in rows)]
     return "\n".join(lines) + "\n"
-
-
-def written(folder: Path, text: str) -> Path:
-    """A text as a file."""
-    path = folder / "log.csv"
-    path.write_text(text)
-    return path
 
 
 def read(folder: Path, stamps: list[str], header: str = "time") -> Log:
@@ -65,49 +56,34 @@ def read(folder: Path, stamps: list[str], header: str = "time") -> Log:
     return read_log(written(folder, text_of(stamps, header)))
 
 
-def in_parts(folder: Path, column: pl.Series, cells: dict[str, list[float]], step: float) -> None:
-    """Assert that a Parquet file with such times is even, whole and in parts alike."""
-    path = folder / "log.parquet"
-    pl.DataFrame(cells).insert_column(0, column).write_parquet(path, row_group_size=50)
-    log = read_log(path)
-    assert log.warnings == ()
-    assert log.recordings[0].sample_time == pytest.approx(step, rel=1e-10)
-    clock, tables = Clock(), [*tables_of_file(path, None, 90)]
-    recipes, _ = recipes_of(tables[0], None)
-    assert len(tables) > 3
-    time = np.concatenate([channels_of(t, recipes, clock)["time"].values for t in tables])
-    np.testing.assert_allclose(time, step * np.arange(COUNT), rtol=0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_stamps_are_seconds_from_the_first(tmp_path: Path, form: str):
-    """Assert that they are exact, however they are written, over midnight too."""
-    (recording,) = read(tmp_path, [*map(FORMS[form], MOMENTS)]).recordings
+def assert_is_the_log(log: Log) -> None:
+    """Assert that it counts from its beginning, exactly, and holds the samples."""
+    (recording,) = log.recordings
     assert recording.start_time == 0.0
     assert recording.sample_time == pytest.approx(2e-4, rel=1e-12)
     np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
 
 
-def test_stamps_beside_decimal_commas(tmp_path: Path):
-    """Assert that the points of a date are no decimal points."""
-    head, *rows = text_of([*map(FORMS["days first"], MOMENTS)]).splitlines()
-    cells = [row.partition(";") for row in rows]
-    text = "\n".join([head, *(a + b + c.replace(".", ",") for a, b, c in cells)])
-    (recording,) = read_log(written(tmp_path, text)).recordings
-    np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
+@pytest.mark.parametrize("form", FORMS)
+def test_stamps_are_seconds_from_the_first(tmp_path: Path, form: str):
+    """Assert that they are exact, however they are written, over midnight too."""
+    assert_is_the_log(read(tmp_path, [*map(FORMS[form], MOMENTS)]))
 
 
 @pytest.mark.parametrize("header", ["timestamp [UTC]", "Date Time", "date/time", "DateTime (ISO)"])
 def test_names_of_stamps(tmp_path: Path, header: str):
     """Assert that the time is found by its usual names, and what stands there as a unit is none."""
-    log = read(tmp_path, ISO, header)
-    assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
+    assert_is_the_log(read(tmp_path, ISO, header))
 
 
-def test_a_date_in_a_column_of_its_own(tmp_path: Path):
-    """Assert that the time of day is enough, and rows of two numbers are rows."""
-    cells = zip(MOMENTS, CELLS["motor_position"], CELLS["motor_torque"], strict=True)
-    rows = [f"{t:%Y-%m-%d},{t:%H:%M:%S.%f},{a},{b}" for t, a, b in cells]
+def test_stamps_beside_other_points_and_dates(tmp_path: Path):
+    """Assert that points of a date are no decimal points, and that a time of day is enough."""
+    head, *rows = text_of([*map(FORMS["days first"], MOMENTS)]).splitlines()
+    cells = [row.partition(";") for row in rows]
+    text = "\n".join([head, *(a + b + c.replace(".", ",") for a, b, c in cells)])
+    assert_is_the_log(read_log(written(tmp_path, text)))
+    pairs = zip(MOMENTS, CELLS["motor_position"], CELLS["motor_torque"], strict=True)
+    rows = [f"{t:%Y-%m-%d},{t:%H:%M:%S.%f},{a},{b}" for t, a, b in pairs]
     text = "\n".join(["Rig 7", "date,time,motor_position,motor_torque", *rows])
     log = read_log(written(tmp_path, text))
     assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
@@ -181,8 +157,7 @@ def test_blanks_between_date_and_time_as_between_columns(tmp_path: Path):
     text = text_of([*map(FORMS["blank"], MOMENTS)]).replace(";", " ")
     message = refused(read_log, written(tmp_path, text))
     assert "line 2: blanks stand between date and time as betw" in message
-    log = read_log(written(tmp_path, re.sub(r"(2024-05-0\d) ", r"\1T", text)))
-    assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
+    assert_is_the_log(read_log(written(tmp_path, re.sub(r"(2024-05-0\d) ", r"\1T", text))))
 
 
 def test_the_summer_begins(tmp_path: Path):
@@ -207,22 +182,35 @@ def test_a_column_map_does_not_compute_with_stamps(tmp_path: Path, entry: dict[s
     path = written(tmp_path, text_of(ISO))
     words = "'time'.*holds time stamps.*give its name alone"
     assert_words(words, refused(read_log, path, {"time": entry}))
-    assert read_log(path, {"time": "time"}).recordings[0].start_time == 0.0
+    assert_is_the_log(read_log(path, {"time": "time"}))
 
 
-@pytest.mark.parametrize("kind", ["ns", "us", "zone", "time of day", "duration", "text"])
+TIMES = pl.Series("time", MOMENTS)
+DECIMAL = [f"{1_714_557_600 + k // 5_000}.{2 * (k % 5_000):04d}" for k in range(COUNT)]
+TYPES = {
+    "nanoseconds": TIMES.dt.replace_time_zone(None).cast(pl.Datetime("ns")),
+    "microseconds": TIMES.dt.replace_time_zone(None),
+    "a zone": TIMES.dt.convert_time_zone("Europe/Vienna"),
+    "times of day": TIMES.dt.time(),
+    "durations": TIMES - MOMENTS[0],
+    "text": TIMES.dt.to_string("iso"),
+    "decimals": pl.Series("time", DECIMAL).cast(pl.Decimal(18, 6)),
+}
+
+
+@pytest.mark.parametrize("kind", TYPES)
 def test_columns_of_parquet_files(tmp_path: Path, kind: str):
     """Assert that times of each type are read, whole and in parts alike."""
-    times = pl.Series("time", MOMENTS)
-    column = {
-        "ns": times.dt.replace_time_zone(None).cast(pl.Datetime("ns")),
-        "us": times.dt.replace_time_zone(None),
-        "zone": times.dt.convert_time_zone("Europe/Vienna"),
-        "time of day": times.dt.time(),
-        "duration": times - MOMENTS[0],
-        "text": times.dt.to_string("iso"),
-    }[kind]
-    in_parts(tmp_path, column, CELLS, 2e-4)
+    path = tmp_path / "log.parquet"
+    pl.DataFrame(CELLS).insert_column(0, TYPES[kind]).write_parquet(path, row_group_size=50)
+    log = read_log(path)
+    assert log.warnings == ()
+    assert_is_the_log(log)
+    clock, tables = Clock(), [*tables_of_file(path, None, 90)]
+    recipes, _ = recipes_of(tables[0], None)
+    assert len(tables) > 3
+    time = np.concatenate([channels_of(t, recipes, clock)["time"].values for t in tables])
+    np.testing.assert_allclose(time, 2e-4 * np.arange(COUNT), rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("zone", [None, "UTC", "Europe/Vienna"])
@@ -254,24 +242,20 @@ def test_resolutions_that_polars_does_not_know(kind: str, unit: str):
         assert table.frame["time"].cast(kept).to_physical().to_list() == right
 
 
-def test_durations_with_a_gap_in_a_frame():
-    """Assert that a duration that is none is named with its row."""
-    ticks = np.arange(COUNT).astype("m8[ms]")
-    ticks[7] = np.timedelta64("NaT")
-    message = refused(log_of_table, table_of_frame(pd.DataFrame({"time": ticks} | CELLS)))
-    assert "row 7, column 'time': the cell is empty" in message
-
-
 @pytest.mark.parametrize(
     ("ticks", "words"),
     [
-        (np.arange(25).astype("m8"), "its durations have no unit: give seconds"),
-        ((10**11 + np.arange(25)).astype("M8[s]"), "more than 292 years from 1970"),
+        (np.arange(COUNT).astype("m8"), "its durations have no unit: give seconds"),
+        ((10**11 + np.arange(COUNT)).astype("M8[s]"), "more than 292 years from 1970"),
+        (
+            np.where(np.arange(COUNT) == 7, np.timedelta64("NaT", "ms"), np.arange(COUNT)),
+            "row 7, column 'time': the cell is empty",
+        ),
     ],
 )
 def test_times_that_cannot_be_taken(ticks: np.ndarray, words: str):
     """Assert that they are refused in one line."""
-    assert words in refused(table_of_arrays, {"time": ticks})
+    assert words in refused(read_columns, {"time": ticks} | CELLS)
 
 
 @pytest.mark.parametrize("unit", ["ns", "us", "s"])
@@ -297,20 +281,12 @@ def test_decimals_since_1970(tmp_path: Path, unit: str, places: int, point: str)
     """Assert that they lose no digit, at 10 kHz and beside decimal commas: nothing is warned of."""
     first, step = 1_714_557_600_000_000_000, 100_000
     ticks = [f"{first + step * k:d}" for k in range(COUNT)]
-    rows = zip((f"{t[:-places]}.{t[-places:]}" for t in ticks), *FASTER.values(), strict=True)
-    text = "\n".join(";".join(map(str, row)) for row in rows)
-    header = f"time [{unit}];{';'.join(FASTER)}"
-    log = read_log(written(tmp_path, f"{header}\n{text.replace('.', point)}\n"))
+    text = text_of([f"{t[:-places]}.{t[-places:]}" for t in ticks], f"time [{unit}]", FASTER)
+    log = read_log(written(tmp_path, text.replace(".", point)))
     (recording,) = log.recordings
     assert log.warnings == ()
     assert recording.sample_time == pytest.approx(1e-4, rel=1e-10)
     np.testing.assert_array_equal(recording.link_position, FASTER["link_position"])
-
-
-def test_decimals_of_a_type(tmp_path: Path):
-    """Assert that a decimal column of a Parquet file is as exact, in a stream of parts too."""
-    cells = [f"{1_714_557_600 + k // 10_000}.{k % 10_000:04d}" for k in range(COUNT)]
-    in_parts(tmp_path, pl.Series("time", cells).cast(pl.Decimal(18, 6)), FASTER, 1e-4)
 
 
 def test_seconds_and_nanoseconds_in_two_columns(tmp_path: Path):
@@ -319,8 +295,7 @@ def test_seconds_and_nanoseconds_in_two_columns(tmp_path: Path):
     rows = [f"{1_714_607_999 + k // 5000},{200_000 * (k % 5000)}" for k in range(COUNT)]
     lines = [f"{a},{b}" for a, b in zip(["sec,nanosec", *rows], text, strict=True)]
     entry = {"sum": ["sec", {"column": "nanosec", "scale": 1e-9}]}
-    log = read_log(written(tmp_path, "\n".join(lines)), {"time": entry})
-    assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
+    assert_is_the_log(read_log(written(tmp_path, "\n".join(lines)), {"time": entry}))
 
 
 def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):

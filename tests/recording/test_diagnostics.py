@@ -167,14 +167,30 @@ def test_samples_that_are_lost(every: int, said: bool):
     columns = {name: CLEAN[name][kept] for name in POSITIONS}
     log = read_log(columns | {"time [s]": STEP * np.arange(kept.sum())})
     assert [("were lost" in w and "log the time" in w) for w in log.warnings] == [True] * said
+    (recording,) = log.recordings
+    assert recording.sample_time == pytest.approx(STEP, rel=1e-9)
+    assert len(log.uncounted) == len(recording) - kept.sum()
     if said:  # and are put back
-        (recording,) = log.recordings
-        count = len(recording)
-        assert count > 0.99 * COUNT
+        assert len(recording) > 0.99 * COUNT
         part = slice(0, COUNT // 3)
         np.testing.assert_allclose(
             recording.needed_link_position[part], CLEAN[LINK][part], atol=20 * NOISE
         )
+
+
+@pytest.mark.parametrize(("every", "parts"), [(600, 1), (1200, 5)])
+def test_losses_that_the_clock_shows(every: int, parts: int):
+    """Assert that up to three in a place are put back where a cut leaves less than two seconds."""
+    places = np.arange(1000, COUNT, every)
+    gone = np.concatenate([places, places[::2] + 1, places[::2] + 2])
+    kept = np.delete(np.arange(COUNT), gone)
+    log = read_log({name: CLEAN[name][kept] for name in POSITIONS})
+    assert len(log.recordings) == parts + (parts > 1)
+    if parts == 1:
+        (recording,) = log.recordings
+        np.testing.assert_allclose(recording.time, CLEAN["time [s]"], atol=1e-9)
+        np.testing.assert_allclose(recording.motor_position, CLEAN[MOTOR], atol=20 * NOISE)
+        assert f"{len(gone)} samples are missing in {len(places)} places" in log.warnings[0]
 
 
 def test_spikes_are_replaced():

@@ -20,7 +20,7 @@ def columns(count: int = 400, noise: float = 1e-5) -> Columns:
     return found
 
 
-def repeated(found: Columns, start: int, stop: int) -> Columns:
+def repeated(found: Columns, start: int = 320, stop: int = 400) -> Columns:
     """The same with one sample in place of those that follow it."""
     for name, values in found.items():
         if name != "time":
@@ -36,33 +36,79 @@ def quantised(found: Columns, bits: int) -> Columns:
     return found
 
 
-def lengths(found: Columns) -> list[int]:
-    """How many samples the recordings have."""
-    return [len(recording) for recording in read_columns(found).recordings]
+def braked(deceleration: float, bits: int = 0, jump: float = 0.0) -> Columns:
+    """A joint that turns back and forth, brakes evenly from 1 s on, and rests."""
+    found, place = columns(noise=0.0), 200
+    after = np.maximum(found["time"] - 1.0, 0.0)
+    for name in ENCODERS:
+        values = found[name]
+        speed = (values[place] - values[place - 1]) / STEP
+        braking = np.minimum(after, abs(speed) / deceleration)
+        stop = speed * braking - 0.5 * np.sign(speed) * deceleration * braking**2
+        values[place:] = values[place] + stop[place:]
+        values[340:] += jump
+    found["motor_torque"][300:] = 0.0
+    return quantised(found, bits)
 
 
-def test_a_frozen_end_is_left_out():
-    """Assert that the log ends with the sample that is repeated, and that one sentence says so."""
-    log = read_columns(repeated(columns(), 320, 400))
-    assert len(log.recordings[0]) == 321
-    (warning,) = log.warnings
+def at_rest(found: Columns, part: slice, place: int, *names: str) -> Columns:
+    """The same where some channels stand still."""
+    for name in names:
+        found[name][part] = found[name][place]
+    return found
+
+
+def noise_of(share: float) -> float:
+    """A share of the motion just before the samples that are repeated."""
+    motor = columns(noise=0.0)["motor_position"]
+    return float(abs(motor[320] - motor[315])) * share
+
+
+CASES: dict[str, tuple[Columns, list[int]]] = {
+    "the end": (repeated(columns()), [321]),
+    "the middle": (repeated(columns(), 100, 140), [101, 260]),
+    "one side in motion": (without(repeated(columns()), "link"), [321]),
+    "the other at the end of its swing": (
+        repeated(at_rest(columns(), slice(290, None), 290, "link_position")),
+        [321],
+    ),
+    "a clear motion in noise": (repeated(columns(noise=noise_of(1.0 / 60.0))), [321]),
+    "no clear motion in noise": (repeated(columns(noise=noise_of(1.0 / 6.0))), [400]),
+    "19 samples": (repeated(columns(), 381), [400]),
+    "20 samples": (repeated(columns(), 380), [381]),
+    "38 of 1950": (repeated(columns(1950), 1912, 1950), [1950]),
+    "39 of 1950": (repeated(columns(1950), 1911, 1950), [1912]),
+    "the beginning": (at_rest(columns(), slice(100), 100, *ENCODERS, "motor_torque"), [400]),
+    "a rest that jumps": (braked(50.0, jump=0.3), [400]),
+    **{
+        f"braking at {deceleration} rad/s², {bits} bits": (braked(deceleration, bits), [400])
+        for deceleration in (10.0, 50.0, 100.0)
+        for bits in (0, 12, 16)
+    },
+    **{
+        f"{moving} goes on": ({**repeated(columns()), moving: columns()[moving]}, [400])
+        for moving in ("motor_torque", "link_position")  # a brake, a stop
+    },
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_left_out(name: str):
+    """Assert that a stretch is left out where it repeats a sample in mid-motion, and not else."""
+    found, lengths = CASES[name]
+    log = read_columns(found)
+    assert [len(recording) for recording in log.recordings] == lengths
+    assert any("left out" in warning for warning in log.warnings) == (
+        sum(lengths) < len(found["time"])
+    )
+    if len(lengths) == 2:
+        assert log.recordings[1].start_time == pytest.approx(140 * STEP)
+
+
+def test_one_sentence_says_so():
+    """Assert that it names the times."""
+    (warning,) = read_columns(CASES["the end"][0]).warnings
     assert "nothing changes from 1.6 s to 1.995 s" in warning
-    assert "left out" in warning
-
-
-def test_a_frozen_middle_is_a_gap():
-    """Assert that the log goes on where it moves again."""
-    log = read_columns(repeated(columns(), 100, 140))
-    assert [len(recording) for recording in log.recordings] == [101, 260]
-    assert log.recordings[1].start_time == pytest.approx(140 * STEP)
-
-
-@pytest.mark.parametrize("moving", ["motor_torque", "link_position"])
-def test_what_goes_on_is_not_frozen(moving: str):
-    """Assert that nothing is left out where an input or a position goes on: a brake, a stop."""
-    log = read_columns({**repeated(columns(), 320, 400), moving: columns()[moving]})
-    assert len(log.recordings[0]) == 400
-    assert not any("left out" in warning for warning in log.warnings)
 
 
 @pytest.mark.parametrize("bits", [0, 11, 12, 13, 14])
@@ -75,67 +121,6 @@ def test_a_drive_from_point_to_point_rests(bits: int, braking: int):
     link = np.cumsum(speed) * STEP
     found = {"time": STEP * np.arange(len(speed)), "motor_torque": torque}
     found |= {"link_position": link, "motor_position": link + 0.01 * torque}
-    (length,) = lengths(quantised(found, bits))
-    assert length >= len(speed) - 70 + 1  # at the very end a rest and a frozen logger are the same
-
-
-def test_one_side_in_motion_is_enough():
-    """Assert that the other may stand still, at the end of its swing, or not be there at all."""
-    assert lengths(without(repeated(columns(), 320, 400), "link")) == [321]
-    found = columns()
-    found["link_position"][290:] = found["link_position"][290]
-    assert lengths(repeated(found, 320, 400)) == [321]
-
-
-@pytest.mark.parametrize(("times", "left"), [(60.0, 321), (6.0, 400)])
-def test_a_motion_in_noise_does_not_say(times: float, left: int):
-    """Assert that nothing is left out where the motion just before is no clear one."""
-    motor = columns(noise=0.0)["motor_position"]
-    found = columns(noise=abs(motor[320] - motor[315]) / times)
-    assert lengths(repeated(found, 320, 400)) == [left]
-
-
-@pytest.mark.parametrize(
-    ("samples", "count", "left"),
-    [(19, 400, 400), (20, 400, 381), (38, 1950, 1950), (39, 1950, 1912)],
-)
-def test_a_few_samples_are_no_stretch(samples: int, count: int, left: int):
-    """Assert that it takes twenty, and 2 % of the log."""
-    assert lengths(repeated(columns(count), count - samples, count)) == [left]
-
-
-def braked(deceleration: float) -> Columns:
-    """A joint that turns back and forth, brakes evenly from 1 s on, and rests."""
-    found, place = columns(noise=0.0), 200
-    after = np.maximum(found["time"] - 1.0, 0.0)
-    for name in ENCODERS:
-        values = found[name]
-        speed = (values[place] - values[place - 1]) / STEP
-        braking = np.minimum(after, abs(speed) / deceleration)
-        stop = speed * braking - 0.5 * np.sign(speed) * deceleration * braking**2
-        values[place:] = values[place] + stop[place:]
-    found["motor_torque"][300:] = 0.0
-    return found
-
-
-@pytest.mark.parametrize("deceleration", [10.0, 50.0, 100.0])
-@pytest.mark.parametrize("bits", [0, 12, 16])
-def test_a_joint_that_brakes_is_not_frozen(deceleration: float, bits: int):
-    """Assert that a rest is kept that was reached by braking, though no encoder trembles."""
-    assert lengths(quantised(braked(deceleration), bits)) == [400]
-
-
-def test_a_jump_is_no_motion():
-    """Assert that a rest is kept that is another from one sample to the next."""
-    found = braked(50.0)
-    for name in ENCODERS:
-        found[name][340:] += 0.3
-    assert lengths(found) == [400]
-
-
-def test_a_rest_from_the_start_is_kept():
-    """Assert that a log that begins at rest is read whole."""
-    found = columns()
-    for name in (*ENCODERS, "motor_torque"):
-        found[name][:100] = found[name][100]
-    assert lengths(found) == [400]
+    (recording,) = read_columns(quantised(found, bits)).recordings
+    # At the very end a rest and a frozen logger are the same.
+    assert len(recording) >= len(speed) - 70 + 1

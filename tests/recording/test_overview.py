@@ -1,19 +1,22 @@
-"""What a file holds, before anybody says which column is which."""
+"""What a file holds before its columns are known, and what a log shows at a glance."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
+from joint_log import written
+from log_files import hdf5
 
-from flexid.recording.overview import overview
+from flexid.recording.overview import overview, survey
+from flexid.recording.recording import Log, Recording
 
 
 def test_names_that_say_it_all(tmp_path: Path):
     """Assert that columns, units, first values and channels are found."""
-    path = tmp_path / "a.csv"
     rows = "".join(f"{k},{k}.50,1,x\n" for k in range(30))
-    path.write_text(f"time [ms],q_motor_deg,tau,other\n{rows}")
-    found = overview(path)
+    found = overview(written(tmp_path, f"time [ms],q_motor_deg,tau,other\n{rows}"))
     assert found.rows == 30
     assert [(c.header, c.unit) for c in found.columns] == [
         ("time [ms]", "ms"),
@@ -32,9 +35,8 @@ def test_names_that_say_it_all(tmp_path: Path):
 
 def test_names_that_do_not(tmp_path: Path):
     """Assert that the reason is given, and what can be guessed all the same."""
-    path = tmp_path / "a.csv"
-    path.write_text("t,enc1,tau\n" + "".join(f"{k},{k},{k}\n" for k in range(30)))
-    found = overview(path)
+    rows = "".join(f"{k},{k},{k}\n" for k in range(30))
+    found = overview(written(tmp_path, f"t,enc1,tau\n{rows}"))
     assert "motor_position" in found.unclear
     assert found.channels == {"time": "t", "motor_torque": "tau"}
 
@@ -51,20 +53,87 @@ def test_typed_columns(tmp_path: Path):
 
 def test_long_cells_are_cut(tmp_path: Path):
     """Assert that no cell fills the page."""
-    path = tmp_path / "a.csv"
-    path.write_text(f"time,text\n0,{'x' * 5000}\n1,y\n")
+    path = written(tmp_path, f"time,text\n0,{'x' * 5000}\n1,y\n")
     assert len(overview(path).columns[1].cells[0]) < 30
 
 
 def test_signals_of_a_file(tmp_path: Path):
     """Assert that a file of signals says what each is."""
-    h5py = pytest.importorskip("h5py")
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["run/time"] = [0.0, 0.1, 0.2]
-        file["run/motor_position"] = [0.0, 0.1, 0.2]
-    found = overview(path)
+    times = [0.0, 0.1, 0.2]
+    arrays = {"run/time": times, "run/motor_position": times}
+    found = overview(hdf5(tmp_path / "a.h5", arrays))
     assert found.rows == 3
     assert {c.header for c in found.columns} == {"run/time", "run/motor_position"}
     assert all("3 values" in c.kind for c in found.columns)
     assert found.channels["motor_position"] == "run/motor_position"
+
+
+RATE = 200.0  # Hz
+NOISE = 1e-4  # rad
+
+
+def log(**changes: object) -> Log:
+    """Return 20 s in which a motor goes to and fro at 0.5 Hz, and the link a little less."""
+    random = np.random.default_rng(1)
+    time = np.arange(4000) / RATE
+    motor = np.sin(np.pi * time)
+    recording = Recording(
+        sample_time=1 / RATE,
+        start_time=0.0,
+        link_position=0.9 * motor + NOISE * random.standard_normal(len(time)),
+        motor_position=motor + NOISE * random.standard_normal(len(time)),
+        input=3.0 * np.sin(2 * np.pi * 2.0 * time),
+        input_unit="N m",
+    )
+    return Log((replace(recording, **changes),), (), "log", "")  # type: ignore[arg-type]
+
+
+def test_figures_of_a_known_motion():
+    """Assert that rate, duration, reversals, bandwidth and deflection are those of the motion."""
+    found = survey(log())
+    assert found.model == "flexible"
+    assert (found.samples, found.recordings) == (4000, 1)
+    assert found.duration == pytest.approx(20.0)
+    assert found.reversals == 20
+    assert found.resting < 0.05
+    assert found.input_bandwidth == pytest.approx(2.0, abs=0.1)
+    truth = 0.1 / np.sqrt(2) / (NOISE * np.sqrt(2))
+    assert found.deflection_over_noise == pytest.approx(truth, rel=0.2)
+    assert found.remarks == ()
+    channels = {channel.name: channel for channel in found.channels}
+    assert list(channels) == ["link_position", "motor_position", "input"]
+    assert channels["motor_position"].noise == pytest.approx(NOISE, rel=0.2)
+    assert channels["input"].highest == pytest.approx(3.0, rel=1e-3)
+    assert channels["input"].unit == "N m"
+
+
+def test_model_follows_from_the_channels():
+    """Assert that what is missing says what can be asked for."""
+    assert survey(log(input=None, input_unit="")).model == "link"
+    rigid = survey(log(link_position=None))
+    assert rigid.model == "rigid"
+    assert np.isnan(rigid.deflection_over_noise)
+
+
+def test_what_stands_against_an_answer():
+    """Assert that a motion that does not turn, hides the spring, or is short, is remarked."""
+    base = log().recordings[0]
+    time = base.time
+    onward = survey(log(motor_position=time, link_position=time + 0.1 * np.sin(time)))
+    assert any("turns back 0 times" in text for text in onward.remarks)
+    once = survey(log(motor_position=np.abs(time - time.mean())))
+    assert any("turns back 1 time," in text for text in once.remarks)
+    random = np.random.default_rng(2)
+    stiff = survey(log(link_position=base.motor_position + NOISE * random.standard_normal(4000)))
+    assert any("encoders' noise" in text for text in stiff.remarks)
+    short = survey(Log((base.window(0, 60),), (), "log", ""))
+    assert any("60 samples" in text for text in short.remarks)
+
+
+def test_several_recordings():
+    """Assert that gaps are counted, and all stretches looked at."""
+    base = log().recordings[0]
+    found = survey(Log((base.window(0, 1000), base.window(2000, 4000)), (), "log", ""))
+    assert found.recordings == 2
+    assert found.samples == 3000
+    assert found.duration == pytest.approx(15.0)

@@ -1,20 +1,13 @@
 """The data that reading returns, with or without a link's encoder and an input."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from joint_log import assert_words, joint_columns, read_columns, refused, without
 
 from flexid.errors import RecordingError
 from flexid.estimators.samples import link_samples, rigid_samples, samples_of_recording
-from flexid.recording import Log, Recording, read_log, with_velocities
+from flexid.recording import Log, Recording, with_velocities
 
-PENDULUM_MAP = {
-    "motor_position": {"column": "position", "unit": "rad"},
-    "motor_velocity": {"column": "velocity", "unit": "rad/s"},
-    "motor_torque": {"column": "torque", "unit": "N·m"},
-}
 MOTION = without(joint_columns(), "torque")
 ONE_ENCODER = without(joint_columns(), "link")
 
@@ -138,14 +131,3 @@ def test_samples_of_the_rigid_joint(alone: Recording) -> None:
     velocities = rigid_samples(with_velocities(alone)).velocities
     assert velocities is not None
     assert velocities.shape == (300, 1)
-
-
-def test_rigid_pendulum(shared_data: Path) -> None:
-    """Assert that the pendulum of DFKI is read, with a middle dot in its torque's unit."""
-    log = read_log(shared_data / "dfki-pendulum" / "ddp.csv", PENDULUM_MAP)
-    (recording,) = log.recordings
-    assert not any("did you mean" in warning for warning in log.warnings)  # position is taken
-    assert recording.sample_time == pytest.approx(0.002, rel=2e-3)
-    assert recording.input_unit == "N m"
-    assert recording.link_position is None
-    assert recording.motor_velocity is not None
