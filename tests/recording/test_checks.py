@@ -15,54 +15,56 @@ TURN = 2.0 * np.pi
 SLOW: FloatArray = 0.002 * np.arange(2000.0)
 
 
-def changed(*left_out: str, **channels: Callable[[FloatArray], FloatArray]) -> Columns:
-    """The synthetic log with some channels changed; 4 s of it."""
+def changed(*left_out: str, **channels: Callable[[FloatArray], FloatArray] | float) -> Columns:
+    """The synthetic log with some channels changed, or scaled; 4 s of it."""
     columns = joint_columns(800)
     for name, change in channels.items():
-        columns[name] = change(columns[name].copy())
+        own = columns[name].copy()
+        columns[name] = change * own if isinstance(change, float) else change(own)
     return without(columns, *left_out)
 
 
-def times(factor: float) -> Callable[[FloatArray], FloatArray]:
-    """Scale a channel."""
-    return lambda values: factor * values
+def joint(link: FloatArray, motor: FloatArray, time: FloatArray = SLOW) -> Columns:
+    """A slow motion of both encoders."""
+    torque = np.cos(SLOW)
+    return {"time": time, "link_position": link, "motor_position": motor, "motor_torque": torque}
 
 
 REFUSED: list[tuple[Columns, str]] = [
     (
-        changed(motor_position=times(0.0)),
+        changed(motor_position=0.0),
         "column 'motor_position': .*constant.*encoder is stuck.*record it while it moves",
     ),
-    (changed(motor_torque=times(0.0)), "column 'motor_torque': .*nothing drives"),
-    (changed(link_velocity=times(0.0)), "link_velocity is constant.*leave"),
+    (changed(motor_torque=0.0), "column 'motor_torque': .*nothing drives"),
+    (changed(link_velocity=0.0), "link_velocity is constant.*leave"),
     (
         {**changed(), "link_position": changed()["motor_position"]},
         "'link_position' and 'motor_position': .*one and the same.*log the second encoder",
     ),
     (
-        changed("velocity", link_position=times(3e3), motor_position=times(3e3)),
+        changed("velocity", link_position=3e3, motor_position=3e3),
         r"column 'link_position': .* rad/s, faster than a joint.*link_position \[deg\]",
     ),
     (
-        changed("velocity", link_position=times(DEGREES)),
+        changed("velocity", link_position=DEGREES),
         "link position is about 57.3 times the motor.*degrees.*unit in brackets",
     ),
     (
-        changed("velocity", motor_position=times(DEGREES)),
+        changed("velocity", motor_position=DEGREES),
         "motor position is about 57.3 times the link",
     ),
     (
-        changed("velocity", motor_position=times(100.0)),
+        changed("velocity", motor_position=100.0),
         "times the link position, as if by a gear: write the drive's gear_ratio in a column map",
     ),
-    (changed("velocity", motor_position=times(-1.0)), "opposite directions: scale one by -1"),
+    (changed("velocity", motor_position=-1.0), "opposite directions: scale one by -1"),
     (
-        changed(motor_velocity=times(DEGREES)),
+        changed(motor_velocity=DEGREES),
         r"column 'motor_velocity': .*57.3 times the position's derivative.*\[deg/s\]",
     ),
-    (changed(motor_velocity=times(1 / DEGREES)), "motor_velocity is 0.0175 times.*in degrees"),
-    (changed(link_velocity=times(30.0 / np.pi)), r"9.55 times.*\[rpm\]"),
-    (changed(link_velocity=times(-1.0)), "-1 times.*scale it by -1"),
+    (changed(motor_velocity=1.0 / DEGREES), "motor_velocity is 0.0175 times.*in degrees"),
+    (changed(link_velocity=30.0 / np.pi), r"9.55 times.*\[rpm\]"),
+    (changed(link_velocity=-1.0), "-1 times.*scale it by -1"),
     (
         changed("velocity", motor_position=lambda q: q + 4.0 * (np.arange(len(q)) > 300)),
         "column 'motor_position': .*jumps by.* at 1.505 s.*not a whole turn.*outlier",
@@ -83,7 +85,7 @@ WARNED: list[tuple[Columns, str]] = [
     ),
     (changed(motor_torque=lambda u: np.clip(u, -9.0, 15.0)), "'motor_torque': .*clipped"),
     (
-        changed("velocity", motor_position=times(6.0)),
+        changed("velocity", motor_position=6.0),
         "motor position moves 6 times as much.*check the gear ratio",
     ),
     (
@@ -92,6 +94,15 @@ WARNED: list[tuple[Columns, str]] = [
     ),
     ({**changed("torque"), "motor_voltage": 3e3 * np.sin(SLOW[:800])}, "more than 2000, the limit"),
     ({**changed("torque"), "motor_current": 600 * np.sin(SLOW[:800])}, "more than 500, the limit"),
+    (
+        changed(motor_torque=lambda u: np.round(1000.0 * u)),
+        "'motor_torque': .*holds whole numbers only, up to .*N m",
+    ),
+    (changed(motor_torque=999.5), "gives .* W, more than 20000, the limit for a joint's drive"),
+    (
+        changed(link_position=lambda q: q[np.arange(800) // 4 * 4]),
+        "'link_position': .*changes only every 4 samples.*at its rate",
+    ),
 ]
 
 
@@ -101,12 +112,16 @@ def test_warned(columns: Columns, words: str) -> None:
     assert_words(f"arrays: .*{words}", "; ".join(read_columns(columns).warnings))
 
 
-STEP = TURN / 2**14
+def coarse(step: float) -> Callable[[FloatArray], FloatArray]:
+    """What an encoder of some step reads."""
+    return lambda q: step * np.round(q / step)
+
+
 CLEAN: dict[str, Columns] = {
     "an offset of a velocity": changed(motor_velocity=lambda v: v + 0.3),
     "encoder steps and a noisy velocity": changed(
-        link_position=lambda q: STEP * np.round(q / STEP),
-        motor_position=lambda q: STEP * np.round(q / STEP),
+        link_position=coarse(TURN / 2**14),
+        motor_position=coarse(TURN / 2**14),
         link_velocity=lambda v: v + 0.05 * np.random.default_rng(9).standard_normal(len(v)),
     ),
     "a switched input": changed(motor_torque=np.sign),
@@ -114,7 +129,7 @@ CLEAN: dict[str, Columns] = {
     "few absurd values of a torque": changed(
         motor_torque=lambda u: u + 1e6 * (np.arange(len(u)) % 40 == 7)
     ),
-    "a link at its resonance": changed("velocity", link_position=times(3.0)),
+    "a link at its resonance": changed("velocity", link_position=3.0),
 }
 
 
@@ -122,6 +137,21 @@ CLEAN: dict[str, Columns] = {
 def test_clean(name: str) -> None:
     """Assert that nothing is said where nothing is wrong."""
     assert read_columns(CLEAN[name]).warnings == ()
+
+
+NO_JUMPS = joint(1e-3 * (np.arange(2000.0) // 7.0 % 2.0), np.sin(SLOW))
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (changed(link_position=coarse(0.02), motor_position=coarse(0.02)), "changes only"),
+        ({**NO_JUMPS, "motor_torque": 3.0 * np.cos(SLOW)}, "jumps"),
+    ],
+)
+def test_a_coarse_encoder(columns: Columns, words: str) -> None:
+    """Assert that its steps are no repeated samples, and those of one count no jumps."""
+    assert words not in " ".join(read_columns(columns).warnings)
 
 
 def test_fast_with_a_stated_unit() -> None:
@@ -155,16 +185,6 @@ def test_wraps_are_undone(low: float, unit: str) -> None:
     np.testing.assert_allclose(recording.deflection, deflection, atol=1e-8)
     assert len(log.warnings) == 2
     assert all("jumps by a turn at " in warning for warning in log.warnings)
-
-
-def joint(link: FloatArray, motor: FloatArray, time: FloatArray = SLOW) -> Columns:
-    """A slow motion of both encoders."""
-    return {
-        "time": time,
-        "link_position": link,
-        "motor_position": motor,
-        "motor_torque": np.cos(SLOW),
-    }
 
 
 def geared(encoder: FloatArray, entry: dict[str, object], **more: object) -> Log:
@@ -225,13 +245,6 @@ def test_a_pause_is_no_wrap(displaced: float) -> None:
     log = read_columns(columns, {"motor_position": entry, "gear_ratio": 100})
     read = np.concatenate([recording.motor_position for recording in log.recordings])
     np.testing.assert_allclose(read, motor, atol=1e-9)
-
-
-def test_an_encoder_of_one_count_is_no_jump() -> None:
-    """Assert that a position all of whose steps are as large as its range does not jump."""
-    columns = joint(1e-3 * (np.arange(2000.0) // 7.0 % 2.0), np.sin(SLOW))
-    columns["motor_torque"] = 3.0 * np.cos(SLOW)
-    assert not any("jumps" in warning for warning in read_columns(columns).warnings)
 
 
 def test_turns_that_an_encoder_does_not_know() -> None:

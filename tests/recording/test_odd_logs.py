@@ -331,17 +331,6 @@ def test_a_log_that_repeats_every_sample_is_named() -> None:
     assert_words("changes only every 5 samples", log.warnings[0])
 
 
-def test_numbers_in_another_unit() -> None:
-    """Assert that a size or a form that no SI unit makes likely is named."""
-    torque = COLUMNS["motor_torque"]
-    for other, words in (
-        (np.round(1000.0 * torque), "holds whole numbers only, up to .*N m"),
-        (999.5 * torque, "gives .* W, more than 20000, the limit for a joint's drive"),
-    ):
-        warnings = read_columns({**COLUMNS, "motor_torque": other}).warnings
-        assert_words(words, " ".join(warnings))
-
-
 def test_a_torque_of_the_link_is_not_the_motors(tmp_path: Path) -> None:
     """Assert that the end of a path takes the side along that stands before it."""
     text = headed("time,joint/link/position,joint/motor/position,joint/link/torque")
@@ -391,15 +380,6 @@ def test_a_signal_that_is_longer_than_its_times(tmp_path: Path) -> None:
     arrays |= {f"{side}/position": COLUMNS[f"{side}_position"] for side in ("link", "motor")}
     words = "'link/position': it has 400 values where 'link/time' has 399"
     assert_words(words, refused(read_log, hdf5(tmp_path / "log.h5", arrays)))
-
-
-def test_a_sensor_that_is_read_rarely_is_named() -> None:
-    """Assert that a warning says how often, and that a coarse encoder's steps raise none."""
-    held = COLUMNS["link_position"][np.arange(400) // 4 * 4]
-    (warning,) = read_columns({**COLUMNS, "link_position": held}).warnings
-    assert_words("column 'link_position': .*changes only every 4 samples.*at its rate", warning)
-    coarse = {n: 0.02 * np.round(v / 0.02) if "pos" in n else v for n, v in COLUMNS.items()}
-    assert not any("changes only" in warning for warning in read_columns(coarse).warnings)
 
 
 def test_a_column_with_the_unit_of_an_input_is_named(tmp_path: Path) -> None:
