@@ -1,9 +1,17 @@
-"""Excitation: (A4) as a matter of degree."""
+"""Excitation measured, over windows too, and what positions tell about the coefficients."""
 
 import numpy as np
 import pytest
 
 from flexid.analysis.excitation import excitation
+from flexid.analysis.information import information_at
+from flexid.analysis.persistence import contraction, decay_rate, persistence
+from flexid.errors import SettingError, SimulationError
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, segmented_motion
+from flexid.estimators.segments import divide
+from flexid.models.parametric_system import ParametricSystem, Row
 
 
 def test_dependent_pair_is_named():
@@ -39,3 +47,153 @@ def test_single_coefficient_is_never_confounded():
     measured = excitation("row", ("a",), np.arange(1.0, 5.0)[:, None])
     assert measured.condition_number == 1
     assert measured.confounded == ()
+
+
+CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"}),))
+H, N, NOISE = 0.01, 400, 1e-3
+
+
+def information(system, values, force, duration, start):
+    """Information of a system, held force, over segments of a duration from one state."""
+    segments = divide([Samples(np.zeros((N, 1)), None, force[:, None], H)], duration)
+    point = Point(np.array(values), np.tile(start, (len(segments), 1)))
+    problem = segmented_motion(system, segments, Timing("zero"))
+    return information_at(problem.at(point, np.array([1.0 / NOISE])), point)
+
+
+def cart_information(force, duration):
+    """That of the cart, from rest."""
+    return information(CART, [2.0, 0.3], force, duration, np.zeros(2))
+
+
+def test_closed_form_of_a_cart():
+    """Assert that the bound is that of a linear regression with free start and speed."""
+    force = np.random.default_rng(3).standard_normal(N)
+    t = H * np.arange(N)
+    velocity = np.concatenate(([0.0], H * np.cumsum(force[:-1])))
+    position = np.concatenate(([0.0], np.cumsum(H * velocity[:-1] + 0.5 * H * H * force[:-1])))
+    columns = np.column_stack([np.ones(N), t, position, 0.5 * t * t])
+    expected = NOISE**2 * np.linalg.inv(columns.T @ columns)[2:, 2:]
+    found = cart_information(force, N * H)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-6)
+    np.testing.assert_allclose(found.relative_deviations, np.sqrt(np.diag(expected)) / [2.0, 0.3])
+
+
+def test_shorter_segments_tell_less():
+    """Assert that every unknown initial state costs information."""
+    force = np.random.default_rng(3).standard_normal(N)
+    whole, parts = cart_information(force, 4.0), cart_information(force, 1.0)
+    assert (np.linalg.eigvalsh(whole.matrix - parts.matrix) > 0).all()
+
+
+def test_two_names_for_one_push():
+    """Assert that a constant force confounds gain and push: no bound."""
+    found = cart_information(np.ones(N), 4.0)
+    assert np.isinf(found.standard_deviations).all()
+
+
+def test_a_motion_that_runs_away():
+    """Assert that a diverging model is an error, not a number."""
+    runaway = ParametricSystem("runaway", (Row("arm", "q", "v", {"a": "q"}),))
+    with pytest.raises(SimulationError, match="diverges"):
+        information(runaway, [1e4], np.zeros(N), 4.0, np.ones(2))
+
+
+STEP = 1e-3
+
+
+def random_regressors(seed, coefficients, duration=1.0):
+    """Return a few random sinusoids per coefficient, sampled at STEP, of random sizes."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration + STEP / 2, STEP)
+    waves = rng.normal(size=(coefficients, 3)) * 10 ** rng.uniform(-1, 0.5, (coefficients, 1))
+    phases = rng.uniform(0, 2 * np.pi, (coefficients, 3, 1))
+    frequencies = rng.uniform(0.5, 30.0, (coefficients, 3, 1))
+    return np.einsum("ij,ijk->ki", waves, np.sin(frequencies * time + phases))
+
+
+def transition(regressors, gain):
+    """Return the matrix that takes p̃ over the window, r held over each step."""
+    total = np.eye(regressors.shape[1])
+    for r in regressors:
+        # exp(-c h r rᵀ), which shrinks what lies along r and leaves the rest
+        shrunk = -np.expm1(-gain * STEP * (r @ r)) / (r @ r)
+        total -= shrunk * np.outer(r, r @ total)
+    return total
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("gain", [0.03, 0.3, 3.0, 30.0])
+@pytest.mark.parametrize("coefficients", [1, 2, 3])
+def test_no_error_shrinks_less_than_the_bound(seed, gain, coefficients):
+    """Assert that the largest possible |p̃(t+T)|/|p̃(t)| stays below the bound.
+
+    It is the norm of the transition matrix; with r held over each step, the derivation of the
+    bound holds with the sum in place of the integral.
+    """
+    r = random_regressors(seed, coefficients)[:-1]
+    worst = np.linalg.norm(transition(r, gain), 2)
+    assert worst <= contraction(STEP * r.T @ r, gain) + 1e-12
+
+
+def test_bound_is_sharp_for_small_gains():
+    """Assert that for a small gain the bound is the true contraction to first order."""
+    r = random_regressors(3, 2)[:-1]
+    gain = 1e-4
+    lost = 1 - np.linalg.norm(transition(r, gain), 2)
+    assert 1 - contraction(STEP * r.T @ r, gain) == pytest.approx(lost, rel=2e-2)
+
+
+def test_constant_regressors_guarantee_nothing():
+    """Assert that without excitation in one direction level and guaranteed rate are zero."""
+    measured = persistence(np.tile([1.0, -2.0], (2001, 1)), STEP, 0.5)
+    assert measured.level == pytest.approx(0.0, abs=1e-12)
+    assert measured.guaranteed_rate(1.0) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_level_of_sine_and_cosine():
+    """Assert that sine and cosine over full half periods have ∫ r rᵀ = T/2 I in every window.
+
+    A pause in the motion of one brings the level to zero though the rest excites.
+    """
+    time = np.arange(0.0, 10.0, STEP)
+    frequency = np.pi / 0.5
+    r = np.column_stack([np.sin(frequency * time), np.cos(frequency * time)])
+    measured = persistence(r, STEP, 0.5)
+    assert measured.level == pytest.approx(0.25, rel=1e-4)
+    assert measured.averaged_rate(2.0) == pytest.approx(1.0, rel=1e-3)
+    r[4000:6000, 1] = 0.0
+    measured = persistence(r, STEP, 1.0)
+    assert measured.level == pytest.approx(0.0, abs=1e-12)
+    assert measured.averaged_rate(2.0) > 0.6
+
+
+@pytest.mark.parametrize("window", [5e-3, 10.0])
+def test_a_window_that_does_not_fit_is_refused(window):
+    """Assert that a window of too few samples or longer than the record is an error."""
+    with pytest.raises(SettingError, match="window"):
+        persistence(np.ones((2001, 1)), STEP, window)
+
+
+LONG = np.arange(0.0, 20.0, 0.01)
+RIPPLE = 1 + 0.3 * np.sin(2 * np.pi * LONG)
+
+
+@pytest.mark.parametrize(
+    ("errors", "window", "floor", "rate"),
+    [
+        ((np.exp(-0.4 * LONG) * RIPPLE)[:, None] * [1.0, -3.0], 1.0, 0.0, 0.4),
+        (np.maximum(np.exp(-2.0 * LONG), 1e-9)[:, None], 0.5, 1e-8, 2.0),
+        (np.column_stack([np.exp(-0.1 * LONG), 10 * np.exp(-3.0 * LONG)]), 0.5, 0.0, 0.1),
+    ],
+    ids=["rippled within the window", "ends in the integrator's noise", "slowest direction"],
+)
+def test_decay_rate_of_an_exponential(errors, window, floor, rate):
+    """Assert that the rate of the slowest exponential above the floor is found."""
+    assert decay_rate(LONG, errors, window, floor) == pytest.approx(rate, rel=1e-3)
+
+
+def test_decay_rate_of_too_few_windows_is_no_number():
+    """Assert that two windows give no slope."""
+    time = np.arange(0.0, 2.0, 0.01)
+    assert np.isnan(decay_rate(time, np.ones((200, 1)), 1.0, 0.0))

@@ -113,7 +113,7 @@ def test_a_stream_prints_the_table(flexid, tmp_path):
     done = flexid("identify", log, "--stream", "--terms", "gravity,motor_viscous")
     assert done.status == 0
     assert "joint_stiffness" in done.stdout
-    assert "30000 samples (1 min) were fitted in one pass" in " ".join(done.stdout.split())
+    assert "30000 samples (60 s) were fitted in one pass" in " ".join(done.stdout.split())
 
 
 def test_motion_alone_gives_the_link(flexid, good_log, tmp_path):

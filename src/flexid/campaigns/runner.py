@@ -3,8 +3,9 @@
 import gc
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -111,22 +112,20 @@ def _complete(
 
 
 def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Iterator[PartResult]:
-    """Run parts on threads of this process, and yield each when it is done.
+    """Run parts on threads of this process, and yield them one after the other.
 
     Compiled code lets other threads run, so that these use all cores.
     """
     stop = threading.Event()
-    waiting: set[Future[PartResult]] = set()
+    waiting: deque[Future[PartResult]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         try:
             for part in parts:
-                waiting.add(pool.submit(run_part, experiment, part, stop.is_set))
+                waiting.append(pool.submit(run_part, experiment, part, stop.is_set))
                 if len(waiting) > 2 * workers:  # what is done does not pile up in memory
-                    done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                    yield from (future.result() for future in done)
+                    yield waiting.popleft().result()
             while waiting:
-                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in done)
+                yield waiting.popleft().result()
         finally:  # an interrupt: every thread ends within a few runs
             stop.set()
             for future in waiting:

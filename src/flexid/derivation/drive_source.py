@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from flexid.derivation.model_functions import split_regressor
 from flexid.derivation.printing_code import RESERVED
-from flexid.derivation.regressor_classes import split_regressor
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem

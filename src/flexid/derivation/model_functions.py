@@ -1,6 +1,13 @@
-"""Source of a model's functions: regressors, right-hand side, and its linearisation."""
+"""Source of a model's functions: regressors, right-hand side and its linearisation, signals.
+
+For a filter a regressor is split into three parts, r = g(q, u) + Σ a_j v_j + n(q, v, u). The first
+is a function of measured positions and inputs and is filtered as it stands; the second is the
+derivative of the positions, which the filter itself takes; only the third, nonlinear in velocities,
+needs an estimate of them.
+"""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import cast
 
 import sympy as sp
@@ -132,3 +139,100 @@ def _jump(row: SymbolicRow) -> sp.Expr:
     mode = sp.Dummy(real=True)
     factor = row.acceleration.subs(sp.sign(row.velocity), mode).diff(mode)
     return cast(sp.Expr, factor.subs(mode, 0).subs(row.velocity, 0))
+
+
+@dataclass(frozen=True)
+class RegressorParts:
+    """The three parts of a regressor, or of a known part."""
+
+    memoryless: sp.Expr  # g(q, u), a function of positions, inputs and constants alone
+    # a_j, one per row: functions of constants alone, which multiply that row's velocity
+    velocity_factors: tuple[sp.Expr, ...]
+    remainder: sp.Expr  # n(q, v, u), whatever else depends on velocities
+    depends_on_input: bool  # whether an input occurs, so that its hold between samples matters
+
+
+def split_regressor(expression: sp.Expr, symbolic: SymbolicSystem) -> RegressorParts:
+    """Split an expression, term by term, by its dependence on velocities."""
+    velocities = tuple(row.velocity for row in symbolic.rows)
+    measured = {row.coordinate for row in symbolic.rows} | set(symbolic.inputs)
+    held = expression.has(*symbolic.inputs) if symbolic.inputs else False
+    if not expression.has(*velocities):  # expanded, a power of a difference loses digits
+        return RegressorParts(expression, (sp.S.Zero,) * len(velocities), sp.S.Zero, held)
+    memoryless, remainder = [], []
+    factors: list[list[sp.Expr]] = [[] for _ in velocities]
+    for term in sp.Add.make_args(sp.expand(expression)):
+        occurring = [place for place, v in enumerate(velocities) if term.has(v)]
+        if not occurring:
+            memoryless.append(term)
+            continue
+        factor = term / velocities[occurring[0]]
+        if factor.free_symbols & (measured | set(velocities)):
+            remainder.append(term)
+        else:
+            factors[occurring[0]].append(factor)
+    return RegressorParts(
+        sp.Add(*memoryless),
+        tuple(sp.Add(*terms) for terms in factors),
+        sp.Add(*remainder),
+        held,
+    )
+
+
+def signal_module(system: ParametricSystem) -> str:
+    """Source of a model's *signals* for whole recordings: functions of arrays, not compiled.
+
+    Signals are its regressors, row by row, then the known part of each row.
+    ``sampled_parts(x, u, c, g)`` fills g with their parts without the linear velocity terms,
+    ``velocity_factors(c, a)`` a with the factors a_j of those. ``HELD`` says which signals depend
+    on an input, ``VELOCITY_NEEDED`` which coefficients (or rows, for known parts) need velocities.
+    """
+    symbolic = symbolic_system(system)
+    names = [*system.coefficients, *(f"known part of {row.name}" for row in system.rows)]
+    parts = _signal_parts(symbolic)
+    needed = tuple(name for name, part in zip(names, parts, strict=True) if part.remainder != 0)
+    constants = (
+        f"N_SIGNALS = {len(parts)}\n"
+        f"HELD = {tuple(part.depends_on_input for part in parts)!r}\n"
+        f"VELOCITY_NEEDED = {needed!r}\n"
+    )
+    factors = function(
+        "velocity_factors(_c, _a)",
+        "Factor _a[signal, row] that multiplies the velocity of each row in each signal.",
+        unpack("_c", symbolic.constants),
+        assignments(
+            [f"_a[{i}, {j}]" for i in range(len(parts)) for j in range(len(symbolic.rows))],
+            [factor for part in parts for factor in part.velocity_factors],
+        ),
+        decorator="",
+    )
+    sampled = _sampled_parts(symbolic, parts, "")
+    return "\n\n".join((_head(system), ARRAY_IMPORTS, constants, sampled, factors))
+
+
+def compiled_signals(system: ParametricSystem) -> str:
+    """Source of ``sampled_parts`` alone, compiled, for a kernel to call by its address."""
+    symbolic = symbolic_system(system)
+    sampled = _sampled_parts(symbolic, _signal_parts(symbolic), called(4))
+    return "\n\n".join((_head(system), CALLED_IMPORTS, sampled))
+
+
+def _signal_parts(symbolic: SymbolicSystem) -> list[RegressorParts]:
+    """The three parts of each signal."""
+    expressions = [r for row in symbolic.rows for r in row.regressor]
+    expressions += [row.known for row in symbolic.rows]
+    return [split_regressor(expression, symbolic) for expression in expressions]
+
+
+def _sampled_parts(symbolic: SymbolicSystem, parts: list[RegressorParts], decorator: str) -> str:
+    return function(
+        "sampled_parts(_x, _u, _c, _g)",
+        "Signals at one sample, without the terms linear in velocities; _c holds the constants.",
+        unpack_variables(symbolic),
+        assignments(
+            [f"_g[{i}]" for i in range(len(parts))],
+            [part.memoryless + part.remainder for part in parts],
+            of_arrays=not decorator,
+        ),
+        decorator=decorator,
+    )

@@ -230,7 +230,7 @@ def _compiled_signals(system: ParametricSystem) -> ModuleType:
     """What the law calls of a model."""
 
     def build() -> str:
-        from flexid.derivation.regressor_classes import compiled_signals
+        from flexid.derivation.model_functions import compiled_signals
 
         return compiled_signals(system)
 

@@ -285,7 +285,7 @@ def signals(system: ParametricSystem) -> ModuleType:
     """The signals of a model as functions of arrays."""
 
     def build() -> str:
-        from flexid.derivation.regressor_classes import signal_module
+        from flexid.derivation.model_functions import signal_module
 
         return signal_module(system)
 

@@ -88,7 +88,7 @@ def identify_stream(
     summary = (
         *result.summary,
         f"Stream: all of this was chosen on the first {head_rows * h:.4g} s; then {session.fed} "
-        f"samples ({_duration(session.fed * h)}) were fitted in one pass.",
+        f"samples ({session.fed * h:.6g} s) were fitted in one pass.",
     )
     inputs = [{**log.provenance, "sha256": sha256(path)}]
     stream = {"rows": session.fed, "head_rows": head_rows}
@@ -305,11 +305,3 @@ def _stream_warnings(head: Identification, estimate: Estimate, apart: FloatArray
             f"error of its head: friction is sharper than least squares has it, or the drive "
             f"changed; the intervals make allowance for that, and {advice}"
         )
-
-
-def _duration(seconds: float) -> str:
-    """A long time in words."""
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.3g} s"
