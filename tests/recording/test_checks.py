@@ -20,7 +20,7 @@ def changed(*left_out: str, **channels: Callable[[FloatArray], FloatArray] | flo
     columns = joint_columns(800)
     for name, change in channels.items():
         own = columns[name].copy()
-        columns[name] = change * own if isinstance(change, float) else change(own)
+        columns[name] = change(own) if callable(change) else change * own
     return without(columns, *left_out)
 
 

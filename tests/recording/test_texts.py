@@ -162,7 +162,7 @@ def streamed(path: Path) -> np.ndarray:
     """Samples of the same as of a stream."""
     found = []
     with closing(GrowingFile(path, stop_at_end=True)) as source:
-        samples = TextSamples(source, TextStream(str(path)))
+        samples = TextSamples(source)
         while (part := samples.read(last=False)) is not None:
             if len(part):
                 found.append(part)

@@ -77,6 +77,19 @@ class _Line:
     def is_comment(self) -> bool:
         return self.text.lstrip(' "').startswith(COMMENTS)
 
+    @property
+    def bare(self) -> str:
+        """The line without what makes it a comment, as which NumPy writes a header."""
+        return self.text.lstrip(" #%/") if self.is_comment else self.text
+
+    def cells(self, separator: str) -> list[str]:
+        return split(self.bare, separator)
+
+    def label(self, separator: str) -> str:
+        """The first of the labels with which all cells below the names begin, as of Simulink."""
+        found = [_LABEL.match(cell) for cell in self.cells(separator) if cell]
+        return found[0][1].lower() if found and found[0] and all(found) else ""
+
 
 def layout_of(file: str, text: bytes) -> Layout:
     """Where header, units and first row stand in a text in UTF-8 with line feeds.
@@ -92,7 +105,10 @@ def layout_of(file: str, text: bytes) -> Layout:
         )
     found = _first_row(plain)
     if found is None:  # no row of numbers: the first line is taken for the header, and rows follow
-        return _without_rows(file, lines, plain)
+        header = plain[0]
+        _check_form(file, plain)
+        after = (header.number + 1, header.end)
+        return _layout(file, lines, header, None, header_separator(header.text), after)
     first, separator, width = found
     if not split(first.text, separator)[-1]:
         lines = [_ended(line, separator, width) for line in lines]
@@ -100,8 +116,8 @@ def layout_of(file: str, text: bytes) -> Layout:
     header, units = _above(file, lines[: lines.index(first)], first, separator, width)
     # A row before it may have another length, and is refused later.
     below = (line for line in plain if line.number > header.number and line is not units)
-    first = next(line for line in below if not _label(line, separator))
-    if len(_names(header, separator)) == width and not _is_row(split(first.text, separator)):
+    first = next(line for line in below if not line.label(separator))
+    if len(header.cells(separator)) == width and not _is_row(split(first.text, separator)):
         raise RecordingError(
             file,
             f"line {first.number}",
@@ -111,31 +127,28 @@ def layout_of(file: str, text: bytes) -> Layout:
     return _layout(file, lines, header, units, separator, (first.number, first.begin))
 
 
-def _without_rows(file: str, lines: list[_Line], plain: list[_Line]) -> Layout:
-    """The layout of a text without a row of numbers: its first line is taken for the header."""
-    first = plain[0]
-    if _KEYED.match(first.text):
+def _check_form(file: str, plain: list[_Line]) -> None:
+    """Raise where a text without a row of numbers is of a form that has them in other places."""
+    if _KEYED.match(plain[0].text):
         raise RecordingError(
             file,
-            f"line {first.number}",
+            f"line {plain[0].number}",
             "a name stands before each value, as in JSON or YAML: write a header with the column "
             "names, and a line of numbers for each sample",
         )
-    dated = next((line for line in plain if _DATE_AND_BLANKS.match(line.text)), None)
-    if dated is not None:
-        raise RecordingError(
-            file,
-            f"line {dated.number}",
-            f"blanks stand between date and time as between columns: write a T there, as in "
-            f"{EXAMPLE}",
-        )
-    separator = header_separator(first.text)
-    return _layout(file, lines, first, None, separator, (first.number + 1, first.end))
+    for line in plain:
+        if _DATE_AND_BLANKS.match(line.text):
+            raise RecordingError(
+                file,
+                f"line {line.number}",
+                f"blanks stand between date and time as between columns: write a T there, as in "
+                f"{EXAMPLE}",
+            )
 
 
 def _ended(line: _Line, separator: str, width: int) -> _Line:
     """A line with a separator at its end, where the rows have one and it has not."""
-    is_short = len(_names(line, separator)) == width - 1
+    is_short = len(line.cells(separator)) == width - 1
     return replace(line, text=line.text + separator) if is_short else line
 
 
@@ -143,10 +156,11 @@ def _above(
     file: str, above: list[_Line], first: _Line, separator: str, width: int
 ) -> tuple[_Line, _Line | None]:
     """The lines of the names and of the units, if there is one, above the first row."""
+    cells = {line.number: line.cells(separator) for line in above}
     fitting = [
         line
         for line in above
-        if len(cells := _names(line, separator)) == width and not _is_row(cells)
+        if len(cells[line.number]) == width and not _is_row(cells[line.number])
     ]
     named = [line for line in fitting if not line.is_comment] or fitting
     if not named:  # the rows differ in length from any header, and are refused for that
@@ -154,33 +168,24 @@ def _above(
         if not named:
             raise _no_header(file, first.number)
         _check_quotes(file, named[0])
-        cells = [_names(line, separator) for line in named]
         several = [
             line
-            for line, names in zip(named, cells, strict=True)
-            if len(names) > 1 and not _is_row(names)
+            for line in named
+            if len(cells[line.number]) > 1 and not _is_row(cells[line.number])
         ]
         return several[-1] if several else named[0], None
-    labels = {line.number: _label(line, separator) for line in named}
+    labels = {line.number: line.label(separator) for line in named}
     units = next((line for line in named if labels[line.number].startswith("unit")), None)
     named = [line for line in named if not labels[line.number]] or named
-    if len(named) > 1 and units is None and _is_units(_names(named[-1], separator)):
+    if len(named) > 1 and units is None and _is_units(cells[named[-1].number]):
         units = named.pop()
-    without_numbers = [line for line in named if not any(map(is_number, _names(line, separator)))]
-    named = without_numbers or named
+    named = [line for line in named if not any(map(is_number, cells[line.number]))] or named
     # A row of types or of groups has cells that are alike.
-    distinct = [line for line in named if not _repeats(_names(line, separator))]
-    header = (distinct or named)[-1]
+    header = ([line for line in named if not _repeats(cells[line.number])] or named)[-1]
     if units is None:
         others = [line for line in fitting if line is not header]
-        units = next((line for line in others if _is_units(_names(line, separator))), None)
+        units = next((line for line in others if _is_units(cells[line.number])), None)
     return header, units
-
-
-def _label(line: _Line, separator: str) -> str:
-    """The first of the labels with which all cells below the names begin, as Simulink writes."""
-    found = [_LABEL.match(cell) for cell in _names(line, separator) if cell]
-    return found[0][1].lower() if found and found[0] and all(found) else ""
 
 
 def _repeats(cells: list[str]) -> bool:
@@ -188,7 +193,7 @@ def _repeats(cells: list[str]) -> bool:
 
 
 def _check_quotes(file: str, header: _Line) -> None:
-    if _bare(header).count('"') % 2:
+    if header.bare.count('"') % 2:
         raise RecordingError(
             file,
             f"line {header.number}",
@@ -267,16 +272,6 @@ def split(line: str, separator: str) -> list[str]:
         return []
 
 
-def _names(line: _Line, separator: str) -> list[str]:
-    """Cells of a header, which NumPy writes as a comment."""
-    return split(_bare(line), separator)
-
-
-def _bare(line: _Line) -> str:
-    """A line without what makes it a comment."""
-    return line.text.lstrip(" #%/") if line.is_comment else line.text
-
-
 def header_separator(header: str) -> str:
     """The separator that occurs most often in a header, outside units and quotes."""
     bare = re.sub(r"\[[^\[\]]*\]|\([^()]*\)|\"[^\"]*\"", "", header)
@@ -294,14 +289,14 @@ def _layout(
     """The layout with these parts, whose names are checked."""
     place = f"line {header.number}"
     _check_quotes(file, header)
-    names = _names(header, separator)
+    names = header.cells(separator)
     if not names:  # the csv module gives up
         raise RecordingError(file, place, "the header cannot be read: write shorter column names")
     names = [name or f"unnamed {number}" for number, name in enumerate(names, start=1)]
     if all(map(is_number, names)):
         raise _no_header(file, header.number)
     if units is not None:
-        below = zip(names, _names(units, separator), strict=True)
+        below = zip(names, units.cells(separator), strict=True)
         names = [_with_unit(file, units.number, name, unit) for name, unit in below]
     if len({*names}) < len(names):
         names = _grouped(lines, header, names, separator)
@@ -319,7 +314,7 @@ def _layout(
 
 def _grouped(lines: list[_Line], header: _Line, names: list[str], separator: str) -> list[str]:
     """Names that repeat, each behind that of its group, where a line above names all of these."""
-    above = [_names(line, separator) for line in lines if line.number < header.number]
+    above = [line.cells(separator) for line in lines if line.number < header.number]
     fitting = [cells for cells in above if len(cells) == len(names) and not _is_row(cells)]
     if not fitting:
         return names

@@ -29,7 +29,7 @@ from flexid.streaming.options import (
 )
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
-from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, TextStream, sample_time_of
+from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, sample_time_of
 
 _DURATION = 20.0  # s that are looked at
 _FEWEST = 500  # samples of them
@@ -139,10 +139,9 @@ class Follower:
             )
         known = self.chosen.get("sample_time") is not None
         fewest = LINES_FOR_LAYOUT if known else HEAD_LINES
-        text = TextStream(
-            source.name, self.column_map, model=self._kind, header=self.header, fewest=fewest
+        return TextSamples(
+            source, self.column_map, model=self._kind, header=self.header, fewest=fewest
         )
-        return TextSamples(source, text)
 
     def turns(self, every: float) -> Generator[bool]:
         """Take in what comes, until the source ends."""

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from flexid.recording.clock import Clock
 from flexid.recording.columns import channels_of, recipes_of
 from flexid.recording.recipes import MapSource
 from flexid.recording.series import tables_of_file
-from flexid.streaming.options import StreamChannels, chosen_channels
+from flexid.streaming.options import chosen_channels
 from flexid.streaming.sources import WAIT, Source
 from flexid.streaming.text_stream import TextStream
 
@@ -24,16 +24,15 @@ BLOCK = 65_536  # rows of a log that are read at once
 LONGEST_WAIT = 1.0  # seconds for one sample, beyond the longest sample time of a drive
 
 
-class TextSamples:
-    """Samples from lines of text."""
+class TextSamples(TextStream):
+    """Samples from lines of text that a source gives."""
 
-    def __init__(self, source: Source, text: TextStream) -> None:
-        self.name = source.name
-        self._source, self._text = source, text
+    def __init__(self, source: Source, column_map: MapSource | None = None, **options: Any) -> None:
+        super().__init__(source.name, column_map, **options)
+        self._source = source
         self._ended = False
         self.warnings: tuple[str, ...] = ()
         self.begins = False  # whether what was read last begins another text
-        self.channels: StreamChannels | None = None  # what the header says, as soon as it came
 
     def read(self, *, last: bool) -> FloatArray | None:
         """Samples of the lines that came."""
@@ -51,20 +50,19 @@ class TextSamples:
         if self.begins:
             self._warn("it was rewritten, and is read from its beginning")
             self._warn_of_rest()
-            self._text = self._text.next()
+            self.begin_again()
         self._ended = data is None or last
-        samples = self._text.samples(data or b"", ended=self._ended)
-        self.channels = self._text.channels
+        samples = self.samples(data or b"", ended=self._ended)
         if data is None:
             self._warn_of_rest()
-        if self._text.left_out:
+        if self.left_out:
             self._warn(
                 "it ended before another header and three samples, and what came is left out"
             )
         return np.empty((0, 0)) if samples is None else samples
 
     def _warn_of_rest(self) -> None:
-        if self._text.rest.strip():
+        if self.rest.strip():
             self._warn(
                 "its last line has no end, so it may be half a sample, and is left out: end each "
                 "line"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -128,35 +128,39 @@ class _Rows:
         return bool(2 * np.count_nonzero(fitting.all(axis=1)) >= len(fitting))
 
 
-@dataclass(eq=False)
 class TextStream:
-    """Samples from bytes as they come."""
+    """Samples from bytes as they come, of one text after the other."""
 
-    source: str  # for messages
-    column_map: MapSource | None = None
-    _: KW_ONLY
-    model: str = "auto"  # of the joint
-    header: str | None = None  # names of columns, where the stream does not begin with them
-    fewest: int = HEAD_LINES  # lines that are waited for before the layout is decided
-    before: _Rows | None = None  # what reads the text that this one follows
-    channels: StreamChannels | None = None  # what a sample's values are, as soon as it is known
-    rows: _Rows | None = field(default=None, init=False)  # what reads the rows, as soon
-    left_out: int = field(default=0, init=False)  # lines at the end, too few to say what they are
-    rest: bytes = field(default=b"", init=False)  # the line that has not ended yet
+    def __init__(
+        self,
+        name: str,  # for messages
+        column_map: MapSource | None = None,
+        *,
+        model: str = "auto",  # of the joint
+        header: str | None = None,  # names of columns, where no text begins with them
+        fewest: int = HEAD_LINES,  # lines that are waited for before the layout is decided
+    ) -> None:
+        self.name, self._column_map, self._model, self._header = name, column_map, model, header
+        self._fewest = fewest
+        self._before: _Rows | None = None  # what reads the text that this one follows
+        self._rows: _Rows | None = None  # what reads the rows, as soon as it is known
+        self.channels: StreamChannels | None = None  # what a sample's values are, likewise
+        self.begin_again()
 
-    def __post_init__(self) -> None:
-        self._first = [] if self.header is None else [self.header.strip(" \r\n").encode()]
-
-    def next(self) -> TextStream:
-        """What reads a text that follows this one, with a header or without."""
-        fewest = min(self.fewest, LINES_FOR_LAYOUT) if self.rows else self.fewest
-        return replace(self, fewest=fewest, before=self.rows or self.before)
+    def begin_again(self) -> None:
+        """Read a text that follows this one, with a header or without."""
+        if self._rows is not None:
+            self._before, self._fewest = self._rows, min(self._fewest, LINES_FOR_LAYOUT)
+        self._rows = None
+        self._first = [] if self._header is None else [self._header.strip(" \r\n").encode()]
+        self.rest = b""  # the line that has not ended yet
+        self.left_out = 0  # lines at the end, too few to say what they are
 
     def samples(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
         """Samples of complete lines, shape (n, n_values); None until the columns are known."""
         if len(self.rest) > LONGEST_LINE:
             raise RecordingError(
-                self.source,
+                self.name,
                 "",
                 f"a line has more than {LONGEST_LINE} bytes: send one line for each sample",
             )
@@ -164,48 +168,48 @@ class TextStream:
         if ended and self.rest.endswith(b"\r"):
             lines.append(self.rest)
             self.rest = b""
-        if self.rows is not None:
-            return self.rows.samples(lines)
+        if self._rows is not None:
+            return self._rows.samples(lines)
         self._first += lines
-        if len(self._first) < self.fewest and not ended:
+        if len(self._first) < self._fewest and not ended:
             return None
-        if self.before is not None:  # it goes on where it begins with a row: with no names
-            first = self.before.again().samples(self._first[: self.fewest])[:1]
+        if self._before is not None:  # it goes on where it begins with a row: with no names
+            first = self._before.again().samples(self._first[: self._fewest])[:1]
             if first.size and np.isfinite(first).all():
-                self.rows = self.before.again()
-                return self.rows.samples(self._first)
+                self._rows = self._before.again()
+                return self._rows.samples(self._first)
         if len(self._first) >= FEWEST_LINES:
             return self._begun(self._first)
-        if self.before is None:
+        if self._before is None:
             raise RecordingError(
-                self.source, "", "it ended before a header and three samples had come"
+                self.name, "", "it ended before a header and three samples had come"
             )
         self.left_out = len(self._first)
         return None
 
     def _begun(self, lines: list[bytes]) -> FloatArray:
         """Decide by the first lines what the columns are, and read the samples among them."""
-        if self.header is not None:
-            self._check_own_header(self.header, lines[1])
-            if _is_part(*lines[1:3], header=self.header):
+        if self._header is not None:
+            self._check_own_header(self._header, lines[1])
+            if _is_part(*lines[1:3], header=self._header):
                 del lines[1]
         text = b"\n".join(lines) + b"\n"
         if text.startswith(UTF_16):
-            raise RecordingError(self.source, "", "the text is in UTF-16: send it in UTF-8")
-        text = as_utf_8(self.source, text)
-        layout = layout_of(self.source, text)
+            raise RecordingError(self.name, "", "the text is in UTF-16: send it in UTF-8")
+        text = as_utf_8(self.name, text)
+        layout = layout_of(self.name, text)
         # The rest of them may come now or later: nothing may depend on that.
-        head = b"\n".join(text.split(b"\n")[: self.fewest]) + b"\n"
-        clock = Clock(since_1970=True) if self.before is None else self.before.clock
-        self.rows = _Rows(self.source, layout, clock)
-        meant, samples, are_rows = self.rows.begin(
-            head[layout.start :].split(b"\n"), self.column_map, self.model
+        head = b"\n".join(text.split(b"\n")[: self._fewest]) + b"\n"
+        clock = Clock(since_1970=True) if self._before is None else self._before.clock
+        self._rows = _Rows(self.name, layout, clock)
+        meant, samples, are_rows = self._rows.begin(
+            head[layout.start :].split(b"\n"), self._column_map, self._model
         )
         self._check_same(meant)
         self.channels = meant
         if not are_rows:  # as a log it is refused for the first that is none
-            read_channels(read_text(self.source, head), self.column_map)
-        return np.concatenate((samples, self.rows.samples(text[len(head) :].split(b"\n"))))
+            read_channels(read_text(self.name, head), self._column_map)
+        return np.concatenate((samples, self._rows.samples(text[len(head) :].split(b"\n"))))
 
     def _check_own_header(self, header: str, first: bytes) -> None:
         """Raise where the stream begins with names, though others are given."""
@@ -214,7 +218,7 @@ class TextStream:
         numbers = sum(is_number(name) or is_stamp(name) or not name for name in names)
         if len(names) == len(split(header, separator)) and not numbers:
             raise RecordingError(
-                self.source,
+                self.name,
                 "line 1",
                 f"it begins with column names of its own, {', '.join(names)}, and others are given "
                 f"as its header: leave the header out, or give the names in a column map",
@@ -225,7 +229,7 @@ class TextStream:
         was = self.channels
         if was is not None and replace(was, warnings=()) != replace(now, warnings=()):
             raise RecordingError(
-                self.source,
+                self.name,
                 "",
                 f"it was rewritten with {now.words} where there was {was.words}: watch it as "
                 f"another stream",
