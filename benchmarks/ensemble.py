@@ -23,9 +23,8 @@ from benchmarks.size import sized
 from benchmarks.table1 import JR, TRUE
 from benchmarks.timing import Timing, measure, timed
 from flexid.control.laws import pd_gravity
-from flexid.simulation.closed_loop import simulate
+from flexid.simulation.closed_loop import ClosedLoop, simulate
 from flexid.simulation.ensemble import Ensemble, simulate_ensemble
-from flexid.simulation.loop import ClosedLoop
 from flexid.studies.readings import table1_loop
 
 _SEED = 1

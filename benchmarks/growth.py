@@ -24,10 +24,9 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import flexible_joint
 from flexid.report.figure import BLUE, GREEN, ORANGE, new_figure, save
-from flexid.simulation.closed_loop import simulate
+from flexid.simulation.closed_loop import ClosedLoop, simulate
 from flexid.simulation.ensemble import simulate_ensemble
 from flexid.simulation.free_run import free_run
-from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.sampled import simulate_sampled
 from flexid.studies.readings import TRUE, table1_loop
 

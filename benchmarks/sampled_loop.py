@@ -16,7 +16,7 @@ from benchmarks.size import sized
 from benchmarks.timing import measure
 from flexid.arrays import FloatArray
 from flexid.control.laws import pd_gravity
-from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.closed_loop import ClosedLoop
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.studies.readings import AMPLITUDE, FREQUENCY, table1_loop
 

@@ -13,8 +13,7 @@ from flexid.control.references import constant, sinusoid
 from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.errors import ExpressionError, ModelError, SettingError
 from flexid.models.flexible_joint import flexible_joint
-from flexid.simulation.closed_loop import simulate
-from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.closed_loop import ClosedLoop, simulate
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 JOINT = flexible_joint(known={"beta1": TRUE["beta1"]})

@@ -141,7 +141,8 @@ def test_what_no_input_mends_is_said(faint):
         )
         for name, c in found.coefficients.items()
     }
-    advice = advise(replace(found, coefficients=contradicted), [], pytest.fail)
+    contradicting = replace(found, coefficients=contradicted)
+    advice = advise(contradicting, None, None)  # pyright: ignore[reportArgumentType]
     lines = list(advice_lines(advice, "N m"))
     assert lines == ["Another input does not help:", "The log contradicts it."]
 

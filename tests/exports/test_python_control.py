@@ -15,9 +15,8 @@ from flexid.control.laws import robust_law
 from flexid.control.references import Multisine
 from flexid.errors import ModelError, SettingError
 from flexid.library.python_control import observer_start, signal
-from flexid.simulation.closed_loop import simulate
+from flexid.simulation.closed_loop import ClosedLoop, simulate
 from flexid.simulation.free_run import free_run
-from flexid.simulation.loop import ClosedLoop
 from flexid.studies.readings import TRUE as TABLE_1
 from joint_logs import DAMPED as TRUE
 

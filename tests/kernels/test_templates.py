@@ -32,10 +32,9 @@ from flexid.kernels import store
 from flexid.kernels.store import load_kernel
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.terms import with_dry_friction
-from flexid.simulation.closed_loop import simulate
+from flexid.simulation.closed_loop import ClosedLoop, simulate
 from flexid.simulation.ensemble import simulate_ensemble
 from flexid.simulation.free_run import Command, free_run, play
-from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.streaming.guard import Guard
 

@@ -14,7 +14,7 @@ from flexid.report.chart import Band, Level, Line
 from flexid.report.page import Command, page_html
 from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.simulated_run import motion_chart, observer_chart
-from flexid.simulation.loop import Run
+from flexid.simulation.closed_loop import Run
 
 EXPERIMENT = read_experiment(Path(__file__).parents[2] / "experiments" / "huang2003.toml")
 NAN = float("nan")

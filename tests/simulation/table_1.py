@@ -3,7 +3,7 @@
 from flexid.control.laws import Controller, robust_law
 from flexid.control.references import sinusoid
 from flexid.models.flexible_joint import flexible_joint
-from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.closed_loop import ClosedLoop
 
 
 def table_1(

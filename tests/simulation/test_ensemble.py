@@ -13,7 +13,7 @@ from flexid.control.laws import pd_gravity
 from flexid.control.references import sinusoid
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
-from flexid.simulation.closed_loop import simulate
+from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.ensemble import (
     STATUS,
     Ensemble,
@@ -21,7 +21,6 @@ from flexid.simulation.ensemble import (
     simulate_ensemble,
     simulate_sampled_ensemble,
 )
-from flexid.simulation.loop import ClosedLoop, Run
 from flexid.simulation.sampled import Sampling, simulate_sampled
 
 LOOP = table_1(controller=pd_gravity())

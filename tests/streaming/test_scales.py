@@ -1,14 +1,31 @@
-"""Units and scales of a stream, by the checks of a log."""
+"""The first samples of a stream looked at for scales, and streams without an input."""
 
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from moving_joint import LINK, MOTOR, TORQUE, H, stream
+from moving_joint import (
+    LINK,
+    MOTOR,
+    TIME,
+    TORQUE,
+    TRUTH,
+    H,
+    all_hold,
+    same,
+    stream,
+    torque,
+    watched,
+)
 
 from flexid.arrays import FloatArray
+from flexid.errors import RecordingError, SettingError
+from flexid.models.flexible_joint import flexible_joint
+from flexid.simulation.free_run import free_run
 from flexid.streaming.follower import Follower
+from flexid.streaming.health import Health
+from flexid.streaming.options import WatchOptions, chosen_channels
 
 SAMPLES = stream(24.0)
 RESTING = 11_000  # samples
@@ -68,3 +85,73 @@ def test_scales_of_a_stream(name: str, tmp_path: Path) -> None:
         assert follower.warnings == ()
     else:
         assert any(re.search(words, warning) for warning in follower.warnings), follower.warnings
+
+
+OPTIONS = WatchOptions(H, ("gravity", "motor_viscous"), "link")
+DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")
+LINK_TRUTH = {name: TRUTH[name] for name in ("theta1", "theta2")}
+
+
+def motion(duration: float = 8.0, seed: int = 1) -> np.ndarray:
+    """Samples without the torque."""
+    return stream(duration, seed)[:, [TIME, LINK, MOTOR]]
+
+
+@pytest.mark.parametrize("options", [OPTIONS, DAMPED])
+def test_the_link_is_learnt_without_an_input(options: WatchOptions):
+    """Assert that the intervals of gravity and spring hold the truth, and are narrow."""
+    session = watched(motion(), options)
+    assert all_hold(session, LINK_TRUTH)
+    assert np.diff(session.coefficients["theta2"].interval)[0] < 1.0
+    health, reason = session.health
+    assert health is Health.CONVERGED
+    assert reason.startswith("theta2 is known within")
+
+
+def test_damping_is_seen_in_the_motor_s_velocity():
+    """Assert that a spring without damping gets none: its interval holds zero, and is narrow."""
+    low, high = watched(motion(), DAMPED).coefficients["theta_damping"].interval
+    assert low < 0.0 < high < low + 0.05
+
+
+def test_damping_is_found():
+    """Assert that the interval of a damping that is there holds it: the velocity has its size."""
+    damped = {"theta_damping": 0.5, "alpha_damping": 0.5 / 0.3}
+    time = H * np.arange(4000)
+    system = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
+    states = free_run(system, TRUTH | damped, np.zeros(4), torque(time)[:, None], H)
+    positions = states[:, ::2] + 1e-5 * np.random.default_rng(3).standard_normal((len(time), 2))
+    session = watched(np.column_stack((time, positions)), DAMPED)
+    low, high = session.coefficients["theta_damping"].interval
+    assert low < 0.5 < high < low + 0.02
+
+
+def test_a_gap_makes_no_velocity():
+    """Assert that no velocity is taken across a gap: the estimate stays as right as without."""
+    samples = np.delete(motion(), slice(1500, 1700), axis=0)
+    session = watched(samples, DAMPED)
+    assert session.counts.gaps == 1
+    assert all_hold(session, LINK_TRUTH)
+
+
+def test_a_log_without_a_torque_is_followed(tmp_path: Path):
+    """Assert that the columns decide, and that --model link leaves a torque aside."""
+    for columns, model in (([TIME, LINK, MOTOR], "auto"), ([TIME, LINK, MOTOR, TORQUE], "link")):
+        names = np.array(["time", "link_position", "motor_position", "motor_torque"])[columns]
+        rows = [",".join(map(repr, row)) for row in stream(2.0)[:, columns].tolist()]
+        (tmp_path / "log.csv").write_text("\n".join([",".join(names), *rows, ""]))
+        chosen = {"terms": OPTIONS.terms, "sample_time": H, "kind": model}
+        follower = Follower(str(tmp_path / "log.csv"), chosen, stop_at_end=True)
+        list(follower.turns(1.0))
+        assert follower.session is not None
+        assert same(follower.session, watched(motion(2.0), OPTIONS))
+
+
+def test_what_the_link_alone_cannot_be(tmp_path: Path):
+    """Assert that a motor alone without a torque, and a hold without an input, are refused."""
+    with pytest.raises(RecordingError, match="no torque, current or voltage"):
+        chosen_channels("log", {"time": None, "motor_position": None}, ())  # type: ignore[dict-item]
+    with pytest.raises(RecordingError, match="link position"):
+        chosen_channels("log", {"time": None, "motor_position": None}, (), "link")  # type: ignore[dict-item]
+    with pytest.raises(SettingError, match="the link alone has none"):
+        WatchOptions(H, (), "link", hold="zero")

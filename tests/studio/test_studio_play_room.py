@@ -14,8 +14,7 @@ from flexid.analysis.lyapunov import row_histories
 from flexid.errors import SettingError, SimulationError
 from flexid.report.reproduction_charts import SYMBOLS
 from flexid.simulation import closed_loop
-from flexid.simulation.closed_loop import simulate
-from flexid.simulation.loop import ClosedLoop, Run
+from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.studies.readings import table1_loop
 from flexid.studio import play as played
 from flexid.studio.play import READINGS, SLIDERS, TABLE1, play, query_of, read_play

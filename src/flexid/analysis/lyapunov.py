@@ -16,7 +16,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.models.expression import FUNCTIONS, OPERATIONS, Algebra, fold
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.loop import Run
+from flexid.simulation.closed_loop import Run
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,7 @@ from flexid.identification.structure.validation import following_states
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Verdict
 from flexid.identification.vocabulary.intervals import POSITIVE, interval
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.stored_estimates.structure import structure_of, values_of
 
 
 @dataclass(frozen=True)
@@ -60,13 +61,36 @@ class Outlook:
 class Rehearsal:
     """A model as identified, and the log that other inputs are tried on."""
 
-    structure: Structure
-    values: Mapping[str, float]  # of its coefficients
     result: Identification
-    record: Samples  # the beginning of the longest recording
-    group: int  # of the logs, which the record comes from
-    noise: FloatArray  # (n_rows,): standard deviation of each position's residual
     data: Data  # all that was measured
+    noise: FloatArray  # (n_rows,): standard deviation of each position's residual
+
+    @cached_property
+    def _longest(self) -> int:
+        """Place of the longest recording, whose beginning is the record."""
+        return max(range(len(self.data.samples)), key=lambda i: len(self.data.samples[i]))
+
+    @cached_property
+    def record(self) -> Samples:
+        """As much of the longest recording as is run again and again."""
+        recording = self.data.samples[self._longest]
+        count = min(len(recording), int(_LONGEST / recording.sample_time))
+        return replace(
+            recording,
+            positions=recording.positions[:count],
+            velocities=None,
+            inputs=recording.inputs[:count],
+        )
+
+    @cached_property
+    def values(self) -> Mapping[str, float]:
+        """Coefficients, of the log that the record comes from."""
+        return values_of(self.result, self.data.groups[self._longest])
+
+    @cached_property
+    def structure(self) -> Structure:
+        """The model."""
+        return structure_of(self.result, self.values, given=self.result.given)
 
     @property
     def fastest(self) -> float:
@@ -154,7 +178,7 @@ class Rehearsal:
 
     def _estimate(self, name: str) -> CoefficientEstimate:
         coefficients = self.result.coefficients
-        own = f"{name}[{self.group + 1}]"
+        own = f"{name}[{self.data.groups[self._longest] + 1}]"
         return coefficients[own if own in coefficients else name]
 
     def _deviations(self, states: FloatArray, inputs: FloatArray) -> dict[str, float]:
@@ -263,36 +287,23 @@ def _sufficient(
     )
 
 
-def advise(
-    result: Identification, recordings: Sequence[Samples], rehearse: Callable[[], Rehearsal]
-) -> Advice | None:
-    """Say what to add to the input of a log."""
+def advise(result: Identification, data: Data, noise: FloatArray) -> Advice | None:
+    """Say what to add to the input of a log, with the noise of each position, shape (n_rows,)."""
     lacking = [c for c in result.coefficients.values() if c.verdict != "determined"]
     if not lacking:
         return None
     impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
     if impossible or not all(np.isfinite(c.std) for c in lacking):
-        return rule_of_thumb(recordings)  # guessed values do not predict other motions
+        return rule_of_thumb(data.samples)  # guessed values do not predict other motions
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
         reason = lacking[0].reason
         return Advice(None, None, None, 0.0, caution=f"{reason[:1].upper()}{reason[1:]}")
+    rehearsal = Rehearsal(result, data, noise)
     try:
-        rehearsal = rehearse()
         advice = _tried(rehearsal)
     except SimulationError:
-        return rule_of_thumb(recordings)
+        return rule_of_thumb(data.samples)
     return replace(advice, caution=_caution(result, rehearsal))
-
-
-def beginning(recording: Samples) -> Samples:
-    """As much of a recording as is run again and again."""
-    count = min(len(recording), int(_LONGEST / recording.sample_time))
-    return replace(
-        recording,
-        positions=recording.positions[:count],
-        velocities=None,
-        inputs=recording.inputs[:count],
-    )
 
 
 def _tried(rehearsal: Rehearsal) -> Advice:

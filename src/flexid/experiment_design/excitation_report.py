@@ -12,8 +12,8 @@ import numpy as np
 
 from flexid.analysis.excitation import Excitation
 from flexid.arrays import FloatArray
-from flexid.experiment_design.advice import Advice, Rehearsal, advise, beginning, input_spectrum
-from flexid.identification.full_model.model import Data, data_of
+from flexid.experiment_design.advice import Advice, advise, input_spectrum
+from flexid.identification.full_model.model import data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.preparation.recordings import prepare
@@ -24,7 +24,6 @@ from flexid.identification.vocabulary.evidence import CoefficientEstimate
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Log
-from flexid.stored_estimates.structure import structure_of, values_of
 from flexid.symmetric import eigen
 
 _DEVIATIONS = 2.0  # half the width of a predicted interval
@@ -150,7 +149,7 @@ def look_into(
     data = data_of(joint, recordings.whole, recordings.groups)
     noise = data.noise * np.array(list(result.residual_excess.values()))
     progress("what to add")
-    advice = advise(result, data.samples, lambda: _rehearsal(result, data, noise))
+    advice = advise(result, data, noise)
     return ExcitationReport(
         result,
         *assess(result),
@@ -159,12 +158,3 @@ def look_into(
         input_spectrum(max(data.samples, key=len)),
         "rad" if result.model == "link" else recordings.recorded[0].input_unit,
     )
-
-
-def _rehearsal(result: Identification, data: Data, noise: FloatArray) -> Rehearsal:
-    longest = max(range(len(data.samples)), key=lambda recording: len(data.samples[recording]))
-    group = data.groups[longest]
-    values = values_of(result, group)
-    structure = structure_of(result, values, given=result.given)
-    record = beginning(data.samples[longest])
-    return Rehearsal(structure, values, result, record, group, noise, data)

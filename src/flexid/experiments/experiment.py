@@ -34,8 +34,7 @@ from flexid.experiments.tables import (
 from flexid.experiments.variation import Variation, read_variation
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import JOINT_PARAMETERS, joint_coefficients
-from flexid.simulation.closed_loop import simulate
-from flexid.simulation.loop import ClosedLoop, Run
+from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 

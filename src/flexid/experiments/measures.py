@@ -20,7 +20,7 @@ from flexid.experiments.tables import (
 )
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
-from flexid.simulation.loop import Run
+from flexid.simulation.closed_loop import Run
 from flexid.toml_file import parse_toml
 
 _TORQUE, _ANGLE, _VELOCITY, _TIME = "N m", "rad", "rad/s", "s"

@@ -23,7 +23,7 @@ from flexid.exports import mujoco_log as mujoco
 from flexid.kernels.store import load_kernel
 from flexid.library.arguments import as_mapping, as_path, entrance, kind_of
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.loop import ClosedLoop, check_values
+from flexid.simulation.closed_loop import ClosedLoop, check_values
 from flexid.simulation.sampled import plain_model
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flexid.experiments.experiment import Experiment
     from flexid.experiments.measures import Measures
     from flexid.recording.recording import Log
-    from flexid.simulation.loop import Run
+    from flexid.simulation.closed_loop import Run
     from flexid.studies.reproduction import Claim, Reproduction
 
 

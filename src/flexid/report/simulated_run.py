@@ -25,7 +25,7 @@ from flexid.recording.frame import write_parquet
 from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Panel
 from flexid.report.page import Answer, Bullets, Command, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, number, numbers
-from flexid.simulation.loop import Run
+from flexid.simulation.closed_loop import Run
 
 
 def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:

@@ -1,19 +1,212 @@
-"""Continuous closed loops, integrated to a stated tolerance."""
+"""Closed loops with their values and runs, in continuous time integrated to a stated tolerance."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import flexid
 from flexid.arrays import FloatArray
+from flexid.control.laws import Controller
 from flexid.control.loop import LoopDeclaration
-from flexid.errors import SimulationError
+from flexid.control.references import Reference
+from flexid.errors import SettingError, SimulationError, did_you_mean
 from flexid.kernels.store import load_kernel
 from flexid.kernels.templates.run_status import BOUND
-from flexid.simulation.loop import ClosedLoop, Run, SampleGrid, check_positive, split_columns
+from flexid.models.parametric_system import ParametricSystem
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """System, controller, reference and parametric observer, with values."""
+
+    # the model of plant and observer; its constants have the values declared in it
+    system: ParametricSystem
+    coefficients: Mapping[str, float]  # the true coefficients
+    controller: Controller
+    reference: Reference
+    observer_gains: Mapping[str, float]  # the observer's gain c for each row, by the row's name
+    # p̂ at the start; 0 for those left out
+    initial_estimates: Mapping[str, float] = field(default_factory=dict)
+    # x at the start, in the order of system.states; all 0 if left out
+    initial_state: Sequence[float] = ()
+
+    def __post_init__(self) -> None:
+        rows = tuple(row.name for row in self.system.rows)
+        check_values("coefficients", self.coefficients, self.system.coefficients)
+        check_values("observer_gains", self.observer_gains, rows)
+        check_values("initial_estimates", self.initial_estimates, self.system.coefficients, False)
+        state = tuple(map(float, self.initial_state)) or (0.0,) * len(self.system.states)
+        if len(state) != len(self.system.states):
+            raise SettingError(
+                "initial_state", f"has {len(state)} values for {len(self.system.states)} states"
+            )
+        object.__setattr__(self, "initial_state", state)
+        self.declaration  # noqa: B018 - checks that the parts fit together
+
+    @cached_property
+    def declaration(self) -> LoopDeclaration:
+        """The loop without its values."""
+        return LoopDeclaration(self.system, self.controller, self.reference)
+
+    def with_values(self, **values: Any) -> "ClosedLoop":
+        """Return the same loop with other values of some fields; the two share one declaration.
+
+        What only the names decide is not checked again, so that a loop costs some microseconds
+        where thousands differ in their values alone.
+        """
+        changed = copy(self)  # with its declaration
+        for name, value in values.items():
+            object.__setattr__(changed, name, value)
+        if changed._names() != self._names():
+            raise SettingError("with_values", "other names than this loop's: build a new loop")
+        return changed
+
+    def _names(self) -> tuple[object, ...]:
+        """What is decided by names alone."""
+        tables = (self.system.constants, self.coefficients, self.observer_gains)
+        return (
+            *map(tuple, (*tables, self.initial_estimates, self.reference.parameters)),
+            len(self.initial_state),
+            self.controller.digest,
+            self.reference.expression,
+        )
+
+    @property
+    def true_coefficients(self) -> NDArray[np.float64]:
+        """p, in the system's order."""
+        return np.array([self.coefficients[name] for name in self.system.coefficients])
+
+    @property
+    def start_estimates(self) -> NDArray[np.float64]:
+        """p̂ at the start, in the system's order."""
+        return np.array([self.initial_estimates.get(p, 0.0) for p in self.system.coefficients])
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Run-time parameters of the compiled loop, in the declaration's order."""
+        gains = [self.observer_gains[row.name] for row in self.system.rows]
+        values = (
+            *self.true_coefficients,
+            *self.system.constants.values(),
+            *self.controller.values.values(),
+            *self.reference.parameters.values(),
+            *gains,
+        )
+        return np.array(values, dtype=float)
+
+
+def check_values(
+    setting: str, values: Mapping[str, float], names: tuple[str, ...], complete: bool = True
+) -> None:
+    """Raise `SettingError` for a value of an unknown name, or if one is missing."""
+    for name in values:
+        if name not in names:
+            raise SettingError(setting, f"{name!r} is unknown{did_you_mean(name, names)}")
+    missing = [name for name in names if name not in values]
+    if complete and missing:
+        raise SettingError(setting, f"{', '.join(missing)} missing: give a value for each")
+
+
+@dataclass(frozen=True)
+class SampleGrid:
+    """The instants 0, sample_time, 2 sample_time … up to the duration, in s."""
+
+    duration: float
+    sample_time: float
+
+    def __post_init__(self) -> None:
+        check_positive(asdict(self))
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return int(np.floor(self.duration / self.sample_time * (1.0 + 1e-12))) + 1
+
+    @property
+    def end(self) -> float:
+        """Time of the last one in s."""
+        return (self.count - 1) * self.sample_time
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """All of them, in s."""
+        return self.sample_time * np.arange(self.count, dtype=np.float64)
+
+
+def check_positive(settings: Mapping[str, float]) -> None:
+    """Raise a `SettingError` for the first that is no positive finite number."""
+    for name, value in settings.items():
+        if not 0.0 < value < np.inf:
+            raise SettingError(name, f"{value!r} must be a positive number")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A closed loop over time; n samples, all quantities in SI units."""
+
+    # what was simulated: the model, its true coefficients, controller, reference, observer
+    loop: ClosedLoop
+    time: FloatArray  # (n,), in s
+    states: FloatArray  # (n, n_states), x, in plain coordinates, in the order of loop.system.states
+    inputs: FloatArray  # (n, n_inputs), u, in the order of loop.system.inputs
+    estimates: FloatArray  # (n, n_coefficients), p̂, in the order of loop.system.coefficients
+    # (n, n_coefficients), p̃ = p̂ - p. From a continuous run it is not the difference of the two
+    # but the integrated error itself, so it keeps its digits as it vanishes.
+    parameter_errors: FloatArray
+    # (n,), tracked state minus q_d, accurate also where it is far smaller than either
+    tracking_error: FloatArray
+    settings: dict[str, str | int | float]  # task, tolerances, seed and version that made the run
+    statistics: dict[str, int]  # accepted and rejected steps
+    # (n, n_states), what controller and observer saw, in a sampled run
+    measured: FloatArray | None = None
+
+    @cached_property
+    def reference(self) -> FloatArray:
+        """q_d and its first four derivatives, (n, 5)."""
+        return np.stack([self.loop.reference.evaluate(self.time, d) for d in range(5)], axis=1)
+
+    def between(self, start: float, stop: float) -> slice:
+        """Samples of a time window, both ends included."""
+        first = int(np.searchsorted(self.time, start - 1e-9))
+        return slice(first, int(np.searchsorted(self.time, stop + 1e-9)))
+
+    def final_errors(self) -> dict[str, float]:
+        """Parameter errors at the end, by coefficient."""
+        last = self.parameter_errors[-1]
+        return dict(zip(self.loop.system.coefficients, map(float, last), strict=True))
+
+    def largest_tracking_error(self, start: float, stop: float) -> float:
+        """Largest magnitude of the tracking error in a time window."""
+        return float(np.max(np.abs(self.tracking_error[self.between(start, stop)])))
+
+    def log(self) -> dict[str, FloatArray]:
+        """Columns of a log: time, position and velocity of every row, inputs.
+
+        Measured values where there are any. A single input is called ``motor_torque``, several
+        have the system's names.
+        """
+        columns = {"time": self.time}
+        values = self.states if self.measured is None else self.measured
+        for place, row in enumerate(self.loop.system.rows):
+            columns[f"{row.name}_position"] = values[:, 2 * place]
+            columns[f"{row.name}_velocity"] = values[:, 2 * place + 1]
+        names = self.loop.system.inputs
+        inputs = dict(zip(names, self.inputs.T, strict=True))
+        return columns | ({"motor_torque": inputs[names[0]]} if len(names) == 1 else inputs)
+
+
+def split_columns(kernel: ModuleType, table: FloatArray) -> list[FloatArray]:
+    """Columns of states, inputs, estimates, errors, tracking error and the rest, (n, …) each."""
+    n = kernel.N_COEFFICIENTS
+    widths = (kernel.N_STATES, kernel.N_INPUTS, n, n, 1)
+    return np.split(table, np.cumsum(widths), axis=1)
+
 
 _FIRST_STEP = 1e-6
 _LONGEST_STEP = 1.0

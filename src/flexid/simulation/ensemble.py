@@ -17,11 +17,13 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError, SimulationError
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import (
+    ClosedLoop,
+    SampleGrid,
     Tolerance,
     integrate_loops,
     loop_kernel,
+    split_columns,
 )
-from flexid.simulation.loop import ClosedLoop, SampleGrid, split_columns
 from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
 
 

@@ -17,7 +17,7 @@ from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.loop import ClosedLoop, Run, SampleGrid, split_columns
+from flexid.simulation.closed_loop import ClosedLoop, Run, SampleGrid, split_columns
 
 STEPS_PER_TIME_CONSTANT = 20.0
 """Steps of the integrator per time constant of the fastest pole; it then errs by 3e-9 per step."""

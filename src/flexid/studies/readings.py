@@ -16,8 +16,7 @@ from flexid.control.laws import robust_law
 from flexid.control.references import Multisine
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.physical import joint_coefficients
-from flexid.simulation.closed_loop import loop_kernel, simulate
-from flexid.simulation.loop import ClosedLoop, Run
+from flexid.simulation.closed_loop import ClosedLoop, Run, loop_kernel, simulate
 
 Exponents = tuple[int, int, int]
 """Powers (a, b, c) of k in the three feedback gains: a reading of the printed law (11)."""

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
     from flexid.identification.vocabulary.progress import Progress
     from flexid.report.svg import Drawn
-    from flexid.simulation.loop import ClosedLoop, Run
+    from flexid.simulation.closed_loop import ClosedLoop, Run
     from flexid.simulation.sampled import Sampling
     from flexid.studio.window import Window
 

@@ -1,0 +1,219 @@
+"""Huang (2003): its claims, Theorem 1 in three cases, and the readings of its control law."""
+
+import numpy as np
+import pytest
+
+from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
+from flexid.analysis.lyapunov import ALLOWED_RISE
+from flexid.studies.readings import SIMULATED, closed_loop_poles
+from flexid.studies.reproduction import Claim, Finding
+
+VERDICTS = {
+    "no acceleration": "holds",
+    "error dynamics": "holds",
+    "physical parameters": "holds",
+    "V never rises": "holds",
+    "printed bound": "does not hold",
+    "rates vanish": "holds",
+    "errors vanish": "holds",
+    "only boundedness": "holds",
+    "exponential rate": "holds",
+    "(A4) for f": "holds",
+    "(A4) for φ": "holds",
+    "(A4) at any amplitude": "does not hold",
+    "bounded signals": "depends on the reading",
+    "arbitrarily small tracking errors": "depends on the reading",
+    "price of a small k": "holds",
+    "less torque": "holds",
+    "zero within 30 s": "depends on the reading",
+    "k leaves the estimates alone": "holds",
+    "any controller": "holds",
+}
+
+
+def test_verdicts(reproduction):
+    """Assert the verdict on every claim, and that none is left out."""
+    assert {claim.key: claim.verdict for claim in reproduction.claims} == VERDICTS
+
+
+def test_zero_within_30_s_is_true_of_one_reading_only(reproduction):
+    """Assert that α2 is 34 % off under (1,2,3) and all is within 0.01 % under (1,1,3)."""
+    claim = next(c for c in reproduction.claims if c.key == "zero within 30 s")
+    values = {finding.subject: finding.value for finding in claim.findings}
+    assert values["1,2,3"] == pytest.approx(0.3406, abs=1e-3)
+    assert values["1,1,3"] < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("value", "relation", "expected"),
+    [(1.0, "<=", True), (1.1, "<=", False), (0.9, ">=", False), (float("nan"), "<=", False)],
+)
+def test_a_finding_compares_its_value_with_the_limit(value, relation, expected):
+    """Assert both relations, and that a value that is no number bears nothing out."""
+    assert Finding("any", "number", value, relation, 1.0).holds is expected
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict"),
+    [((0, 0), "holds"), ((2, 2), "does not hold"), ((0, 2), "depends on the reading")],
+)
+def test_verdict_of_a_claim(values, verdict):
+    """Assert that a claim holds if all its findings do, and depends where they differ."""
+    findings = tuple(Finding(str(i), "number", value, "<=", 1.0) for i, value in enumerate(values))
+    assert Claim("key", "here", "it is so", findings).verdict == verdict
+
+
+@pytest.fixture
+def cases(reproduction):
+    """Return the cases by name."""
+    return {case.name: case for case in reproduction.cases}
+
+
+def test_value_never_rises_in_any_case(reproduction):
+    """Assert that V of eq. (8) does not rise, whatever the excitation."""
+    assert all(case.monitor.rise_in_tolerances <= ALLOWED_RISE for case in reproduction.cases)
+
+
+def test_errors_vanish_where_a4_holds(cases):
+    """Assert that along Table I's reference, run for 300 s, all four errors go to zero."""
+    case = cases["(A4) holds"]
+    assert case.worst_condition < WEAK_CONDITION
+    assert case.vanished
+    assert {limit.coefficient for limit in case.limits} == {"theta1", "theta2", "alpha1", "alpha2"}
+
+
+def test_errors_settle_away_from_zero_at_standstill(cases):
+    """Assert that at a constant reference errors become constant and three of four stay."""
+    case = cases["(A4) fails: standstill"]
+    assert case.settled
+    left = {limit.coefficient: limit.last / limit.first for limit in case.limits}
+    assert left["alpha1"] == pytest.approx(0.0, abs=1e-3)  # x1 - x3 is not zero, x4 is
+    assert min(left["theta1"], left["theta2"], left["alpha2"]) > 0.9
+
+
+def test_standstill_teaches_nothing_about_the_link(cases):
+    """Assert that θ̃(0) stays: equilibrium makes f orthogonal to θ, and θ̃(0) is -θ/2."""
+    limits = {limit.coefficient: limit for limit in cases["(A4) fails: standstill"].limits}
+    for name in ("theta1", "theta2"):
+        assert limits[name].last == pytest.approx(limits[name].first, rel=1e-5)
+
+
+def test_small_sinusoid_leaves_the_direction_it_does_not_see(cases):
+    """Assert that θ̃ settles on the part of θ̃(0) orthogonal to f.
+
+    For a small amplitude f is proportional to (1, d) with d = (ω² - θ1)/θ2, from eq. (4.2); the
+    first instants, with their other motion, move the limit by a few thousandths.
+    """
+    case = cases["(A4) nearly fails"]
+    assert case.worst_condition > LOST_CONDITION
+    assert case.settled
+    unseen = np.array([-(25.0 - 5.0) / 100.0, 1.0])
+    unseen /= np.linalg.norm(unseen)
+    expected = unseen * (unseen @ [-2.5, -50.0])
+    np.testing.assert_allclose([limit.last for limit in case.limits], expected, rtol=5e-3)
+
+
+@pytest.mark.parametrize("row", ["link", "motor"])
+def test_measured_rate_exceeds_the_guaranteed_one(reproduction, row):
+    """Assert that at every gain the errors shrink at least as fast as the bound says."""
+    assert all(point.measured >= point.guaranteed > 0 for point in reproduction.rates[row])
+
+
+def test_bound_is_close_where_the_gain_is_small(reproduction):
+    """Assert that for the link the bound comes within 5 % of the measured rate."""
+    slowest = reproduction.rates["link"][0]
+    assert slowest.guaranteed > 0.95 * slowest.measured
+
+
+def test_rate_of_table_1_explains_30_s(reproduction):
+    """Assert that at c = 1 the rows' rates are 0.093 and 0.154 1/s: 30 s are 2.8 and 4.6 of them.
+
+    So errors of half the true values cannot be gone by 30 s under (1,2,3).
+    """
+    at_1 = {
+        row: next(p for p in points if p.gain == 1.0) for row, points in reproduction.rates.items()
+    }
+    assert at_1["link"].measured == pytest.approx(0.0926, rel=0.01)
+    assert at_1["motor"].measured == pytest.approx(0.1537, rel=0.01)
+
+
+ERRORS = {
+    "1,2,3": {"theta1": 0.168536, "theta2": -0.225358, "alpha1": -1.542909, "alpha2": 0.113534},
+    "1,1,3": {"theta1": -4.38e-4, "theta2": -2.53e-5, "alpha1": 0.0, "alpha2": 0.0},
+}
+"""Parameter errors at 30 s, found by two other formulations with SciPy's Radau."""
+
+
+@pytest.mark.parametrize(
+    ("exponents", "largest"),
+    [((1, 1, 0), 13.8), ((1, 1, 1), 22.7), ((1, 1, 3), 0.011), ((1, 2, 3), -60.0)],
+)
+def test_largest_real_part_of_the_poles(exponents, largest):
+    """Assert the largest real part in 1/s that the derived Jacobian gives each reading."""
+    assert closed_loop_poles(exponents).real.max() == pytest.approx(largest, rel=5e-3, abs=5e-4)
+
+
+def test_poles_are_those_of_the_plant_written_by_hand():
+    """Assert that the derived loop has the poles of eq. (4) under u_F in plain coordinates."""
+    k, first, second, third = 50.0, 50 * 1.4 / 60, 50.0**2, 50.0**3 * 0.42
+    # u_F = -third (x4 + second (x3 + first (x2 + k x1))) at qd = 0, linearised.
+    u = -third * np.array([second * first * k, second * first, second, 1.0])
+    plant = np.array(
+        [[0, 1, 0, 0], [-5 - 100, 0, 100, 0], [0, 0, 0, 1], [100 / 0.3, 0, -100 / 0.3, -0.1 / 0.3]]
+    )
+    plant[3] += u / 0.3
+    expected = np.sort_complex(np.linalg.eigvals(plant))
+    np.testing.assert_allclose(np.sort_complex(closed_loop_poles((1, 2, 3))), expected, rtol=1e-6)
+
+
+def test_smallest_edit_rings_at_77_rad_per_second(reproduction):
+    """Assert that gains (1,1,3) leave an undamped pair at 77 rad/s."""
+    assert abs(reproduction.readings["1,1,3"].rightmost.imag) == pytest.approx(77.0, abs=0.5)
+
+
+@pytest.mark.parametrize("reading", ERRORS)
+def test_parameter_errors_at_30_s(reproduction, reading):
+    """Assert that the errors agree with the published digits to 1e-5, where that is meaningful."""
+    found = reproduction.runs[reading].parameter_errors
+    assert found == pytest.approx(ERRORS[reading], rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize(("reading", "expected"), [("1,2,3", 8.187e-4), ("1,1,3", 0.272)])
+def test_largest_tracking_error_from_20_to_30_s(reproduction, reading, expected):
+    """Assert the steady tracking error in rad of each reading that stays bounded for 30 s."""
+    found = reproduction.runs[reading].max_tracking_error
+    assert found == pytest.approx(expected, rel=2e-4)
+
+
+def test_tracking_error_of_the_smallest_edit_keeps_growing(reproduction):
+    """Assert that under (1,1,3) it passes 0.37 rad by 60 s and 0.7 rad by 120 s: no bound."""
+    late = reproduction.late_tracking_errors
+    assert late[60.0] == pytest.approx(0.38, abs=0.005)
+    assert late[120.0] > 0.7
+
+
+@pytest.mark.parametrize(("reading", "velocity"), [("1,1,3", 1.2e3), ("1,2,3", 4.2e4)])
+def test_peaks_are_unphysical(reproduction, reading, velocity):
+    """Assert the motor velocity in rad/s that Table I's jump of the reference asks for."""
+    assert reproduction.runs[reading].peak_motor_velocity == pytest.approx(velocity, rel=0.03)
+
+
+@pytest.mark.parametrize("reading", ["1,1,0", "1,1,1"])
+def test_unstable_readings_leave_the_reference_at_once(reproduction, reading):
+    """Assert that the literal readings are whole turns off the reference within 0.3 s."""
+    assert reproduction.readings[reading].early_tracking_error > 2 * np.pi
+    assert reproduction.readings[reading].simulated is None
+
+
+def test_larger_k_shrinks_the_tracking_error_of_increasing_gains(reproduction):
+    """Assert that under (1,2,3) the error falls with the square of k from 15 to 1000."""
+    points = reproduction.attenuation["1,2,3"]
+    product = np.array([point.max_tracking_error * point.k**2 for point in points])
+    assert product.max() / product.min() < 1.2
+    assert points[-1].k == 1000.0
+
+
+def test_simulated_readings_are_the_two_of_the_figures(reproduction):
+    """Assert that runs of 30 s exist for (1,2,3) and (1,1,3), in this order."""
+    assert list(reproduction.runs) == ["1,2,3", "1,1,3"]
+    assert SIMULATED == ((1, 2, 3), (1, 1, 3))
