@@ -34,6 +34,7 @@ _SLOW = 0.1  # of the motor's usual speed, up to which it may stick
 # Of a filter's memory, the share that may be of a slow motor: with more, rests show in the
 # equations as dead zones of 4 to 10 % that are none.
 _REMEMBERED = 0.02
+_FORGOTTEN = 12.0  # time constants, after which a filter remembers less than 1e-4
 _FEWEST = 100  # equations of a moving motor: ten for each coefficient
 _DRIVEN = ("motor", "rigid")  # rows that an input drives
 
@@ -153,14 +154,14 @@ def _moves(data: Data, rate: float) -> NDArray[np.bool_]:
 
     While it sticks, its friction takes up whatever voltage acts, as a dead zone would.
     """
-    from scipy.signal import lfilter  # late, as above
-
     speeds = []
     for samples in data.samples:
         assert samples.velocities is not None
         speeds.append(np.abs(samples.velocities[:, -1]))
     slow = _SLOW * np.sqrt(np.mean(np.concatenate(speeds) ** 2))
+    # The response of the filter, a double pole, to an impulse, until nothing is left of it.
     pole = np.exp(-rate * data.samples[0].sample_time)
-    gain, poles = (1.0 - pole) ** 2, (1.0, -2.0 * pole, pole**2)
-    remembered = [lfilter((gain,), poles, speed <= slow)[1:-1] for speed in speeds]
+    places = np.arange(np.ceil(_FORGOTTEN / (1.0 - pole)))
+    response = (1.0 - pole) ** 2 * (places + 1.0) * pole**places
+    remembered = [np.convolve(speed <= slow, response)[1 : len(speed) - 1] for speed in speeds]
     return np.concatenate(remembered) <= _REMEMBERED
