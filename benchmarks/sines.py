@@ -47,7 +47,7 @@ def of_log(task: Log) -> tuple[float, int, bool]:
 
     def watched(rows: Any, found: Any, lost_share: float) -> Any:
         rows = [row for row in rows if row.coefficients]
-        shares.append(min(excitations.worst_share(row, found)[0] for row in rows))
+        shares.append(min(excitations.directions(row, found)[0][0] for row in rows))
         return excitations.unexcited(rows, found, lost_share)
 
     with (

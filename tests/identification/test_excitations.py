@@ -9,10 +9,10 @@ import pytest
 from flexid.estimators.rowwise import RowFit
 from flexid.estimators.samples import Samples
 from flexid.identification.estimation.excitations import (
+    directions,
     row_excitation,
     unexcited,
     without_noise,
-    worst_share,
 )
 from flexid.identification.full_model.model import Data
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -74,8 +74,8 @@ def test_zeros_of_encoders_are_no_lack_of_motion(zero: float):
     spring = {"theta1": 1.0, "theta2": 1e3}
     offsets = dict.fromkeys(("theta_offset[0]", "theta_offset[1]"), -1e3 * zero)
     shares = (
-        worst_share(made_row(zero, constant=True), spring | offsets),
-        worst_share(made_row(0.0, constant=True), spring),
+        directions(made_row(zero, constant=True), spring | offsets)[0],
+        directions(made_row(0.0, constant=True), spring)[0],
     )
     assert shares[0][0] == pytest.approx(shares[1][0], rel=1e-4)
     assert unexcited([made_row(zero, constant=True)], spring, THRESHOLDS.lost_share) == frozenset()
@@ -109,8 +109,20 @@ def test_what_does_not_move_is_lost():
     rng = np.random.default_rng(4)
     moving, resting = rng.standard_normal(50), np.zeros(50)
     columns = {"alpha2": moving, "alpha_offset": rng.standard_normal(50), "alpha_cubic": resting}
-    share, confounded = worst_share(row_of(columns, moving), {"alpha_cubic": 1e9})
-    assert (share, confounded) == (0.0, {"alpha_cubic"})
+    shares, parts = directions(row_of(columns, moving), {"alpha_cubic": 1e9})
+    assert (shares[0], parts[0]) == (0.0, {"alpha_cubic"})
+
+
+@pytest.mark.parametrize(("apart", "lost"), [(0.5, False), (1e-3, True)])
+def test_gravity_that_looks_like_a_constant_leaves_the_spring(apart, lost):
+    """Assert that a spring is lost by a direction of its own, be it not the worst one."""
+    rng = np.random.default_rng(9)
+    swing, motion, speed = rng.standard_normal((3, 400))
+    columns = {"theta1": 1.0 + 1e-4 * swing, "theta_offset": np.ones(400)}
+    columns |= {"theta2": motion, "theta_viscous": motion + apart * speed}
+    found = unexcited([row_of(columns, motion)], {"theta2": 1.0}, THRESHOLDS.lost_share)
+    assert {"theta1", "theta_offset"} <= found
+    assert ("theta2" in found) == lost
 
 
 @pytest.mark.parametrize("light", [200.0, 1000.0])
@@ -124,11 +136,11 @@ def test_torques_that_all_but_cancel_say_what_they_leave(light):
     columns = {"alpha1": torque - left / light, "beta1": torque}
     row = row_of(columns, left)
     values = {"alpha1": -light, "beta1": light}
-    share, _ = worst_share(row, values)
+    share = directions(row, values)[0][0]
     assert 0.5 < share < 1.0
-    weaker, confounded = worst_share(row, {name: 0.01 * c for name, c in values.items()})
-    assert weaker == pytest.approx(0.01 * share, rel=1e-6)
-    assert confounded == {"alpha1", "beta1"}
+    weaker, parts = directions(row, {name: 0.01 * c for name, c in values.items()})
+    assert weaker[0] == pytest.approx(0.01 * share, rel=1e-6)
+    assert parts[0] == {"alpha1", "beta1"}
 
 
 def noisy_sine(noise: np.ndarray) -> RowFit:
@@ -146,11 +158,11 @@ def test_noise_is_no_motion():
     noise, added = 1e-3 * rng.standard_normal((2, 2, 4000))
     row = noisy_sine(noise)
     values = {"theta1": 10.0, "theta2": 300.0}
-    assert worst_share(row, values)[0] > 20.0 * THRESHOLDS.lost_share
+    assert directions(row, values)[0][0] > 20.0 * THRESHOLDS.lost_share
     motion = without_noise(row, noisy_sine(noise + added))
-    share, confounded = worst_share(motion, values)
-    assert share < THRESHOLDS.lost_share
-    assert confounded == {"theta1", "theta2"}
+    shares, parts = directions(motion, values)
+    assert shares[0] < THRESHOLDS.lost_share
+    assert parts[0] == {"theta1", "theta2"}
 
 
 @pytest.mark.parametrize("relative", [False, True])

@@ -94,7 +94,7 @@ def answer(job: Job) -> Answer:
         if job.exact or reported.at_bound:
             return exact
         if reported.excess <= thresholds.sensor_excess:
-            doubts = _skewed(job, entirely=True)
+            doubts = _skewed(job, job.whole, entirely=True)
             return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
     job.progress("what disturbs the drive")
     try:
@@ -167,7 +167,7 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
         f"of which the spring predicts {share} over {period:.2g} s, a period of the resonance"
     )
     found = replace(found, prediction=prediction)
-    skewed = _skewed(job, entirely=False)
+    skewed = _skewed(job, found.fits.reported.data, entirely=False)
     if skewed or predicted >= PREDICTED:
         return replace(found, doubts=skewed)
     shares = {} if found.disturbances is None else found.disturbances.shares
@@ -198,12 +198,12 @@ def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
     return period, found[period].get("deflection", np.nan) if found else np.nan
 
 
-def _skewed(job: Job, *, entirely: bool) -> tuple[Caution, ...]:
+def _skewed(job: Job, data: Data, *, entirely: bool) -> tuple[Caution, ...]:
     """That a delay makes the deflection: most of it, or, `entirely`, all but noise."""
     # A delay of a deflection's sensor shifts the deflection, and makes none.
     if job.joint.kind == "rigid" or job.settings.link_delay != "auto" or job.deflection:
         return ()
-    found = skew(job.joint, job.whole)
+    found = skew(job.joint, data)
     if not found.makes_the_deflection or (entirely and found.excess > NEARLY_NOISE):
         return ()
     return (

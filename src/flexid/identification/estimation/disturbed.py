@@ -87,11 +87,12 @@ def fit_disturbed(
     """Fit all usual terms, and take away what the log does not show."""
     if _turned(data) < _LEAST_TURN:
         structure = structure.without(_GRAVITY - {*kept})
+    factor = thinning(data, _start(structure, data))
     if LINK in structure.timing.sought:
-        skewed = skew(structure.joint, data)
+        skewed = skew(structure.joint, thinned(data, factor, held=False))
         if skewed.makes_the_deflection:  # and a spring may be anything
             structure = replace(structure, timing=_given(structure.timing, skewed.delay))
-    factor = thinning(data, _start(structure, data))
+            factor = thinning(data, _start(structure, data))
     found: list[FitInBand] = []
     # A low-passed input has no steps; how it runs between samples and its delay look alike.
     tried: Sequence[Hold] = holds if factor == 1 else holds[:1]
@@ -102,7 +103,7 @@ def fit_disturbed(
                 found.append(_fit(held, data, factor, start))
     if not found:
         raise no_start()
-    full = best = min(found, key=lambda each: each.cost)
+    full = best = min(found, key=_cost)
     evidence = ()
     strict = replace(thresholds, friction_sign=np.inf)
     for _ in range(_ROUNDS):
@@ -112,7 +113,7 @@ def fit_disturbed(
         if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
             break
         other = _fit(leaner, data, factor, best.fitted.by_name, best.sizes)
-        if _leaves_more(other, best):
+        if _is_known(best) and _leaves_more(other, best):
             break
         best = other
     if is_damping(best.fitted.by_name):  # which one coefficient says as well as two
@@ -121,25 +122,33 @@ def fit_disturbed(
     return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, factor)
 
 
-def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
-    """Whether the balances without some terms leave clearly more.
+def _cost(fit: FitInBand) -> float:
+    return fit.cost
 
-    The blocks of a short log are few, and with few of them chance explains any term. With too few
-    for all terms, or steps that do not end, nothing is known of these, and the leaner one stands.
+
+def _is_known(fit: FitInBand) -> bool:
+    """Whether steps ended, and blocks are enough for all terms: in a short log they are few."""
+    return fit.fitted.converged and bool(np.isfinite(fit.fitted.fit.deviations).all())
+
+
+def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
+    """Whether the balances without some terms leave clearly more, and the log is less likely.
+
+    Sizes that explain all as noise are a minimum of their own, from which fewer terms may lead out.
     """
-    known = fuller.fitted.converged and np.isfinite(fuller.fitted.fit.deviations).all()
-    if not known:
-        return False
     before, after = (sum(_shares(f.fitted, f.sizes).values()) for f in (fuller, leaner))
-    return after > _NO_MORE * before
+    return leaner.cost > fuller.cost and after > _NO_MORE * before
 
 
 def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     """The same structures fitted to other data of the same drive."""
-    own = _fit(found.fitted.structure, data, found.factor, found.fitted.by_name, found.sizes)
-    full = _fit(found.full.structure, data, found.factor, found.full.by_name, own.sizes).fitted
+    structure, factor = found.fitted.structure, found.factor
+    own = _fit(structure, data, factor, found.fitted.by_name, found.sizes)
+    full = _fit(found.full.structure, data, factor, found.full.by_name, own.sizes)
+    if _leaves_more(own, full):  # which it did not before: it went astray
+        own = min(own, _fit(structure, data, factor, full.fitted.by_name, full.sizes), key=_cost)
     shares = _shares(own.fitted, own.sizes)
-    return replace(found, fitted=own.fitted, full=full, sizes=own.sizes, shares=shares)
+    return replace(found, fitted=own.fitted, full=full.fitted, sizes=own.sizes, shares=shares)
 
 
 def follower(found: Disturbed, data: Data) -> Follower:

@@ -18,7 +18,7 @@ _COUPLED = {"theta2", "alpha1", "beta1"} | {
 _STANDING = ("theta2", "alpha1", "theta_cosine", "gamma_cosine")  # which a constant takes part of
 _OFFSETS = ("theta_offset", "alpha_offset")
 _NOISE_PART = 2.0  # times its mean: a log holds some hundred filtered values, whose square scatters
-_PART = 0.1  # of the worst direction, from which on a coefficient counts as part of it
+_PART = 0.1  # of a direction, from which on a coefficient counts as part of it
 _LEAST_MOTION = (
     1e-9  # of a deflection's square, about its mean: 0.3 mrad where zeros are 10 rad apart
 )
@@ -70,12 +70,11 @@ def unexcited(
     """
     found: set[str] = set()
     for row in rows:
-        if not row.coefficients:
-            continue
-        share, confounded = worst_share(row, values)
-        if share < lost_share:
-            found |= confounded
-    return frozenset(found | _COUPLED if found else found)
+        if row.coefficients:
+            shares, part_of = directions(row, values)
+            for share, parts in zip(shares.tolist(), part_of, strict=True):
+                found |= parts if share < lost_share else frozenset()
+    return frozenset(found | _COUPLED if found & _COUPLED else found)
 
 
 def without_noise(row: RowFit, noisier: RowFit) -> RowFit:
@@ -83,14 +82,16 @@ def without_noise(row: RowFit, noisier: RowFit) -> RowFit:
     return replace(row, gram=row.gram - _NOISE_PART * (noisier.gram - row.gram))
 
 
-def worst_share(row: RowFit, values: Mapping[str, float]) -> tuple[float, frozenset[str]]:
-    """How much of a row's acceleration the worst combination of its coefficients makes.
+def directions(
+    row: RowFit, values: Mapping[str, float]
+) -> tuple[FloatArray, list[frozenset[str]]]:
+    """How much of a row's acceleration combinations of its coefficients make, the least first.
 
     Each coefficient counts by its own size, or by what moves the row as much as it does move, if
     that is more: the torques on a light motor all but cancel, and what they leave is its motion.
 
-    Returns its root mean square over that of the acceleration, and what has a part in that
-    combination: nothing in a row of one coefficient.
+    Returns their root mean squares, shape (k,), over that of the acceleration, and what has a part
+    in each: nothing in a row of one coefficient.
     """
     names = row.coefficients
     centred = _from_its_mean(names, row.gram)
@@ -100,10 +101,10 @@ def worst_share(row: RowFit, values: Mapping[str, float]) -> tuple[float, frozen
     reach = np.maximum(np.abs(own) * np.sqrt(np.diag(centred.gram).clip(0.0) / total), 1.0)
     norm = np.sqrt(np.diag(gram).clip(0.0))
     scale = reach / np.where(norm > 0.0, norm, 1.0)  # what does not move at all is lost
-    squares, directions = eigen(gram * np.outer(scale, scale))
-    parts = zip(names, directions[:, 0] ** 2, strict=True)
-    confounded = frozenset(name for name, part in parts if part >= _PART and len(names) > 1)
-    return float(np.sqrt(max(squares[0], 0.0))), confounded
+    squares, vectors = eigen(gram * np.outer(scale, scale))
+    has_part = (vectors.T**2 >= _PART) & (len(names) > 1)
+    parts = [frozenset(np.array(names)[own].tolist()) for own in has_part]
+    return np.sqrt(np.maximum(squares, 0.0)), parts
 
 
 def row_sizes(rows: Sequence[RowFit]) -> dict[str, float]:

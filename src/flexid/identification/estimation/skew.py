@@ -22,11 +22,15 @@ class Skew:
     deviation: float  # its standard deviation in s, from the spread between parts of the log
     explained: float  # its share of the deflection's variance
     excess: float  # what it leaves, as a mean square over that of the deflection's noise
+    by_spring: float  # share of what it leaves that goes with the link's acceleration
 
     @property
     def makes_the_deflection(self) -> bool:
-        """Whether a delay explains so much of the deflection that no spring is known."""
-        return self.explained > _MOSTLY
+        """Whether a delay explains so much of the deflection that no spring is known.
+
+        What it leaves may be little, and still all that a spring does.
+        """
+        return self.explained > _MOSTLY > self.by_spring
 
     def delays_the_link(self, alignment: Alignment) -> Alignment:
         """An alignment in which the link's encoder is late by this, which the fit took as given."""
@@ -39,8 +43,8 @@ def skew(joint: Joint, data: Data) -> Skew:
     rows, left, noise, count = [], [], 0.0, sum(map(len, data.samples))
     for samples in data.samples:
         assert samples.velocities is not None
-        speed = samples.velocities[:, -1]
-        rows.append(np.column_stack((speed - speed.mean(), np.gradient(speed))))
+        speed, acceleration = samples.velocities[:, -1], np.gradient(samples.velocities[:, 0])
+        rows.append(np.column_stack((speed - speed.mean(), acceleration)))
         deflection = joint.channels_of(samples.positions, samples.inputs)[:, -1]
         left.append(deflection - deflection.mean())
         noise += len(samples) / count * position_noise(deflection) ** 2
@@ -48,13 +52,16 @@ def skew(joint: Joint, data: Data) -> Skew:
     solution = np.linalg.lstsq(regressors, deflection)[0]
     parts = zip(*(np.array_split(each, _PARTS) for each in (regressors, deflection)), strict=True)
     delays = [np.linalg.lstsq(rows_of, of_part)[0][0] for rows_of, of_part in parts]
-    remaining = float(np.var(deflection - regressors[:, 0] * solution[0]))
+    late = deflection - regressors[:, 0] * solution[0]
+    remaining = float(np.var(late))
+    beyond = float(np.var(late - regressors[:, 1] * solution[1])) if solution[1] < 0.0 else remaining
     least = np.finfo(float).tiny
     return Skew(
         -float(solution[0]),
         float(np.std(delays, ddof=1)) / np.sqrt(_PARTS),
         1.0 - remaining / max(float(np.var(deflection)), least),
         remaining / max(noise, least),
+        1.0 - beyond / max(remaining, least),
     )
 
 
