@@ -1,6 +1,7 @@
 """The fit with disturbances: what it finds, and what widens its intervals."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -9,9 +10,11 @@ import pytest
 from disturbed_drive import TRUTH, data, drive, recording, stopping
 from scipy.stats import t
 
+from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation import disturbed
 from flexid.identification.estimation.disturbed import Disturbed, disturbed_estimate, fit_disturbed
+from flexid.identification.estimation.in_band import FitInBand
 from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import flexible
@@ -112,6 +115,23 @@ def test_a_delay_between_encoders_is_found():
     assert found.excess < 10.0
 
 
+def test_a_spring_beside_a_delay_is_seen():
+    """Assert that a delay that explains nearly all of the deflection leaves what a spring does."""
+    time, rates = np.arange(0.0, 16.0, 2e-3), np.geomspace(1.0, 26.0, 15)  # s, rad/s
+    phases = np.random.default_rng(6).uniform(0.0, 2.0 * np.pi, len(rates))
+
+    def link(at: np.ndarray) -> np.ndarray:
+        return np.sin(np.outer(at, rates) + phases) @ (1.0 / rates)
+
+    acceleration = np.sin(np.outer(time, rates) + phases) @ -rates
+    positions = np.column_stack((link(time - 4e-3), link(time) + acceleration / 2e4))
+    found = skew(JOINT, data(recording(time, positions, np.zeros_like(time))))
+    assert found.delay == pytest.approx(4e-3, rel=0.02)
+    assert found.explained > 0.9
+    assert found.by_spring > 0.9
+    assert not found.makes_the_deflection
+
+
 def test_a_spring_is_no_delay():
     """Assert that a delay explains less than a fifth of a compliant joint's deflection."""
     found = skew(JOINT, data(recording(*drive(1))))
@@ -148,3 +168,44 @@ def test_what_a_balance_cannot_do_without_stays(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(disturbed, "eliminate", too_much)
     found = fit_disturbed(structure, log, (), ("zero",), THRESHOLDS)
     assert "alpha_coulomb" in found.fitted.names
+
+
+def nth_fit(monkeypatch: pytest.MonkeyPatch, n: int, becomes: Any) -> None:
+    """Let the n-th fit that is made become another one."""
+    fit, made = disturbed._fit, []
+
+    def counted(*given: Any, **how: Any) -> Any:
+        made.append(fit(*given, **how))
+        return becomes(made[-1]) if len(made) == n else made[-1]
+
+    monkeypatch.setattr(disturbed, "_fit", counted)
+
+
+def test_a_fit_that_goes_astray_begins_where_the_full_one_ended(monkeypatch: pytest.MonkeyPatch):
+    """Assert that of two fits to all data that is kept which the log finds likelier."""
+    found, _ = pushed()
+    log = data(recording(*drive(1, link_push=1.0)))
+
+    def far_off(fit: FitInBand) -> FitInBand:
+        sizes = replace(fit.sizes, disturbances=10.0 * fit.sizes.disturbances)
+        return replace(fit, cost=fit.cost + 1e4, sizes=sizes)
+
+    nth_fit(monkeypatch, 1, far_off)
+    again = disturbed.fit_disturbed_to(found, log)
+    assert again.sizes.disturbances == pytest.approx(found.sizes.disturbances, rel=0.5)
+
+
+def test_a_full_model_without_a_fit_stays_that_of_the_training_data(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Assert that the leaner fit to all data is there all the same."""
+    found, _ = pushed()
+    log = data(recording(*drive(1, link_push=1.0)))
+
+    def diverging(_: FitInBand) -> FitInBand:
+        raise ConvergenceError("prediction error", "the motion diverges")
+
+    nth_fit(monkeypatch, 2, diverging)
+    again = disturbed.fit_disturbed_to(found, log)
+    assert again.full is found.full
+    assert again.fitted is not found.fitted

@@ -15,11 +15,11 @@ from flexid.identification.estimation.doubts import (
     coil_lag,
     dead_zone,
     eccentric_encoders,
-    elastic,
     further_modes,
     gauge_scale,
     lag,
     looks_like_a_term,
+    looks_like_the_acceleration,
     play,
     scales_apart,
     widened,
@@ -31,14 +31,10 @@ DELAY = 5e-4  # s
 NAMES = (*VALUES, INPUT)
 
 
-def doubted(
-    unit: str = "N m", by_gauge: Any = None, apart: float = 0.0, kind: str = "flexible"
-) -> Doubted:
+def doubted(unit: str = "N m", by_gauge: Any = None, apart: float = 0.0) -> Doubted:
     """A fit of a joint with a late input, of whose accelerations a tenth is unexplained."""
     values = np.array([*VALUES.values(), DELAY])
-    structure = SimpleNamespace(
-        timing=Timing("zero", sought=(INPUT,)), joint=SimpleNamespace(kind=kind)
-    )
+    structure = SimpleNamespace(timing=Timing("zero", sought=(INPUT,)))
     fitted = SimpleNamespace(
         names=NAMES,
         values=values,
@@ -155,13 +151,14 @@ def test_what_is_unexplained_may_look_like_a_term():
     assert deviation(looks_like_a_term, INPUT, found) == 0.0
 
 
-def test_a_rigid_drive_may_bend():
-    """Assert that its whole balance may be off by the square of what is unexplained, in one."""
-    rigid = elastic(doubted(kind="rigid"))
-    assert rigid[NAMES.index("beta1"), 0] == pytest.approx(0.7 * 0.2**2 * VALUES["beta1"])
-    assert rigid[NAMES.index("alpha2"), 0] == pytest.approx(0.7 * 0.2**2 * VALUES["alpha2"])
-    assert rigid[NAMES.index(INPUT), 0] == 0.0
-    assert not elastic(doubted()).any()
+def test_what_is_unexplained_makes_a_balance_heavier():
+    """Assert that each balance may be off by the square of its share, all of it in one."""
+    link, motor = looks_like_the_acceleration(doubted()).T
+    assert link[NAMES.index("theta2")] == pytest.approx(0.1**2 * VALUES["theta2"])
+    assert motor[NAMES.index("alpha2")] == pytest.approx(0.2**2 * VALUES["alpha2"])
+    assert motor[NAMES.index("beta1")] == pytest.approx(0.2**2 * VALUES["beta1"])
+    assert link[NAMES.index("beta1")] == motor[NAMES.index("theta2")] == 0.0
+    assert motor[NAMES.index(INPUT)] == 0.0
 
 
 def test_covariances_add():

@@ -144,11 +144,15 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     """The same structures fitted to other data of the same drive."""
     structure, factor = found.fitted.structure, found.factor
     own = _fit(structure, data, factor, found.fitted.by_name, found.sizes)
-    full = _fit(found.full.structure, data, factor, found.full.by_name, own.sizes)
-    if _leaves_more(own, full):  # which it did not before: it went astray
-        own = min(own, _fit(structure, data, factor, full.fitted.by_name, full.sizes), key=_cost)
+    full = found.full  # which says what may hide, with two thirds of the data if need be
+    with suppress(ConvergenceError):
+        fuller = _fit(full.structure, data, factor, full.by_name, own.sizes)
+        full = fuller.fitted
+        if _leaves_more(own, fuller):  # which it did not before: it went astray
+            other = _fit(structure, data, factor, full.by_name, fuller.sizes)
+            own = min(own, other, key=_cost)
     shares = _shares(own.fitted, own.sizes)
-    return replace(found, fitted=own.fitted, full=full.fitted, sizes=own.sizes, shares=shares)
+    return replace(found, fitted=own.fitted, full=full, sizes=own.sizes, shares=shares)
 
 
 def follower(found: Disturbed, data: Data) -> Follower:

@@ -136,7 +136,8 @@ def choose_structure(
     structure = fitted.structure
     full = replace(wider.structure, joint=structure.joint)
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
-    others = found if by_length.free_length else ()
+    others = [f for f in found if insist or may_stand(f, thresholds)]
+    others = others if by_length.free_length else []
     rivals = _rivals(fitted, replace(more, joint=structure.joint), others, kept, thresholds)
     return Choice(full, structure, fitted, evidence, tuple(found), asked, rivals)
 
