@@ -82,9 +82,7 @@ def without_noise(row: RowFit, noisier: RowFit) -> RowFit:
     return replace(row, gram=row.gram - _NOISE_PART * (noisier.gram - row.gram))
 
 
-def directions(
-    row: RowFit, values: Mapping[str, float]
-) -> tuple[FloatArray, list[frozenset[str]]]:
+def directions(row: RowFit, values: Mapping[str, float]) -> tuple[FloatArray, list[frozenset[str]]]:
     """How much of a row's acceleration combinations of its coefficients make, the least first.
 
     Each coefficient counts by its own size, or by what moves the row as much as it does move, if

@@ -54,7 +54,9 @@ def skew(joint: Joint, data: Data) -> Skew:
     delays = [np.linalg.lstsq(rows_of, of_part)[0][0] for rows_of, of_part in parts]
     late = deflection - regressors[:, 0] * solution[0]
     remaining = float(np.var(late))
-    beyond = float(np.var(late - regressors[:, 1] * solution[1])) if solution[1] < 0.0 else remaining
+    beyond = (
+        float(np.var(late - regressors[:, 1] * solution[1])) if solution[1] < 0.0 else remaining
+    )
     least = np.finfo(float).tiny
     return Skew(
         -float(solution[0]),
