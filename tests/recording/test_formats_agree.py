@@ -9,6 +9,7 @@ from joint_log import assert_words, refused
 from log_files import COLUMNS, SIGNALS, WRITERS, in_groups, mcap, mdf, measured, signal
 
 from flexid.recording import read_log
+from flexid.recording.frame import write_parquet
 from flexid.recording.series import table_of_file, tables_of_file
 
 FAST = np.arange(0.0007, 0.4, 1e-3)
@@ -68,3 +69,16 @@ def test_a_column_says_where_it_stands(tmp_path: Path):
         assert log.columns["motor_position"].columns == {path: 1.0}
         assert len(log.warnings) == name.startswith("ROS")  # taken by their names
     assert {*log.columns} == {"time", *SIGNALS}
+
+
+def test_a_table_comes_back(tmp_path: Path):
+    """Assert that a Parquet file replaces what was there, and a full disk is said."""
+    table, path = pl.DataFrame({"time": [0.0, 0.1]}), tmp_path / "a.parquet"
+    write_parquet(table.head(1), path)
+    write_parquet(table, path)
+    assert pl.read_parquet(path).equals(table)
+    full = Path("/dev/full")
+    if full.exists():
+        with pytest.raises(OSError, match="No space left on device") as caught:
+            write_parquet(table, full)
+        assert caught.value.filename == str(full)
