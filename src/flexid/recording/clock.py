@@ -145,7 +145,11 @@ class Clock:
 
     def _take_form(self, column: polars.Series, *, is_stream: bool) -> None:
         """Decide how the stamps are written: as the first cell; of a stream, as most."""
-        found = (_usual_form if is_stream else _first_form)(column)
+        if is_stream:
+            found = _usual_form(column)
+        else:
+            filled = (cell.strip() for cell in column.head(100) if cell and cell.strip())
+            found = _Form.of(next(filled, ""))
         if found is None and self._keeps_form:
             return
         if found != self._form:
@@ -213,14 +217,6 @@ class Clock:
                 f"{first!r}: correct it, or remove the row"
             )
         raise RecordingError(table.file, table.place(index, header), reason)
-
-
-def _first_form(column: polars.Series) -> _Form | None:
-    """How the first cell that is not empty is written."""
-    for cell in column.head(100):
-        if cell is not None and cell.strip():
-            return _Form.of(cell.strip())
-    return None
 
 
 def _usual_form(column: polars.Series) -> _Form | None:

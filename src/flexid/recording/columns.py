@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from math import isclose
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexid.errors import RecordingError
 from flexid.recording.channel import INPUTS, SI_UNITS, Channel
@@ -25,6 +25,9 @@ from flexid.recording.names import (
 from flexid.recording.recipes import MapSource, Recipe, made, read_map, recipe_of_column
 from flexid.recording.table import Table
 from flexid.recording.units import UnitError, is_relative, scale_to_si
+
+if TYPE_CHECKING:
+    import polars
 
 _LINK = "link_position (or deflection)"
 _INPUT = "motor_torque (or motor_current, or motor_voltage)"
@@ -182,7 +185,7 @@ class _Plan:
                 added[name], usual = columns[0]
                 commands += [added[name].header] if usual.is_command else []
         if "time" not in {*self.found, *added}:
-            stamped = [name for name in self.table.names if _has_stamps(self.table, name)]
+            stamped = [name for name in self.table.names if _has_stamps(self.table.frame[name])]
             if len(stamped) == 1:
                 added["time"] = recipe_of_column(self.table, stamped[0], None)
         self.found |= added
@@ -298,13 +301,11 @@ def _stamp_of_two(table: Table) -> Recipe | None:
     return found[0] if len(found) == 1 else None
 
 
-def _has_stamps(table: Table, name: str) -> bool:
+def _has_stamps(column: polars.Series) -> bool:
     """Whether a column begins with a date and a time."""
-    column = table.frame[name]
-    if column.dtype.is_temporal():
-        return True
-    first = column.drop_nulls().head(1).to_list()
-    return bool(first) and isinstance(first[0], str) and is_stamp(first[0].strip())
+    first = next(iter(column.drop_nulls().head(1)), None)
+    is_text = isinstance(first, str) and is_stamp(first.strip())
+    return is_text or column.dtype.is_temporal()
 
 
 def _is_plain(column: Recipe, usual: Usual) -> bool:

@@ -126,11 +126,9 @@ def _letter(letter: str) -> str:
 
 def _parts(word: str) -> tuple[str, ...]:
     """The words that a longer one is made of; itself where it is not."""
-    if word in _KINDS or len(word) > _LONGEST_WORD:
-        return (word,)
-    if word[:-1] in _WITH_SIDE and word[-1] in "ml":
+    if word[:-1] in _WITH_SIDE and word[-1] in "ml" and word not in _KINDS:
         return word[:-1], word[-1]
-    return _known_parts(word) or (word,)
+    return (len(word) <= _LONGEST_WORD and _known_parts(word)) or (word,)
 
 
 def _known_parts(word: str) -> tuple[str, ...]:
@@ -195,19 +193,15 @@ def split_header(header: str) -> tuple[str, str | None]:
     match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|\{([^{}]*)\}|<([^<>]*)>)", header)
     if match is not None:
         unit = next(group for group in match.groups()[1:] if group is not None).strip()
-        if re.fullmatch(r"[\d:, ]+", unit) or _is_side(unit):
+        words = words_of(unit)  # which may say the side of the joint, or how it was measured
+        is_side = words is not None and words.all and not (words.others or words.quantities)
+        if re.fullmatch(r"[\d:, ]+", unit) or is_side:
             return header, None
         return match[1].strip(), None if unit == "t" else unit  # as q(t), a function of time
     match = _SPOKEN_UNIT.fullmatch(header)
     if match is not None and unit_of_word(match[2]) is not None:
         return match[1].strip(), match[2]
     return header, None
-
-
-def _is_side(text: str) -> bool:
-    """Whether a text in brackets says which side of the joint is meant, or how it was measured."""
-    words = words_of(text)
-    return words is not None and bool(words.all) and not words.others and not words.quantities
 
 
 def folded(name: str) -> str:

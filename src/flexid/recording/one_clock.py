@@ -55,7 +55,12 @@ def on_one_clock(
     chosen = next(name for name, rate in rates.items() if rate <= _SAME_RATE * slowest)
     times = clocks[chosen]
     usable = np.ones(len(times), dtype=bool)
-    apart = {name: t for name, t in clocks.items() if not _same(t, times)}
+    rounding = EVEN * np.median(np.diff(times))
+    apart = {
+        name: t
+        for name, t in clocks.items()
+        if len(t) != len(times) or np.abs(t - times).max() > rounding
+    }
     for stamps in apart.values():
         usable &= _between_samples(stamps, times)
     if usable.sum() < 2:
@@ -77,18 +82,13 @@ def on_one_clock(
             stamps, signal.values, times[usable], held=signal.held
         )
     moved = [signal.header for signal in signals if signal.clock in apart]
-    warnings = ()
-    if moved:
-        warnings = (
-            f"{file}: {quoted(moved)} had time stamps of their own and were interpolated to those "
-            f"of {chosen!r}: log all channels together",
-        )
-    if filtered:
-        warnings += (
-            f"{file}: of {quoted(filtered)} what is too fast for {chosen!r} was filtered out: log "
-            f"all channels at the faster rate",
-        )
-    return times[usable], columns, warnings
+    warnings = (
+        f"{file}: {quoted(moved)} had time stamps of their own and were interpolated to those of "
+        f"{chosen!r}: log all channels together",
+        f"{file}: of {quoted(filtered)} what is too fast for {chosen!r} was filtered out: log all "
+        f"channels at the faster rate",
+    )
+    return times[usable], columns, warnings[: bool(moved) + bool(filtered)]
 
 
 def drop_holes(log: Draft) -> None:
@@ -172,13 +172,6 @@ def _check_stamps(file: str, clock: str, stamps: FloatArray) -> None:
             f"time runs backwards or repeats (from {stamps[index]:.9g} s to "
             f"{stamps[index + 1]:.9g} s): remove what was logged twice",
         )
-
-
-def _same(stamps: FloatArray, times: FloatArray) -> bool:
-    """Whether time stamps are the same but for rounding."""
-    return len(stamps) == len(times) and bool(
-        np.abs(stamps - times).max() <= EVEN * np.median(np.diff(times))
-    )
 
 
 def _between_samples(stamps: FloatArray, times: FloatArray) -> np.ndarray:

@@ -75,17 +75,13 @@ def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.in
         if _windows_without(lost) < _FEWEST_WINDOWS * len(positions):
             return none
     explained = lost * _explained(seen, lost)
-    if not _is_anywhere(seen, explained > 0):
+    # Friction bends a motion where it turns round: samples are lost at any speed.
+    speeds = np.abs(np.diff(seen, axis=0))
+    speeds = np.mean(speeds / (speeds.mean(axis=0) + np.finfo(float).tiny), axis=1)
+    if explained.any() and not np.median(speeds[explained > 0]) > _LEAST_SPEED:
         return none
     enough = np.count_nonzero(explained) >= _LEAST_EXPLAINED * np.count_nonzero(lost)
     return explained if enough else none
-
-
-def _is_anywhere(positions: FloatArray, places: NDArray[np.bool_]) -> bool:
-    """Whether some places are spread over the motion: friction bends it where it turns round."""
-    speeds = np.abs(np.diff(positions, axis=0))
-    speeds = np.mean(speeds / (speeds.mean(axis=0) + np.finfo(float).tiny), axis=1)
-    return not places.any() or bool(np.median(speeds[places]) > _LEAST_SPEED)
 
 
 def _windows_without(lost: NDArray[np.int64]) -> int:

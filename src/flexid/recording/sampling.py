@@ -115,8 +115,8 @@ def even_grid(log: Draft) -> Grid:
         raise log.refusal("time", reason)
     _warn_of_gaps(log, parts, recordings)
     sample_time = _fitted_sample_time(time, recordings)
-    off_grid = max(_off_grid(time[recording], sample_time) for recording in recordings)
-    if off_grid <= EVEN:
+    apart = (time[one] - sample_time * np.arange(one.stop - one.start) for one in recordings)
+    if max(np.abs(off - np.median(off)).max() for off in apart) / sample_time <= EVEN:
         return Grid(sample_time, tuple(recordings))
     within = np.concatenate([np.diff(time[recording]) for recording in recordings])
     # A time stamp that is late lengthens one step and shortens the next.
@@ -269,9 +269,3 @@ def _fitted_sample_time(time: FloatArray, recordings: list[slice]) -> float:
         products += float(numbers @ stamps)
         squares += float(numbers @ numbers)
     return products / squares
-
-
-def _off_grid(stamps: FloatArray, sample_time: float) -> float:
-    """How far time stamps are off an even grid at most, in sample times."""
-    residual = stamps - sample_time * np.arange(len(stamps))
-    return float(np.abs(residual - np.median(residual)).max()) / sample_time

@@ -152,7 +152,7 @@ class Table:
                 bad &= ~self._is_hole(name)
                 values[~np.isfinite(values) & ~bad] = np.nan
             if bad.any():
-                raise self._no_number(name, np.flatnonzero(bad))
+                raise self._no_number(name, np.flatnonzero(bad).tolist())
         return values
 
     def _is_hole(self, name: str) -> NDArray[np.bool_]:
@@ -169,14 +169,12 @@ class Table:
         """Whether the numbers of a text have decimal commas."""
         return decimal_mark(self.frame) == ","
 
-    def _no_number(self, name: str, bad: NDArray[np.intp]) -> RecordingError:
+    def _no_number(self, name: str, bad: list[int]) -> RecordingError:
         """What is wrong with the first of some cells."""
-        index, more = int(bad[0]), len(bad) - 1
-        cell = self.frame[name][index]
-        reason = _bad_cell(cell)
-        if more and reason.endswith("remove the row"):
-            reason += f", and {more} more of the column that are no numbers"
-        return RecordingError(self.file, self.place(index, name), reason)
+        reason = _bad_cell(self.frame[name][bad[0]])
+        if bad[1:] and reason.endswith("remove the row"):
+            reason += f", and {len(bad) - 1} more of the column that are no numbers"
+        return RecordingError(self.file, self.place(bad[0], name), reason)
 
     def _not_numeric(self, name: str, found: str) -> RecordingError:
         remedy = "floating-point numbers"
