@@ -32,11 +32,6 @@ def headed(header: str, columns: Columns = COLUMNS) -> str:
     return f"{header}\n{csv_text(columns).partition(chr(10))[2]}"
 
 
-def with_decimal_commas(header: str, columns: Columns) -> str:
-    """The log between semicolons."""
-    return headed(header, columns).replace(",", ";").replace(".", ",")
-
-
 def times_per_channel() -> str:
     """The log as programs write it that store a time with each channel."""
     rows = [line.split(",") for line in LINES]
@@ -61,39 +56,37 @@ LABELS = (
     ",BlockPath: m/a,BlockPath: m/b,BlockPath: m/c"
 )
 HUNDREDTHS = {n: 100.0 * v if "position" in n else v for n, v in DEGREES.items()}
+HEADERS = {  # of columns in SI
+    "topics of states": "__time,/link/joint_states/pos,/motor/joint_states/pos,/js/effort",
+    "a control input": "t,q_l,q_m,u_Nm",
+    "functions of time": "t,q_l(t),q_m(t),tau(t)",
+    "blanks that do not break": "time,link\u00a0position\u00a0[rad],motor\u00a0position,"
+    "motor\u00a0torque\u00a0[N\u00a0m]",
+    "names below their groups": ",link,motor,motor\ntime,pos,pos,tau",
+    "numbers in a preamble": f"Samples,400,400,400\nStep,1,1,1\n{HEADER}",
+    "a row of groups": f"Axis 1,Axis 1,Axis 1,Axis 1\n{HEADER}",
+    "paths of a simulation": "time,logsout.link_position.Data,logsout.motor_position.Data,"
+    "logsout.motor_torque.Data",
+    "paths of topics": "__time,/joint/link/position,/joint/motor/position,/joint/effort",
+}
+IN_DEGREES = {
+    "labels below the names": f"{HEADER}\n{LABELS}",
+    "names of one program": "t [s],GVL.fLinkPos [°],GVL.fMotorPos [°],GVL.fMotorTorque [Nm]",
+    "a comment of units": f"# units: s, deg, deg, Nm\n{HEADER}",
+    "no unit of the time": f"{HEADER}\n-,deg,deg,N m",
+    "French": "Temps (s),Position charge (deg),Position moteur (deg),Couple (N·m)",
+    "units in braces": "time{s},link_position{deg},motor_position{deg},motor_torque{Nm}",
+    "units in words": f"{HEADER}\nseconds,degrees,degrees,newton metres",
+    "units above the names": f"s,deg,deg,Nm\n{HEADER}",
+}
+GERMAN = headed("Zeit [s],Winkel Abtrieb [°],Winkel Motor [°],Drehmoment [Nm]", DEGREES)
+PARTS = "time,link_position [0.01 deg],motor_position [1e-2 deg],motor_torque"
 READ: dict[str, str | bytes] = {
+    **{name: headed(header) for name, header in HEADERS.items()},
+    **{name: headed(header, DEGREES) for name, header in IN_DEGREES.items()},
+    "parts of a unit": headed(PARTS, HUNDREDTHS),
+    "German": GERMAN.replace(",", ";").replace(".", ","),
     "a stamp in two columns": with_stamps(),
-    "labels below the names": headed(f"{HEADER}\n{LABELS}", DEGREES),
-    "names of one program": headed(
-        "t [s],GVL.fLinkPos [°],GVL.fMotorPos [°],GVL.fMotorTorque [Nm]", DEGREES
-    ),
-    "topics of states": headed("__time,/link/joint_states/pos,/motor/joint_states/pos,/js/effort"),
-    "a comment of units": headed(f"# units: s, deg, deg, Nm\n{HEADER}", DEGREES),
-    "a control input": headed("t,q_l,q_m,u_Nm"),
-    "functions of time": headed("t,q_l(t),q_m(t),tau(t)"),
-    "blanks that do not break": headed(
-        "time,link\u00a0position\u00a0[rad],motor\u00a0position,motor\u00a0torque\u00a0[N\u00a0m]"
-    ),
-    "parts of a unit": headed(
-        "time,link_position [0.01 deg],motor_position [1e-2 deg],motor_torque", HUNDREDTHS
-    ),
-    "no unit of the time": headed(f"{HEADER}\n-,deg,deg,N m", DEGREES),
-    "German": with_decimal_commas(
-        "Zeit [s],Winkel Abtrieb [°],Winkel Motor [°],Drehmoment [Nm]", DEGREES
-    ),
-    "French": headed("Temps (s),Position charge (deg),Position moteur (deg),Couple (N·m)", DEGREES),
-    "units in braces": headed(
-        "time{s},link_position{deg},motor_position{deg},motor_torque{Nm}", DEGREES
-    ),
-    "units in words": headed(f"{HEADER}\nseconds,degrees,degrees,newton metres", DEGREES),
-    "units above the names": headed(f"s,deg,deg,Nm\n{HEADER}", DEGREES),
-    "names below their groups": headed("x,link,motor,motor\ntime,pos,pos,tau".replace("x", "")),
-    "numbers in a preamble": headed(f"Samples,400,400,400\nStep,1,1,1\n{HEADER}"),
-    "a row of groups": headed(f"Axis 1,Axis 1,Axis 1,Axis 1\n{HEADER}"),
-    "paths of a simulation": headed(
-        "time,logsout.link_position.Data,logsout.motor_position.Data,logsout.motor_torque.Data"
-    ),
-    "paths of topics": headed("__time,/joint/link/position,/joint/motor/position,/joint/effort"),
     "a time for each channel": times_per_channel(),
     "comments at the end": f"{TEXT}# end\n\n% of the log\n",
     "rows of empty cells at the end": f"{TEXT},,,\n;;;\n",
