@@ -183,23 +183,6 @@ def test_stable_at_any_gain() -> None:
     assert np.max(np.abs(run.parameter_errors)) < 1e5
 
 
-def test_called_law_is_the_compiled_one() -> None:
-    """Assert that the same law as a Python function gives the same run, sensors and limit too."""
-    p = LOOP.controller.parameters
-
-    def law(_: float, x: np.ndarray, reference: np.ndarray) -> float:
-        torque, stiffness = p["nominal_gravity_torque"], p["nominal_joint_stiffness"]
-        position = reference[0] + torque * np.sin(reference[0]) / stiffness
-        speed = reference[1] + torque * np.cos(reference[0]) * reference[1] / stiffness
-        feedback = p["proportional"] * (position - x[2]) + p["derivative"] * (speed - x[3])
-        return torque * np.sin(reference[0]) + feedback
-
-    compiled, called = simulate_sampled(LOOP, 2.0, REAL), simulate_sampled(LOOP, 2.0, REAL, law)
-    assert called.states == pytest.approx(compiled.states, abs=1e-10)
-    assert called.estimates == pytest.approx(compiled.estimates, abs=1e-8)
-    assert called.statistics == compiled.statistics
-
-
 def test_input_is_limited() -> None:
     """Assert that no input passes the limit, and that the limited samples are counted."""
     run = simulate_sampled(LOOP, 2.0, REAL)

@@ -4,12 +4,10 @@ Controller and observer see the sensors once per sample time; the input is limit
 the next sample, while the plant moves on continuously.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import flexid
 from flexid.arrays import FloatArray
@@ -86,10 +84,6 @@ def plain_model(system: ParametricSystem) -> ModuleType:
     return load_kernel("plain_model", [system.digest], build)
 
 
-Law = Callable[[float, FloatArray, FloatArray], ArrayLike]
-"""A control law in Python: time, measured states, q_d and its four derivatives to inputs."""
-
-
 @dataclass(frozen=True)
 class Sampling:
     """How a loop is sampled and measured."""
@@ -125,23 +119,17 @@ class Sampling:
         return np.random.default_rng(self.seed).standard_normal((count, states))
 
 
-def simulate_sampled(
-    loop: ClosedLoop, duration: float, sampling: Sampling | None = None, law: Law | None = None
-) -> Run:
+def simulate_sampled(loop: ClosedLoop, duration: float, sampling: Sampling | None = None) -> Run:
     """Simulate a closed loop with a sampled controller and a sampled observer.
 
     The run has the true and the measured states; its statistics count the samples at which the
-    input was limited. A law in Python takes the place of the loop's controller, at the price of
-    speed: a Python call per sample.
+    input was limited.
     """
     sampling = sampling or Sampling()
     grid = SampleGrid(duration, sampling.sample_time)
     kernel = sampled_kernel(loop.declaration)
     record = np.empty((grid.count, kernel.N_RECORD))
-    if law is None:
-        end = run_sampled(kernel, loop, sampling, grid, record, np.empty(0))
-    else:
-        end = _run_called(kernel, loop, sampling, grid, record, law)
+    end = run_sampled(kernel, loop, sampling, grid, record, np.empty(0))
     if end.status != kernel.FINISHED:
         raise SimulationError(
             "the sampled loop diverges: lower its gains or its sample time",
@@ -221,41 +209,3 @@ def _substeps(loop: ClosedLoop, sample_time: float) -> int:
     still = np.zeros(len(loop.system.inputs))
     p, c = loop.true_coefficients, _constants(loop)
     return runge_kutta_substeps(loop.system, start, still, p, c, sample_time)
-
-
-def _run_called(
-    kernel: ModuleType,
-    loop: ClosedLoop,
-    sampling: Sampling,
-    grid: SampleGrid,
-    record: FloatArray,
-    law: Law,
-) -> SampledEnd:
-    """The compiled run step by step, with a Python call where the compiled law would be."""
-    h = sampling.sample_time
-    x = tuple(loop.initial_state)
-    drawn = sampling.noise(grid.count, len(x))
-    noise = drawn if len(drawn) else np.zeros((grid.count, len(x)))
-    settings = tuple(_observer_settings(loop, h).tolist())
-    parameters = kernel.as_parameters(loop.parameters[np.newaxis], 0)
-    substeps = _substeps(loop, h)
-    current = kernel.first_state(loop.start_estimates)
-    reference = np.stack([loop.reference.evaluate(grid.times, d) for d in range(5)], axis=1)
-    limited = 0
-    for n in range(grid.count):
-        seen = kernel.sense(x, tuple(noise[n]), *sampling.sensors)
-        demanded = np.ravel(law(n * h, np.array(seen), reference[n].copy()))
-        x, current, clipped = kernel.respond(
-            x,
-            seen,
-            tuple(map(float, demanded)),
-            current,
-            settings,
-            (parameters, sampling.input_limit, substeps),
-            (reference[n, 0], record, n),
-        )
-        limited += clipped
-        if not kernel.bounded(x):
-            return SampledEnd(kernel.DIVERGED, n + 1, limited)
-    finite = bool(np.all(np.isfinite(current[1:])))
-    return SampledEnd(kernel.FINISHED if finite else kernel.NOT_FINITE, grid.count, limited)
