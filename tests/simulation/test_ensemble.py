@@ -1,6 +1,5 @@
 """Ensembles against single runs, and their measures against finely sampled ones."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import fields, replace
 
@@ -17,7 +16,6 @@ from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.ensemble import (
     STATUS,
     Ensemble,
-    share_out,
     simulate_ensemble,
     simulate_sampled_ensemble,
 )
@@ -109,23 +107,6 @@ def test_sampled_ends_are_those_of_simulate_sampled() -> None:
         assert np.array_equal(ensemble.final_errors[place], run.parameter_errors[-1])
         assert ensemble.steps[place] == len(run.time)
         assert ensemble.reached[place] == run.time[-1]
-
-
-@pytest.mark.parametrize("workers", [2, 3])
-def test_workers_change_nothing(workers: int) -> None:
-    """Assert that results are bit for bit the same whatever the number of threads."""
-    loops = varied(LOOP, 7)
-    samplings = [replace(NOISY, seed=seed) for seed in range(7)]
-    assert_same(simulate_ensemble(loops, 2.0, workers=workers), simulate_ensemble(loops, 2.0))
-    many = varied(LOOP, MANY)
-    assert_same(
-        simulate_ensemble(many, 2.0, stiff=False, workers=workers),
-        simulate_ensemble(many, 2.0, stiff=False),
-    )
-    assert_same(
-        simulate_sampled_ensemble(loops, 2.0, samplings, workers),
-        simulate_sampled_ensemble(loops, 2.0, samplings),
-    )
 
 
 @pytest.mark.parametrize(("stiff", "count"), [(True, 3), (False, MANY)])
@@ -253,7 +234,6 @@ def test_sampled_divergence_is_a_status() -> None:
     [
         (lambda: simulate_ensemble([], 1.0), "loops"),
         (lambda: simulate_ensemble([LOOP, table_1()], 1.0), "loops"),
-        (lambda: simulate_ensemble([LOOP], 1.0, workers=0), "workers"),
         (lambda: simulate_ensemble([LOOP], -1.0), "duration"),
         (lambda: simulate_sampled_ensemble([LOOP], 1.0, []), "samplings"),
         (lambda: simulate_sampled_ensemble([LOOP], 0.0, [Sampling()]), "duration"),
@@ -264,25 +244,3 @@ def test_settings_that_mean_nothing(call: Callable[[], object], setting: str) ->
     with pytest.raises(SettingError) as caught:
         call()
     assert caught.value.setting == setting
-
-
-@pytest.mark.parametrize("workers", [1, 3])
-def test_what_a_job_raises_ends_all(workers: int) -> None:
-    """Assert that jobs are done once each, and that an error comes out before the end."""
-    done: list[int] = []
-    share_out(30, workers, done.append)
-    assert sorted(done) == list(range(30))
-    done.clear()
-    failed = threading.Event()
-
-    def job(place: int) -> None:
-        if place == 3:
-            failed.set()
-            raise ArithmeticError
-        if place > 3:
-            failed.wait(30.0)
-        done.append(place)
-
-    with pytest.raises(ArithmeticError):
-        share_out(10_000, workers, job)
-    assert len(done) < 9_999

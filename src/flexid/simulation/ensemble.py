@@ -1,12 +1,11 @@
 """Many runs of one closed loop in compiled code, each boiled down to a few numbers.
 
 The runs differ in their values alone: coefficients, constants, gains, reference, starting values,
-noise. Nothing is kept of a run but its end and its measures, which are added up while it goes.
-Threads share the runs; what comes out of a run depends on neither their number nor the other runs.
+noise. Nothing is kept of a run but its end and its measures, which are added up while it goes. What
+comes out of a run does not depend on the others.
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
 
@@ -25,22 +24,6 @@ from flexid.simulation.closed_loop import (
     split_columns,
 )
 from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
-
-
-def share_out(count: int, workers: int, job: Callable[[int], None]) -> None:
-    """Call ``job(0)`` … ``job(count - 1)``, several at a time.
-
-    Threads are enough, because compiled code lets other threads run. What a job raises, or an
-    interrupt, ends all of them, each after the job at hand.
-    """
-    if workers == 1:  # many short jobs need no pool
-        for place in range(count):
-            job(place)
-        return
-    with ThreadPoolExecutor(workers) as pool:
-        for _ in pool.map(job, range(count)):
-            pass
-
 
 STATUS = ("finished", "too many steps", "step too small", "not finite", "diverged")
 """What became of a run, by its status number.
@@ -75,21 +58,6 @@ class Ensemble:
     steps: NDArray[np.int64]  # (n,), accepted steps of the integrator, or samples
 
 
-@dataclass(frozen=True)
-class _Table:
-    """What the runs fill, one row per run."""
-
-    status: NDArray[np.int64]
-    reached: FloatArray
-    steps: NDArray[np.int64]
-    totals: FloatArray
-
-    @staticmethod
-    def of(runs: int, width: int) -> "_Table":
-        numbers = (np.zeros(runs, dtype=np.int64) for _ in range(2))
-        return _Table(next(numbers), np.zeros(runs), next(numbers), np.zeros((runs, width)))
-
-
 def simulate_ensemble(
     loops: Sequence[ClosedLoop],
     duration: float,
@@ -98,78 +66,61 @@ def simulate_ensemble(
     absolute_tolerance: float | None = None,
     maximum_steps: int = 1_000_000,
     stiff: bool = True,
-    workers: int = 1,
 ) -> Ensemble:
     """Simulate many closed loops in continuous time, each to the tolerance of `simulate`.
 
     Measures are taken at the integrator's accepted steps, where they are most accurate: means over
-    time by the trapezoidal rule, peaks and settling times to within a step.
+    time by the trapezoidal rule, peaks and settling times to within a step. Other threads can run
+    meanwhile.
     """
-    _check(loops, workers)
+    _check(loops)
     tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
     grid = SampleGrid(duration, sample_time)
     kernel = loop_kernel(loops[0].declaration, stiff)
-    table = _Table.of(len(loops), kernel.N_TOTALS)
-    # Runs that are handed out together: as many as are wanted at once, but something for all.
-    size = min(kernel.RUNS_AT_ONCE, -(-len(loops) // workers))
-    blocks = [slice(first, first + size) for first in range(0, len(loops), size)]
-
-    def job(number: int) -> None:
-        block = blocks[number]
-        no_samples = np.empty((len(loops[block]), 0, kernel.SIZE))
-        totals = table.totals[block]
-        ends = integrate_loops(kernel, loops[block], grid, tolerance, no_samples, totals)
-        table.status[block] = ends.status
-        table.reached[block] = ends.reached
-        table.steps[block] = ends.counts[:, 0]
-
-    share_out(len(blocks), workers, job)
-    states, _, _, errors, _, _ = split_columns(kernel, table.totals[:, kernel.N_MEASURES :])
-    return _ensemble(kernel, loops[0].system, table, table.reached, states, errors)
+    totals = np.zeros((len(loops), kernel.N_TOTALS))
+    no_samples = np.empty((len(loops), 0, kernel.SIZE))
+    ends = integrate_loops(kernel, loops, grid, tolerance, no_samples, totals)
+    states, _, _, errors, _, _ = split_columns(kernel, totals[:, kernel.N_MEASURES :])
+    measured = _measures(kernel, loops[0].system, totals, ends.reached, ends.reached)
+    of_runs = (ends.status, ends.reached, states, errors)
+    return Ensemble(loops[0].system, *of_runs, *measured, ends.counts[:, 0])
 
 
 def simulate_sampled_ensemble(
     loops: Sequence[ClosedLoop],
     duration: float,
     samplings: Sequence[Sampling],
-    workers: int = 1,
 ) -> Ensemble:
     """Simulate many sampled loops, each as `simulate_sampled` does.
 
     Measures are taken at the samples: means over all of them, peaks and settling times among them.
     States and tracking error are the true ones, the inputs those that the plant received.
     """
-    _check(loops, workers)
+    _check(loops)
     if len(samplings) != len(loops):
         raise SettingError("samplings", f"there are {len(samplings)} for {len(loops)} loops")
     grids = [SampleGrid(duration, sampling.sample_time) for sampling in samplings]
     kernel = sampled_kernel(loops[0].declaration)
-    table = _Table.of(len(loops), kernel.N_MEASURES)
+    totals = np.zeros((len(loops), kernel.N_MEASURES))
     record = np.full((len(loops), kernel.N_RECORD), np.nan)
-
-    def job(place: int) -> None:
-        sampling = samplings[place]
-        totals, row = table.totals[place], record[place : place + 1]
+    status, steps = (np.zeros(len(loops), dtype=np.int64) for _ in range(2))
+    for place, (loop, sampling) in enumerate(zip(loops, samplings, strict=True)):
+        own, row = totals[place], record[place : place + 1]
         try:
-            end = run_sampled(kernel, loops[place], sampling, grids[place], row, totals)
+            end = run_sampled(kernel, loop, sampling, grids[place], row, own)
+            status[place], steps[place] = end.status, end.samples
         except SimulationError:
-            table.status[place] = STATUS.index("step too small")
-            totals[:] = np.nan
-            return
-        table.status[place] = end.status
-        table.reached[place] = (end.samples - 1) * sampling.sample_time
-        table.steps[place] = end.samples
-
-    share_out(len(loops), workers, job)
+            status[place] = STATUS.index("step too small")
+            own[:] = np.nan
+    reached = np.maximum(steps - 1, 0) * [sampling.sample_time for sampling in samplings]
     states, _, _, errors, _, _ = split_columns(kernel, record)
-    return _ensemble(kernel, loops[0].system, table, table.steps, states, errors)
+    measured = _measures(kernel, loops[0].system, totals, reached, steps)
+    return Ensemble(loops[0].system, status, reached, states, errors, *measured, steps)
 
 
-def _check(loops: Sequence[ClosedLoop], workers: int) -> None:
+def _check(loops: Sequence[ClosedLoop]) -> None:
     if not loops:
         raise SettingError("loops", "the list is empty: give at least one")
-    if workers < 1:
-        raise SettingError("workers", f"{workers!r} must be at least 1")
     declarations = {id(loop.declaration): loop.declaration for loop in loops}  # most are one
     if len({one.digests for one in declarations.values()}) > 1:
         raise SettingError(
@@ -177,33 +128,26 @@ def _check(loops: Sequence[ClosedLoop], workers: int) -> None:
         )
 
 
-def _ensemble(
+def _measures(
     kernel: ModuleType,
     system: ParametricSystem,
-    table: _Table,
-    weights: FloatArray | NDArray[np.int64],
-    states: FloatArray,
-    errors: FloatArray,
-) -> Ensemble:
-    """Turn totals into measures; weights are what the sums over time are divided by."""
-    totals, n = table.totals, kernel.N_COEFFICIENTS
+    totals: FloatArray,
+    reached: FloatArray,
+    weights: FloatArray | NDArray[np.int64],  # what the sums over time are divided by
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Settling times, tracking errors, inputs and excitation, as an ensemble has them."""
+    n = kernel.N_COEFFICIENTS
     unsettled = totals[:, kernel.UNSETTLED : kernel.GRAM]
     gram = totals[:, kernel.GRAM : kernel.N_MEASURES].reshape(-1, n, n)
     with np.errstate(all="ignore"):  # a run given up at once, or beyond all numbers
         rms = np.sqrt(totals[:, 0] / weights)
         excitation = [_conditions(gram[:, part, part]) for _, part in system.row_slices()]
-    return Ensemble(
-        system,
-        table.status,
-        table.reached,
-        states,
-        errors,
-        np.where(unsettled < table.reached[:, np.newaxis], unsettled, np.nan),
+    return (
+        np.where(unsettled < reached[:, np.newaxis], unsettled, np.nan),
         rms,
         totals[:, 1].copy(),
         totals[:, kernel.PEAKS : kernel.UNSETTLED].copy(),
         np.stack(excitation, axis=1),
-        table.steps,
     )
 
 

@@ -59,13 +59,12 @@ def play(
     start: FloatArray,  # (n_states,), state at the first sample
     command: Command,
     sample_time: float,
-    tracked: int = 2,
 ) -> tuple[FloatArray, FloatArray]:
     """States (n, n_states) and first inputs (n,) of a system that plays a command."""
     u = np.zeros((len(command.torque), len(system.inputs)))
     still = u[0].copy()
     u[:, 0] = command.torque
-    loop = (tracked, command.reference, command.gains)
+    loop = (2, command.reference, command.gains)  # the motor follows
     states, written = _run(system, coefficients, start, u, still, sample_time, True, loop)
     if written < len(states):
         raise SimulationError("the motion grows beyond all bounds", written * sample_time)

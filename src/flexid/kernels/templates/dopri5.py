@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.run_status import *
 
 
-RUNS_AT_ONCE = 8 * LANES  # so that few lanes stand idle while the last ones end
-
-
 @njit(cache=True, error_model="numpy", forceinline=True)
 def rate(stage, i, lane):
     """Where the rates of a stage are, of which there are seven."""

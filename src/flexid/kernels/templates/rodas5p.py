@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.run_status import *
 
 
-RUNS_AT_ONCE = 1  # they share nothing
-
 # Tables: formatted, each number would have a line of its own.
 # fmt: off
 RODAS_GAMMA = 0.21193756319429014
