@@ -18,7 +18,7 @@ from flexid.report.chart import (
     kept_samples,
     whole_decades,
 )
-from flexid.report.figure import COLOURS, NARROW, draw, laid_out
+from flexid.report.figure import COLOURS, NARROW, draw, drawn_once
 from flexid.report.svg import chart_html, chart_svg
 
 X = np.array([1.0, 10.0, 100.0])
@@ -168,7 +168,7 @@ def test_whole_decades_hold_the_values():
 def test_a_page_draws_the_same_line(width):
     """Assert that the points of a line in SVG are where Matplotlib has them, to a tenth."""
     made = chart(panel(Line("", X, X**0.5), y=Axis("size", logarithmic=True)))
-    figure = laid_out(made, width)
+    figure = drawn_once(made, width)
     (ax,) = figure.axes
     pixels = ax.transData.transform(np.column_stack([X, X**0.5])) * 72.0 / figure.dpi
     pixels[:, 1] = 72.0 * figure.get_figheight() - pixels[:, 1]
@@ -194,6 +194,6 @@ def test_a_narrow_figure_has_one_panel_in_a_row():
     """Assert that panels that stand beside each other stand below each other there."""
     line = Line("", X, X)
     made = chart(panel(line, span=2), panel(line), panel(line), columns=2)
-    boxes = [ax.get_position() for ax in laid_out(made, NARROW).axes]
+    boxes = [ax.get_position() for ax in drawn_once(made, NARROW).axes]
     assert [box.x0 for box in boxes] == pytest.approx([boxes[0].x0] * 3)
     assert boxes[0].y0 > boxes[1].y1 > boxes[2].y1

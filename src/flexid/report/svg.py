@@ -17,7 +17,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 
 from flexid.report.chart import Chart
-from flexid.report.figure import COLOURS, GRID, NARROW, STYLE, WIDTH, laid_out
+from flexid.report.figure import COLOURS, GRID, NARROW, STYLE, WIDTH, drawn_once
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
@@ -37,7 +37,7 @@ _COMMAND = re.compile(r"\s*([MLCQz]|$)\s*")
 
 def chart_svg(chart: Chart, width: float = WIDTH) -> str:
     """An ``<svg>`` element without the chart's title, in which text is text."""
-    figure = laid_out(chart, width)
+    figure = drawn_once(chart, width)
     canvas, (title, *_) = figure.canvas, figure.texts
     title.set_visible(False)
     own: dict[RcKeyType, Any] = {"svg.fonttype": "none", "svg.hashsalt": f"{chart.name} {width}"}
