@@ -1,10 +1,19 @@
 """Arguments that a function does not take: one sentence with what would be right."""
 
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any
+
 import pytest
 
 import flexid
+from flexid.cli.commands import COMMANDS
 from flexid.errors import ArgumentError, SettingError
-from flexid.library.arguments import joint_settings
+from flexid.library.arguments import _CONVERTED, _TYPES, entrance, joint_settings
+
+if TYPE_CHECKING:
+    from flexid.library.arguments import AutoNumber, Bounds, Known, Terms
 
 
 def call(name, *arguments, **options):
@@ -18,7 +27,10 @@ UNTAKEN = {
     "of the excitation": (call("excitation", "a.csv", hould="zero"), r"mean hold\?"),
     "missing": (call("identify"), "logs is missing"),
     "progress": (call("identify", "a.csv", progress=3), "progress is an int.*print"),
-    "exported": (call("export", 3, to="mjcf", out="b"), "export: what is an int.*an estimate"),
+    "exported": (
+        call("export", 3, to="mjcf", out="b"),
+        "what is an int.*JointEstimate.*path",
+    ),
     "one too many": (call("identify", "a.csv", "b.csv"), "takes logs; write options by name"),
     "twice": (call("identify", "a.csv", logs="b.csv"), "logs"),
     "no names": (call("reproduce", 3), "nothing"),
@@ -35,8 +47,8 @@ UNTAKEN = {
     "columns": (call("identify", "a.csv", columns=["t"]), "a list.*path.*mapping"),
     "stream": (call("identify", {"time": []}, stream=True), "path of one Parquet"),
     "load": (call("load", None), "None.*path"),
-    "estimate": (call("validate", 3, "a.csv"), "an int.*flexid.identify"),
-    "compared": (call("compare", 3, "a.json"), "a is an int.*flexid.identify"),
+    "estimate": (call("validate", 3, "a.csv"), "an int.*JointEstimate.*path"),
+    "compared": (call("compare", 3, "a.json"), "a is an int.*JointEstimate"),
     "compared with nothing": (call("compare", "a.json"), "b"),
     "model": (call("derive", 3), "an int.*path"),
     "drive": (call("design", {}), "a dict.*path"),
@@ -50,7 +62,7 @@ UNTAKEN = {
     "no sample time": (call("watch"), "sample_time is missing"),
     "sample time": (call("watch", sample_time="fast"), "sample_time is a str"),
     "watched terms": (call("watch", sample_time=1e-3, terms=3), "terms"),
-    "source": (call("watch", source=3), "source is an int: give a path"),
+    "source": (call("watch", source=3), "source is an int: give text or a path"),
     "watched known": (call("watch", sample_time=1e-3, known=3), "known is an int"),
     "held against": (call("watch", sample_time=1e-3, estimate=3), "estimate is an int"),
     "filter": (call("watch", sample_time=1e-3, filter=3), "did you mean filter_rate"),
@@ -66,6 +78,15 @@ def test_wrong_calls_are_one_sentence(case):
     assert isinstance(caught.value, TypeError)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(f"{caught.value.function}: ")
+
+
+@pytest.mark.parametrize("name", [command.name for command in COMMANDS if not command.own])
+def test_every_type_is_checked(name):
+    """Assert that what a function declares is known to what checks arguments."""
+    for parameter in inspect.signature(getattr(flexid, name)).parameters.values():
+        kind = str(parameter.annotation).removesuffix(" | None")
+        known = kind in _CONVERTED or kind.startswith("Literal") or kind in ("bool", "Thresholds")
+        assert known or {*kind.split(" | ")} & {*_TYPES}, parameter
 
 
 UNUSABLE = {
@@ -96,16 +117,19 @@ def test_options_mean_what_the_commands_mean():
     class Uncertain:
         nominal_value, std_dev = 0.3, 0.01
 
-    settings = joint_settings(
-        "identify",
-        known={"alpha1": 3, "motor_inertia": Uncertain(), "theta1": (5.0, 0.1)},
+    @entrance
+    def options(known: Known, bounds: Bounds, terms: Terms, input_delay: AutoNumber):
+        return joint_settings(known=known, bounds=bounds, terms=terms, input_delay=input_delay)
+
+    known: dict[str, Any] = {"alpha1": 3, "motor_inertia": Uncertain(), "theta1": (5.0, 0.1)}
+    settings = options(
+        known=known,
         bounds={"theta2": (50, None), "alpha2": (None, 2.0)},
         terms="gravity, motor_viscous,gravity",
         input_delay=0,
-        link_delay="auto",
     )
     assert settings.known == {"alpha1": 3.0, "motor_inertia": 0.3, "theta1": 5.0}
     assert settings.known_deviations == {"motor_inertia": 0.01, "theta1": 0.1}
     assert settings.bounds == {"theta2": (50.0, float("inf")), "alpha2": (-float("inf"), 2.0)}
     assert settings.terms == ("gravity", "motor_viscous")
-    assert (settings.input_delay, settings.link_delay) == (0.0, "auto")
+    assert settings.input_delay == 0.0

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pytest
 
 import flexid
-from flexid.errors import ArgumentError, RecordingError
+from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.logs import all_logs
 
 NAMES = ("time [s]", "link_position [deg]", "motor_position [rad]", "motor_torque [N m]")
@@ -86,7 +86,7 @@ def test_a_log_is_taken_as_it_is(arrays):
     (recording,) = log.recordings
     alone = flexid.read_log(recording)
     assert alone.recordings == (recording,)
-    assert all_logs("f", [log, recording, arrays], None)[0] is log
+    assert all_logs([log, recording, arrays], None)[0] is log
 
 
 def test_samples_are_those_of_the_log(arrays):
@@ -113,7 +113,7 @@ def test_what_holds_no_log_is_refused(case):
     """Assert that the answer says what was given, and what a log may be; it is a TypeError too."""
     given, said = BAD[case]
     with pytest.raises(ArgumentError, match=said) as caught:
-        all_logs("identify", given, None)
+        flexid.identify(given)
     assert isinstance(caught.value, TypeError)
     assert "data frame" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -153,5 +153,5 @@ def test_what_is_no_log_inside_is_refused(case):
 def test_a_map_for_what_was_read_is_refused(arrays, tmp_path):
     """Assert that a column map is not ignored in silence."""
     log = flexid.read_log(arrays)
-    with pytest.raises(ArgumentError, match="columns"):
+    with pytest.raises(SettingError, match="columns"):
         flexid.read_log(log, columns=tmp_path / "map.toml")

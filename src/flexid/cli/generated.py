@@ -14,7 +14,7 @@ import re
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from enum import IntEnum
 from importlib import import_module
@@ -54,16 +54,11 @@ class ExitStatus(IntEnum):
     """An error of flexid itself, as in sysexits.h; what is printed says how to report it."""
 
 
-@contextmanager
-def output(out: Path | None) -> Iterator[Path | None]:
+def output(out: Path | None) -> AbstractContextManager[Path | None]:
     """Directory whose files appear when all are written; none if none is wanted."""
-    if out is None:
-        yield None
-        return
     from flexid.files import output_directory
 
-    with output_directory(out) as directory:
-        yield directory
+    return nullcontext() if out is None else output_directory(out)
 
 
 def hand_over(

@@ -1,5 +1,7 @@
 """What all answers have in common: text, a page of a notebook, a document, figures, files."""
 
+from __future__ import annotations
+
 import base64
 import io
 import json
@@ -8,17 +10,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from importlib import import_module
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.arrays import to_json
-from flexid.library.arguments import as_path
+from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from flexid.library.arguments import FilePath
     from flexid.report.chart import Chart
     from flexid.report.page import Page, Presenter
     from flexid.report.terminal import Part
@@ -41,7 +43,7 @@ class Answer:
         self.result = result  # what was found
 
     @property
-    def _presenter(self) -> "Presenter":
+    def _presenter(self) -> Presenter:
         return import_module(f"flexid.report.{self._report}").PRESENTER
 
     @property
@@ -49,11 +51,11 @@ class Answer:
         """What the presenter takes."""
         return (self.result,)
 
-    def _parts(self) -> "Iterable[Part]":
+    def _parts(self) -> Iterable[Part]:
         """Tables and sentences of the answer."""
         return self._presenter.parts(*self._shown)
 
-    def _evidence(self) -> "Iterable[Part]":
+    def _evidence(self) -> Iterable[Part]:
         """What the choices rest on, for ``--explain``."""
         return self._presenter.evidence(*self._shown)
 
@@ -61,17 +63,17 @@ class Answer:
         """Everything but the time series; numbers that JSON does not have may be in it."""
         return self._presenter.document(*self._shown)
 
-    def _charts(self) -> "Sequence[Chart]":
+    def _charts(self) -> Sequence[Chart]:
         """Figures, the most important one first."""
         return self._presenter.charts(*self._shown)
 
-    def _page(self, command: str = "", out: str = "") -> "Page | None":
+    def _page(self, command: str = "", out: str = "") -> Page | None:
         """A page to send; `command` repeats the answer, whose files are in `out`."""
         page = self._presenter.page
         return None if page is None else page(*self._shown, self._drawn, command, out)
 
     @cached_property
-    def _drawn(self) -> "Sequence[Chart]":
+    def _drawn(self) -> Sequence[Chart]:
         """The figures, made once for files, page and notebook."""
         return self._charts()
 
@@ -89,7 +91,8 @@ class Answer:
         """The answer as text: what the command of the same name prints."""
         return as_text(self._parts())
 
-    def save(self, path: "str | PathLike[str]") -> None:
+    @entrance
+    def save(self, path: FilePath) -> None:
         """Write the document as JSON.
 
         Parameters
@@ -99,9 +102,10 @@ class Answer:
         """
         from flexid.files import write_document
 
-        write_document(as_path("save", "path", path), to_json(self.document))
+        write_document(Path(path), to_json(self.document))
 
-    def save_figures(self, directory: "str | PathLike[str]") -> None:
+    @entrance
+    def save_figures(self, directory: FilePath) -> None:
         """Write the figures that the command writes with ``--out``.
 
         Parameters
@@ -112,7 +116,7 @@ class Answer:
         from flexid.files import output_directory
         from flexid.report.figure import save_charts
 
-        with output_directory(as_path("save_figures", "directory", directory)) as files:
+        with output_directory(Path(directory)) as files:
             save_charts(self._drawn, files, self._formats)
 
     def _write_files(self, directory: Path, command: str, out: str, *, csv: bool) -> None:
@@ -146,7 +150,7 @@ class Answer:
             shown = f'<img src="data:image/png;base64,{encoded}"/>'
         return "".join((text, *warnings, shown))
 
-    def _leading_figure(self) -> "Figure | None":
+    def _leading_figure(self) -> Figure | None:
         """The figure that a notebook shows."""
         from flexid.report.figure import draw
 
@@ -156,7 +160,8 @@ class Answer:
 class ReportedAnswer(Answer):
     """An answer that has a page to send."""
 
-    def report(self, path: "str | PathLike[str]") -> None:
+    @entrance
+    def report(self, path: FilePath) -> None:
         """Write a page to send: one HTML file with the answer, its tables and all figures.
 
         Figures of time series are left out where there are none, as in a loaded estimate.
@@ -171,7 +176,7 @@ class ReportedAnswer(Answer):
 
         page = self._page()
         assert page is not None
-        write_document(as_path("report", "path", path), page_html(page))
+        write_document(Path(path), page_html(page))
 
 
 class TabularAnswer(Answer):
@@ -195,7 +200,7 @@ class TabularAnswer(Answer):
 class PlottedAnswer(Answer):
     """An answer with one figure."""
 
-    def plot(self, ax: "Axes | None" = None) -> "Figure":
+    def plot(self, ax: Axes | None = None) -> Figure:
         """The figure that the command writes with ``--out``.
 
         Parameters
@@ -208,7 +213,7 @@ class PlottedAnswer(Answer):
         return draw(self._drawn[0], ax=ax)
 
 
-def as_text(parts: "Iterable[Part]") -> str:
+def as_text(parts: Iterable[Part]) -> str:
     """Tables and sentences as lines of text, without colour."""
     from flexid.report.terminal import laid_out
 

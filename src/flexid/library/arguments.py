@@ -1,4 +1,9 @@
-"""Arguments of the library's functions: refused in a sentence, or converted; and one thread."""
+"""Arguments of the library's functions: refused in a sentence, or converted; and one thread.
+
+An annotation says what an argument may be: `entrance` checks each by the name of its type.
+"""
+
+from __future__ import annotations
 
 import inspect
 import math
@@ -9,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from numbers import Real
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypedDict, TypeVar
 
 from flexid.errors import ArgumentError, did_you_mean
@@ -21,10 +25,11 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
     from flexid.identification.preparation.joint import Kind
     from flexid.identification.preparation.settings import Settings
-    from flexid.identification.result.identification import Identification
     from flexid.recording.recording import Hold
     from flexid.streaming.options import StreamChannels
 
+    FilePath: TypeAlias = str | os.PathLike[str]
+    """Where a file is."""
     Known: TypeAlias = Mapping[str, float | tuple[float, float]]
     """Values by name, alone or with their standard deviation."""
     Bounds: TypeAlias = Mapping[str, tuple[float | None, float | None]]
@@ -58,8 +63,15 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
+class _UnfitError(Exception):
+    """An argument, or a part of it, is not what its type says."""
+
+    def __init__(self, reason: str, part: str = "") -> None:
+        self.reason, self.part = reason, part
+
+
 def entrance(function: Callable[P, R]) -> Callable[P, R]:
-    """Make a function answer arguments that it does not have in a sentence."""
+    """Make a function convert its arguments, and refuse those that it does not take."""
     signature = inspect.signature(function)
     name = function.__name__
 
@@ -71,17 +83,38 @@ def entrance(function: Callable[P, R]) -> Callable[P, R]:
                     name, keyword, f"is no option{did_you_mean(keyword, signature.parameters)}"
                 )
         try:
-            signature.bind(*args, **kwargs)
+            given = signature.bind(*args, **kwargs)
         except TypeError as error:
             raise _refused(name, signature, len(args), str(error)) from None
-        progress = kwargs.get("progress")
-        if progress is not None and not callable(progress):
-            raise ArgumentError(
-                name, "progress", f"is {kind_of(progress)}: give a function, such as print"
-            )
-        return function(*args, **kwargs)
+        for argument, value in given.arguments.items():
+            try:
+                given.arguments[argument] = _as_declared(signature.parameters[argument], value)
+            except _UnfitError as unfit:
+                raise ArgumentError(name, f"{argument}{unfit.part}", unfit.reason) from None
+        return function(*given.args, **given.kwargs)
 
     return checked
+
+
+def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
+    """A value as the annotation of its parameter has it."""
+    declared = str(parameter.annotation)
+    kind = declared.removesuffix(" | None")
+    if value is None and (kind != declared or parameter.default is None):
+        return None
+    if kind in _CONVERTED:
+        return _CONVERTED[kind](value)
+    kinds = ["str"] if kind.startswith("Literal") else kind.split(" | ")
+    own = {base.__name__ for base in type(value).__mro__}
+    if {*kinds} & {*_TYPES} and not {*kinds} & own:
+        known = [_TYPES.get(each, ((), f"a {each}")) for each in kinds]
+        _check(value, tuple(types for types, _ in known), " or ".join(words for _, words in known))
+    return value
+
+
+def _check(value: Any, types: Any, wanted: str, part: str = "") -> None:
+    if isinstance(value, bool) or not isinstance(value, types):
+        raise _UnfitError(f"is {kind_of(value)}: give {wanted}", part)
 
 
 def _refused(name: str, signature: inspect.Signature, given: int, reason: str) -> ArgumentError:
@@ -98,15 +131,6 @@ def _refused(name: str, signature: inspect.Signature, given: int, reason: str) -
     return ArgumentError(name, "arguments", reason)
 
 
-def as_path(function: str, argument: str, value: Any) -> Path:
-    """A path, if it is one; else an `ArgumentError`."""
-    if isinstance(value, str | os.PathLike):
-        text = os.fspath(value)
-        if isinstance(text, str):
-            return Path(text)
-    raise ArgumentError(function, argument, f"is {kind_of(value)}: give a path")
-
-
 def kind_of(value: object) -> str:
     """What a value is, with its article."""
     if value is None:
@@ -117,7 +141,7 @@ def kind_of(value: object) -> str:
 
 _LOCK = threading.Lock()
 _active = 0
-_limits: "threadpool_limits | None" = None
+_limits: threadpool_limits | None = None
 
 
 @contextmanager
@@ -178,120 +202,144 @@ def _entries(function: Callable[..., object]) -> dict[str, str]:
     return {} if section is None else {m[1]: m[0] for m in _ENTRY.finditer(section[0])}
 
 
-def joint_settings(function: str, *, known: Any = None, **options: Any) -> "Settings":
+def joint_settings(
+    *, known: Known | None = None, bounds: Bounds | None = None, **options: Any
+) -> Settings:
     """Settings of an identification; what is not given is as usual."""
     from flexid.identification.preparation.settings import Settings
 
-    values, deviations = as_known(function, known)
-    chosen = {
-        name: _CONVERSIONS.get(name, _auto_number)(function, name, value)
-        for name, value in options.items()
-    }
-    return Settings(known=values, known_deviations=deviations, **chosen)
+    values, deviations = with_deviations(known)
+    found: Any = bounds or {}  # converted, without None
+    return Settings(known=values, known_deviations=deviations, bounds=found, **options)
 
 
-def _name(function: str, argument: str, value: Any) -> str:
-    """A name, which `Settings` checks."""
-    if not isinstance(value, str):
-        example = "link" if argument == "model" else "zero"
-        said = f"is {kind_of(value)}: give a name such as {example!r}"
-        raise ArgumentError(function, argument, said)
-    if argument == "model":
-        refuse_arm_file(value)
+def with_deviations(known: Known | None) -> tuple[dict[str, float], dict[str, float]]:
+    """Values by name, and the standard deviations of those that have one."""
+    pairs = {name: v if isinstance(v, tuple) else (v,) for name, v in (known or {}).items()}
+    values = {name: pair[0] for name, pair in pairs.items()}
+    return values, {name: pair[1] for name, pair in pairs.items() if len(pair) > 1}
+
+
+def _model(value: Any) -> str:
+    _check(value, str, "a name such as 'link'")
+    refuse_arm_file(value)
     return value
 
 
-def as_number(function: str, argument: str, value: Any) -> float:
-    """A real number, if it is one; else an `ArgumentError`."""
-    if not isinstance(value, Real) or isinstance(value, bool):
-        raise ArgumentError(function, argument, f"is {kind_of(value)}: give a number")
+def _number(value: Any, part: str = "") -> float:
+    _check(value, Real, "a number", part)
     return float(value)
 
 
-def as_mapping(function: str, argument: str, value: Any, example: str) -> Mapping[str, Any]:
-    """A mapping by names, empty for None; else an `ArgumentError`."""
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping):
-        raise ArgumentError(
-            function, argument, f"is {kind_of(value)}: give a mapping such as {example}"
-        )
-    for name in value:
-        if not isinstance(name, str):
-            raise ArgumentError(
-                function, argument, f"has the key {name!r}: give names, as in {example}"
-            )
-    return value
-
-
-def _auto_number(function: str, argument: str, value: Any) -> Any:
+def _auto_number(value: Any) -> Any:
     if isinstance(value, str):
         if value == "auto":
             return value
-        raise ArgumentError(function, argument, f"is {value!r}: give a number, or 'auto'")
-    return as_number(function, argument, value)
+        raise _UnfitError(f"is {value!r}: give a number, or 'auto'")
+    return _number(value)
 
 
-def _terms(function: str, _argument: str, terms: Any) -> Any:
-    return terms if isinstance(terms, str) and terms == "auto" else as_names(function, terms)
+def _mapping(value: Any, example: str) -> Mapping[str, Any]:
+    """A mapping by names."""
+    _check(value, Mapping, f"a mapping such as {example}")
+    for name in value:
+        if not isinstance(name, str):
+            raise _UnfitError(f"has the key {name!r}: give names, as in {example}")
+    return value
 
 
-def as_names(function: str, terms: Any) -> tuple[str, ...]:
+def _numbers(value: Any) -> dict[str, float]:
+    found = _mapping(value, "{'controller.k': 30.0}")
+    return {name: _number(number, f"[{name!r}]") for name, number in found.items()}
+
+
+def _terms(value: Any) -> Any:
+    return value if isinstance(value, str) and value in ("auto", "usual") else _names(value)
+
+
+def _names(value: Any) -> tuple[str, ...]:
     """Names, each once, that stand between commas or one by one."""
-    if isinstance(terms, str):
-        return tuple(dict.fromkeys(name.strip() for name in terms.split(",") if name.strip()))
-    names = tuple(terms) if isinstance(terms, Iterable) else (terms,)
+    if isinstance(value, str):
+        value = [name.strip() for name in value.split(",") if name.strip()]
+    names = tuple(value) if isinstance(value, Iterable) else (value,)
     wrong = [name for name in names if not isinstance(name, str)]
     if wrong:
-        said = f"holds {kind_of(wrong[0])}: give names, such as ['gravity'], or 'auto'"
-        raise ArgumentError(function, "terms", said)
+        raise _UnfitError(f"holds {kind_of(wrong[0])}: give names, such as ['gravity'], or 'auto'")
     return tuple(dict.fromkeys(names))
 
 
-def as_known(function: str, known: Any) -> tuple[dict[str, float], dict[str, float]]:
-    """Values by name, and the standard deviations of those that have one."""
+def _known(value: Any) -> dict[str, float | tuple[float, float]]:
     example = "{'motor_inertia': 0.3} or {'motor_inertia': (0.3, 0.01)}"
-    values: dict[str, float] = {}
-    deviations: dict[str, float] = {}
-    for name, value in as_mapping(function, "known", known, example).items():
-        pair = (value.nominal_value, value.std_dev) if hasattr(value, "nominal_value") else value
-        if not isinstance(pair, list | tuple):
-            pair = (pair,)
+    found: dict[str, float | tuple[float, float]] = {}
+    for name, given in _mapping(value, example).items():
+        pair = (given.nominal_value, given.std_dev) if hasattr(given, "nominal_value") else given
+        pair = pair if isinstance(pair, list | tuple) else (pair,)
+        part = f"[{name!r}]"
         if len(pair) not in (1, 2):
-            raise ArgumentError(
-                function, f"known[{name!r}]", "is neither a value nor (value, standard deviation)"
-            )
-        numbers = [as_number(function, f"known[{name!r}]", number) for number in pair]
-        values[name] = numbers[0]
-        if len(numbers) == 2:
-            deviations[name] = numbers[1]
-    return values, deviations
+            raise _UnfitError("is neither a value nor (value, standard deviation)", part)
+        number, *deviation = (_number(each, part) for each in pair)
+        found[name] = (number, deviation[0]) if deviation else number
+    return found
 
 
-def _bounds(function: str, _argument: str, bounds: Any) -> dict[str, tuple[float, float]]:
-    example = "{'theta2': (50, 200), 'alpha2': (0, None)}"
+def _bounds(value: Any) -> dict[str, tuple[float, float]]:
     found = {}
-    for name, ends in as_mapping(function, "bounds", bounds, example).items():
+    for name, ends in _mapping(value, "{'theta2': (50, 200), 'alpha2': (0, None)}").items():
+        part = f"[{name!r}]"
         if not isinstance(ends, list | tuple) or len(ends) != 2:
-            raise ArgumentError(
-                function, f"bounds[{name!r}]", "is no pair (lower, upper): None where there is none"
-            )
+            raise _UnfitError("is no pair (lower, upper): None where there is none", part)
         lower, upper = (
-            infinite if end is None else as_number(function, f"bounds[{name!r}]", end)
+            infinite if end is None else _number(end, part)
             for end, infinite in zip(ends, (-math.inf, math.inf), strict=True)
         )
         found[name] = (lower, upper)
     return found
 
 
-_CONVERSIONS = {
-    "model": _name,
-    "hold": _name,
-    "terms": _terms,
-    "bounds": _bounds,
-    "validation_share": as_number,
+def _logs(value: Any) -> Any:
+    if not isinstance(value, list | tuple):
+        return _log(value)
+    if not value:
+        raise _UnfitError(f"is an empty list: give {_LOG}")
+    return [*map(_log, value)]
+
+
+def _log(value: Any) -> Any:
+    from flexid.recording.frame import is_frame
+    from flexid.recording.recording import Log, Recording
+
+    if not is_frame(value):
+        _check(value, (str, os.PathLike, Mapping, Log, Recording), _LOG)
+    return value
+
+
+_LOG = "a path, a data frame, a mapping of arrays, a Log, or a list of these"
+_PATH = (str, os.PathLike)
+_CONVERTED: Mapping[str, Callable[[Any], Any]] = {
+    "AutoModel": _model,
+    "AutoNumber": _auto_number,
+    "Bounds": _bounds,
+    "Iterable[str]": _names,
+    "Known": _known,
+    "Logs": _logs,
+    "Mapping[str, float]": _numbers,
+    "OneLog": _log,
+    "Terms": _terms,
 }
-"""Of the options that are no number or "auto"."""
+"""What converts an argument, by its annotation."""
+
+_TYPES: Mapping[str, tuple[Any, str]] = {
+    "AutoHold": (str, "a name such as 'zero'"),
+    "Callable[[int, int], None]": (Callable, "a function"),
+    "Columns": ((*_PATH, Mapping), "the path of a column map, or a mapping of channels to columns"),
+    "FilePath": (_PATH, "a path"),
+    "Mapping[str, Any]": (Mapping, "the content of an estimate.json"),
+    "Progress": (Callable, "a function, such as print"),
+    "float": (Real, "a number"),
+    "int": (int, "a whole number"),
+    "str": (str, "text"),
+}
+"""What an argument may be, by its annotation or a part of that, and in words."""
 
 
 _CHANNELS = {
@@ -301,7 +349,7 @@ _CHANNELS = {
 }
 
 
-def fed_channels(names: Sequence[str], kind: str) -> "StreamChannels":
+def fed_channels(names: Sequence[str], kind: str) -> StreamChannels:
     """What a session is fed, by the names of its channels; the kind is asked for, or "auto"."""
     from flexid.recording.channel import INPUTS, SI_UNITS
     from flexid.streaming.options import StreamChannels
@@ -326,7 +374,7 @@ def fed_channels(names: Sequence[str], kind: str) -> "StreamChannels":
     return StreamChannels(found, unit, links == ["deflection"], ())
 
 
-def as_samples(name: str, values: Any) -> "FloatArray":
+def as_samples(name: str, values: Any) -> FloatArray:
     """Numbers of a channel, shape (n,); an `ArgumentError` for what is none."""
     import numpy as np
 
@@ -336,16 +384,4 @@ def as_samples(name: str, values: Any) -> "FloatArray":
         raise ArgumentError("feed", name, f"is {kind_of(values)}: give numbers") from None
     if found.ndim != 1:
         raise ArgumentError("feed", name, f"has {found.ndim} dimensions: give one number a sample")
-    return found
-
-
-def as_comparable(estimate: Any) -> "Identification | None":
-    """What a stream is held against, if there is something."""
-    if estimate is None:
-        return None
-    from flexid.library.identify import estimated
-    from flexid.streaming.options import check_comparable
-
-    found = estimated("watch", "estimate", estimate).of_joint
-    check_comparable(found)
     return found

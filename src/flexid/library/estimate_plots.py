@@ -1,5 +1,7 @@
 """Figures of an identification and of a validation."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
@@ -9,6 +11,7 @@ from flexid.errors import SettingError
 from flexid.frequency.frequency_response import frequency_response
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
+from flexid.library.arguments import entrance
 from flexid.library.logs import all_recordings
 from flexid.report import validation
 from flexid.report.figure import draw
@@ -57,11 +60,12 @@ class EstimatePlots:
         """How well the motion tells the coefficients of each row apart."""
         return draw(excitation_chart(self._result), ax=ax)
 
+    @entrance
     def bode(
         self,
-        logs: "Logs | None" = None,
+        logs: Logs | None = None,
         *,
-        columns: "Columns | None" = None,
+        columns: Columns | None = None,
         position: float | None = None,
         level: float = CONFIDENCE,
         ax: Axes | None = None,
@@ -71,7 +75,7 @@ class EstimatePlots:
         Antiresonance and resonance are marked. The spectral estimate is that of the log that the
         estimate was made from, or of another; `JointEstimate.frequency_response` has the numbers.
         """
-        given = self._result.recordings if logs is None else all_recordings("bode", logs, columns)
+        given = self._result.recordings if logs is None else all_recordings(logs, columns)
         response = frequency_response(self._result, given, position=position, level=level)
         return draw(bode_chart(response), ax=ax)
 

@@ -1,28 +1,22 @@
 """What a log can say, and a motion that says more: `flexid.excitation` and `flexid.design`."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
-from flexid.errors import ArgumentError, SettingError
+from flexid.errors import SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import PlottedAnswer, TabularAnswer
-from flexid.library.arguments import (
-    as_number,
-    as_path,
-    entrance,
-    joint_settings,
-    kind_of,
-    one_thread,
-    options_of,
-)
+from flexid.library.arguments import entrance, joint_settings, one_thread, options_of
 from flexid.library.identify import estimated, identify
 
 if TYPE_CHECKING:
     from flexid.experiment_design.advice import Advice
     from flexid.experiment_design.design import Design
     from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
-    from flexid.library.arguments import JointOptions
+    from flexid.library.arguments import FilePath, JointOptions
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
 
@@ -33,22 +27,22 @@ class LogExcitation(PlottedAnswer):
     _report = "excitation"
     _file = "excitation.json"
 
-    result: "ExcitationReport"
+    result: ExcitationReport
 
     @property
-    def estimate(self) -> "JointEstimate":
+    def estimate(self) -> JointEstimate:
         """What `flexid.identify` finds in the log."""
         from flexid.library.joint_estimate import JointEstimate
 
         return JointEstimate(self.result.identification)
 
     @property
-    def coefficients(self) -> "Mapping[str, CoefficientAssessment]":
+    def coefficients(self) -> Mapping[str, CoefficientAssessment]:
         """By name: value, interval, verdict, and the coefficient that each is confused with."""
         return self.result.coefficients
 
     @property
-    def advice(self) -> "Advice | None":
+    def advice(self) -> Advice | None:
         """What to add to the input; None where every coefficient is determined."""
         return self.result.advice
 
@@ -77,11 +71,11 @@ class LogExcitation(PlottedAnswer):
 @one_thread()
 @options_of(identify, "stream", "thresholds")
 def excitation(
-    logs: "Logs",
+    logs: Logs,
     *,
-    columns: "Columns | None" = None,
+    columns: Columns | None = None,
     progress: Progress = silent,
-    **options: "Unpack[JointOptions]",
+    **options: Unpack[JointOptions],
 ) -> LogExcitation:
     """Say what a log determines, and what motion to add.
 
@@ -96,8 +90,8 @@ def excitation(
     from flexid.experiment_design.excitation_report import examine
     from flexid.library.logs import all_logs
 
-    settings = joint_settings("excitation", **options)
-    return LogExcitation(examine(all_logs("excitation", logs, columns), settings, progress))
+    read = all_logs(logs, columns)
+    return LogExcitation(examine(read, joint_settings(**options), progress))
 
 
 class ExperimentDesign(TabularAnswer, PlottedAnswer):
@@ -109,7 +103,7 @@ class ExperimentDesign(TabularAnswer, PlottedAnswer):
     _report = "design"
     _file = "design.json"
 
-    def __init__(self, result: "Design", warnings: tuple[str, ...] = ()) -> None:
+    def __init__(self, result: Design, warnings: tuple[str, ...] = ()) -> None:
         self.result = result
         self._warnings = warnings
 
@@ -145,12 +139,12 @@ class ExperimentDesign(TabularAnswer, PlottedAnswer):
 @entrance
 @one_thread()
 def design(
-    drive: "str | PathLike[str]",
+    drive: FilePath,
     *,
     kind: Literal["multisine", "trajectory"] | None = None,
     criterion: Literal["E", "D"] | None = None,
     duration: float | None = None,
-    estimate: "JointEstimate | str | PathLike[str] | None" = None,
+    estimate: JointEstimate | FilePath | Mapping[str, Any] | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> ExperimentDesign:
@@ -179,17 +173,10 @@ def design(
     from flexid.experiment_design.design import design as run
     from flexid.experiment_design.drive import read_drive
 
-    if isinstance(seed, bool) or not isinstance(seed, int):
-        raise ArgumentError("design", "seed", f"is {kind_of(seed)}: give a whole number")
     if seed < 0:
         raise SettingError("seed", "give a whole number, 0 or more")
-    given = {"kind": kind, "criterion": criterion}
-    for name, value in given.items():
-        if value is not None and not isinstance(value, str):
-            raise ArgumentError("design", name, f"is {kind_of(value)}: give a name")
+    given = {"kind": kind, "criterion": criterion, "duration": duration}
     choices: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    if duration is not None:
-        choices["duration"] = as_number("design", "duration", duration)
-    earlier = None if estimate is None else estimated("design", "estimate", estimate)
-    file = read_drive(as_path("design", "drive", drive), earlier, choices)
+    earlier = None if estimate is None else estimated(estimate)
+    file = read_drive(Path(drive), earlier, choices)
     return ExperimentDesign(run(file, seed, progress), file.warnings)

@@ -1,5 +1,7 @@
 """Models as equations, estimates as code for other tools: `flexid.derive`, `flexid.export`."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -8,8 +10,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from flexid.errors import ArgumentError, SettingError, did_you_mean
-from flexid.library.arguments import as_names, as_path, entrance, kind_of, one_thread
+from flexid.errors import SettingError, did_you_mean
+from flexid.library.arguments import entrance, one_thread
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from flexid.derivation.observer import SymbolicObserver
     from flexid.estimators.samples import Samples
     from flexid.exports.request import EstimatorSettings, ExportRequest
+    from flexid.library.arguments import FilePath
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, OneLog
 
@@ -29,7 +32,7 @@ class ObserverText(str):
 
     notes: tuple[str, ...]
 
-    def __new__(cls, text: str, notes: tuple[str, ...] = ()) -> "ObserverText":
+    def __new__(cls, text: str, notes: tuple[str, ...] = ()) -> ObserverText:
         """The text with its notes."""
         made = super().__new__(cls, text)
         made.notes = notes
@@ -38,7 +41,7 @@ class ObserverText(str):
 
 @entrance
 def derive(
-    model: "ParametricSystem | str | PathLike[str]",
+    model: ParametricSystem | FilePath,
     *,
     to: Literal["latex", "python", "c"] = "latex",
     terms: Iterable[str] | None = None,
@@ -76,7 +79,7 @@ def derive(
     return ObserverText(printers[to](observer), tuple(_notes(observer)))
 
 
-def _notes(observer: "SymbolicObserver") -> Iterator[str]:
+def _notes(observer: SymbolicObserver) -> Iterator[str]:
     if observer.quadratures:
         yield (
             f"no sound closed form for the immersion of {', '.join(observer.quadratures)}; "
@@ -97,9 +100,7 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
 
         # The equations hold for every value of a known beta1, which stays a symbol in them.
         known = None if unknown_input_gain else {"beta1": 1.0}
-        return flexible_joint(
-            PAPER_TERMS if terms is None else as_names("derive", terms), known=known
-        )
+        return flexible_joint(PAPER_TERMS if terms is None else tuple(terms), known=known)
     if terms is not None or unknown_input_gain:
         raise SettingError(
             "unknown-input-gain" if terms is None else "terms",
@@ -109,7 +110,7 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
         return model
     from flexid.models.model_file import read_model
 
-    return read_model(as_path("derive", "model", model))
+    return read_model(Path(model))
 
 
 class ExportedFiles(NamedTuple):
@@ -122,18 +123,18 @@ class ExportedFiles(NamedTuple):
 @entrance
 @one_thread()
 def export(
-    what: "JointEstimate | ParametricSystem | str | PathLike[str]",
+    what: JointEstimate | ParametricSystem | FilePath,
     *,
     to: Literal["c99", "mjcf", "fmu"],
-    out: "str | PathLike[str]",
+    out: FilePath,
     sample_time: float | None = None,
     hold: Literal["zero", "linear"] | None = None,
     velocities: bool = False,
     gain: Mapping[str, float] | None = None,
     filter_rate: float | None = None,
     memory: float | None = None,
-    log: "OneLog | None" = None,
-    columns: "Columns | None" = None,
+    log: OneLog | None = None,
+    columns: Columns | None = None,
     terms: Iterable[str] | None = None,
 ) -> ExportedFiles:
     """Write an estimate or a model as code or files for another tool.
@@ -196,7 +197,7 @@ def export(
         if to == "mjcf" and any(option is not None for option in options):
             raise SettingError(to, "of an arm takes no options but --out: leave the others out")
         write = partial(export_arm, to, meant)
-    with output_directory(as_path("export", "out", out)) as directory:
+    with output_directory(Path(out)) as directory:
         warnings = write(directory)
         names = sorted(path.name for path in directory.iterdir())
     return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
@@ -208,36 +209,28 @@ def what_is_meant(
     *,
     with_memory: bool = False,
     arms: bool = False,
-) -> "ExportRequest | ArmIdentification":
+) -> ExportRequest | ArmIdentification:
     """The model or the estimate that is meant; an arm is refused where there are to be none."""
     from flexid.exports.request import ExportRequest, request_of_identification
     from flexid.library.identify import estimated
     from flexid.library.joint_estimate import JointEstimate
 
-    path = None
-    if isinstance(what, str | PathLike) and what != _SHIPPED:
-        path = as_path("export", "what", what)
+    path = Path(what) if isinstance(what, str | PathLike) and what != _SHIPPED else None
     stored = path is not None and (path.suffix.lower() == ".json" or path.is_dir())
     if isinstance(what, JointEstimate) or stored:
-        found = estimated("export", "what", what)
+        found = estimated(what)
         if arms and found.result.model == "arm":
             return found.result
         return request_of_identification(found.of_joint, with_memory=with_memory)
-    if path is None and what != _SHIPPED and not isinstance(what, ParametricSystem):
-        raise ArgumentError(
-            "export",
-            "what",
-            f"is {kind_of(what)}: give an estimate, a model, or the path of one",
-        )
     return ExportRequest(declared(what, terms, unknown_input_gain=what == _SHIPPED))
 
 
 def estimator_settings(
-    request: "ExportRequest",
-    samples: "Samples | None",
+    request: ExportRequest,
+    samples: Samples | None,
     sample_time: float | None,
     given: Mapping[str, Any],
-) -> "EstimatorSettings | None":
+) -> EstimatorSettings | None:
     """Settings of the estimator: what is given, else as identified; None if none is meant."""
     from flexid.exports.request import EstimatorSettings
 
@@ -265,11 +258,11 @@ def estimator_settings(
     return EstimatorSettings(h, start=request.values, **(found | dict(given)))
 
 
-def _longest(log: Any, columns: Any, request: "ExportRequest") -> "Samples":
+def _longest(log: Any, columns: Any, request: ExportRequest) -> Samples:
     """Samples of a log's longest recording; raise if its input is not the estimate's."""
     from flexid.library.logs import one_log, samples
 
-    read = one_log("export", log, columns)
+    read = one_log(log, columns)
     unit = read.recordings[0].input_unit
     if request.identification is not None and request.identification.model != "link":
         (known,) = {request.units[name] for name in request.system.inputs}

@@ -1,5 +1,7 @@
 """The main job: `flexid.identify`, `flexid.load`, and estimates in every form that users give."""
 
+from __future__ import annotations
+
 import hashlib
 import os
 from collections.abc import Mapping
@@ -9,13 +11,21 @@ from typing import TYPE_CHECKING, Any
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import ReportedAnswer
-from flexid.library.arguments import as_path, entrance, joint_settings, kind_of, one_thread
+from flexid.library.arguments import entrance, joint_settings, one_thread
 
 if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification
     from flexid.identification.preparation.settings import Settings
     from flexid.identification.vocabulary.thresholds import Thresholds
-    from flexid.library.arguments import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
+    from flexid.library.arguments import (
+        AutoHold,
+        AutoModel,
+        AutoNumber,
+        Bounds,
+        FilePath,
+        Known,
+        Terms,
+    )
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
     from flexid.stored_estimates.estimate_file import StoredEstimate
@@ -24,24 +34,24 @@ if TYPE_CHECKING:
 @entrance
 @one_thread()
 def identify(
-    logs: "Logs",
+    logs: Logs,
     *,
-    columns: "Columns | None" = None,
-    known: "Known | None" = None,
-    bounds: "Bounds | None" = None,
-    model: "AutoModel" = "auto",
-    terms: "Terms" = "auto",
-    hold: "AutoHold" = "auto",
-    input_delay: "AutoNumber" = "auto",
-    link_delay: "AutoNumber" = "auto",
-    coulomb_velocity: "AutoNumber" = "auto",
-    filter_rate: "AutoNumber" = "auto",
-    segment_duration: "AutoNumber" = "auto",
+    columns: Columns | None = None,
+    known: Known | None = None,
+    bounds: Bounds | None = None,
+    model: AutoModel = "auto",
+    terms: Terms = "auto",
+    hold: AutoHold = "auto",
+    input_delay: AutoNumber = "auto",
+    link_delay: AutoNumber = "auto",
+    coulomb_velocity: AutoNumber = "auto",
+    filter_rate: AutoNumber = "auto",
+    segment_duration: AutoNumber = "auto",
     validation_share: float = 1 / 3,
     stream: bool = False,
-    thresholds: "Thresholds | None" = None,
+    thresholds: Thresholds | None = None,
     progress: Progress = silent,
-) -> "JointEstimate":
+) -> JointEstimate:
     """Find a drive's parameters, with intervals and verdicts.
 
     The logs are of one drive with an elastic joint: two encoders and the motor's torque, voltage or
@@ -57,7 +67,7 @@ def identify(
         ``"motor_position [deg]"``, ``"motor_torque [N m]"``.
     columns : path or mapping, optional
         A column map, which renames, scales and combines raw columns: a TOML file. Or what it would
-        hold, ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
+        hold, ``{"motor_position": {"column": pot_V, "scale": 35.32, "unit": "deg"}}``.
     known : mapping of str to float or (float, float), optional
         Physical parameters or coefficients that are known, with their standard deviation if they
         have one. For example ``{"motor_inertia": (0.3, 0.01)}``, or values of the package
@@ -103,7 +113,6 @@ def identify(
     from flexid.library.logs import all_logs
 
     settings = joint_settings(
-        "identify",
         known=known,
         bounds=bounds,
         model=model,
@@ -120,31 +129,25 @@ def identify(
         if thresholds is not None:
             raise SettingError("thresholds", "are not for a stream: leave them out")
         return JointEstimate(_streamed(logs, columns, settings, progress))
-    read = all_logs("identify", logs, columns)
+    read = all_logs(logs, columns)
     found = run(read, settings, progress, thresholds or THRESHOLDS)
     return JointEstimate(found, made_from=(read, settings))
 
 
-def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress) -> Any:
+def _streamed(logs: Any, columns: Any, settings: Settings, progress: Progress) -> Any:
     from flexid.library.logs import as_columns
     from flexid.streaming.whole_log import identify_stream
 
-    if isinstance(logs, list | tuple) and len(logs) == 1:
-        (logs,) = logs
-    if isinstance(logs, list | tuple):
+    several = logs if isinstance(logs, list) else [logs]
+    if len(several) > 1:
         raise SettingError("stream", "only one log can be streamed: name one Parquet file")
-    if not isinstance(logs, str | os.PathLike):
+    if not isinstance(several[0], str | os.PathLike):
         raise ArgumentError("identify", "logs", "is to be the path of one Parquet file to stream")
-    return identify_stream(
-        as_path("identify", "logs", logs),
-        as_columns("identify", columns),
-        settings,
-        progress,
-    )
+    return identify_stream(Path(several[0]), as_columns(columns), settings, progress)
 
 
 @entrance
-def load(path: "str | os.PathLike[str]") -> "JointEstimate":
+def load(path: FilePath) -> JointEstimate:
     """Read an estimate that was saved, by `JointEstimate.save` or by ``flexid identify --out``.
 
     It predicts and validates logs; the time series of the log that it was made from are not stored.
@@ -157,28 +160,19 @@ def load(path: "str | os.PathLike[str]") -> "JointEstimate":
     from flexid.library.joint_estimate import JointEstimate
     from flexid.stored_estimates.estimate_file import read_estimate
 
-    return JointEstimate(read_estimate(as_path("load", "path", path)).of_joint)
+    return JointEstimate(read_estimate(Path(path)).of_joint)
 
 
-def estimated(function: str, argument: str, estimate: Any) -> "StoredEstimate":
+def estimated(estimate: JointEstimate | FilePath | Mapping[str, Any]) -> StoredEstimate:
     """The estimate that is meant: what was identified, a file, or the content of one."""
     from flexid.arrays import to_json
     from flexid.library.joint_estimate import JointEstimate
     from flexid.stored_estimates.estimate_file import StoredEstimate, read_estimate
 
-    if isinstance(estimate, JointEstimate):
-        text = to_json(estimate._document())
-        return StoredEstimate(estimate.result, "", hashlib.sha256(text.encode()).hexdigest())
-    if isinstance(estimate, str | os.PathLike):
-        return read_estimate(as_path(function, argument, estimate))
-    if isinstance(estimate, Mapping):
-        return read_estimate(estimate)
-    raise ArgumentError(
-        function,
-        argument,
-        f"is {kind_of(estimate)}: give what flexid.identify returned, or the path of an "
-        f"estimate.json",
-    )
+    if not isinstance(estimate, JointEstimate):
+        return read_estimate(os.fspath(estimate) if isinstance(estimate, os.PathLike) else estimate)
+    text = to_json(estimate._document())
+    return StoredEstimate(estimate.result, "", hashlib.sha256(text.encode()).hexdigest())
 
 
 class ArmEstimate(ReportedAnswer):
@@ -187,16 +181,11 @@ class ArmEstimate(ReportedAnswer):
     _report = "arm"
     _file = "estimate.json"
 
-    result: "ArmIdentification"
+    result: ArmIdentification
 
     def supports(self, *, strict: bool = False) -> bool:
         """Whether every parameter is determined or weak; if strict, determined."""
         return self.result.supports(strict=strict)
-
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.stored_estimates.estimate_file import estimate_document
-
-        return estimate_document(self.result)
 
 
 @one_thread()

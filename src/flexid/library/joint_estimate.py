@@ -1,5 +1,7 @@
 """What `flexid.identify` returns: an estimate to look at, to compute with, to keep, to test."""
 
+from __future__ import annotations
+
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +25,7 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
 from flexid.library.answer import ReportedAnswer, as_text, data_frame
+from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,7 +54,7 @@ class JointEstimate(ReportedAnswer):
         self,
         result: Identification,
         *,
-        made_from: "tuple[Sequence[Log], Settings] | None" = None,
+        made_from: tuple[Sequence[Log], Settings] | None = None,
     ) -> None:
         self.result = result
         self._made_from = made_from
@@ -264,13 +267,13 @@ class JointEstimate(ReportedAnswer):
         return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
     @property
-    def plot(self) -> "EstimatePlots":
+    def plot(self) -> EstimatePlots:
         """Figures: ``plot.fit()``, ``plot.residuals()``, ``plot.regions()`` and others."""
         from flexid.library.estimate_plots import EstimatePlots
 
         return EstimatePlots(self.result)
 
-    def predict(self, log: "OneLog", *, columns: "Columns | None" = None) -> "Prediction":
+    def predict(self, log: OneLog, *, columns: Columns | None = None) -> Prediction:
         """Predict a log but for its first half second, which gives the first state.
 
         Parameters
@@ -285,7 +288,7 @@ class JointEstimate(ReportedAnswer):
         found = self.validate(log, columns=columns)
         return Prediction.of(found.result)
 
-    def validate(self, logs: "Logs", *, columns: "Columns | None" = None) -> "EstimateValidation":
+    def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:
         """Hold the estimate against other logs, as `flexid.validate` does.
 
         Parameters
@@ -299,15 +302,16 @@ class JointEstimate(ReportedAnswer):
 
         return validate(self, logs, columns=columns)
 
+    @entrance
     def frequency_response(
         self,
-        logs: "Logs | None" = None,
+        logs: Logs | None = None,
         *,
-        columns: "Columns | None" = None,
-        frequency: "ArrayLike | None" = None,
+        columns: Columns | None = None,
+        frequency: ArrayLike | None = None,
         position: float | None = None,
         level: float = CONFIDENCE,
-    ) -> "FrequencyResponse":
+    ) -> FrequencyResponse:
         """Frequency responses of the joint for small motions: what ``plot.bode()`` draws.
 
         Parameters
@@ -327,26 +331,17 @@ class JointEstimate(ReportedAnswer):
         from flexid.frequency.frequency_response import frequency_response
         from flexid.library.logs import all_recordings
 
-        given = (
-            self.result.recordings
-            if logs is None
-            else all_recordings("frequency_response", logs, columns)
-        )
+        given = self.result.recordings if logs is None else all_recordings(logs, columns)
         return frequency_response(
             self.result, given, frequency=frequency, position=position, level=level
         )
 
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.stored_estimates.estimate_file import estimate_document
-
-        return estimate_document(self.result)
-
-    def _charts(self) -> "Sequence[Chart]":
+    def _charts(self) -> Sequence[Chart]:
         from flexid.report.identification_charts import identification_charts
 
         return identification_charts(self.result)
 
-    def _page(self, command: str = "", out: str = "") -> "Page":
+    def _page(self, command: str = "", out: str = "") -> Page:
         from flexid.report.identification_page import identification_page
 
         stored = shlex.quote(str(Path(out) / self._file))
@@ -369,5 +364,5 @@ class JointEstimate(ReportedAnswer):
         worst = f", free run {min(fits):.1f} %" if fits else ""
         return f"<JointEstimate: {self.model} joint, parameters: {determined}{worst}>"
 
-    def _leading_figure(self) -> "Figure | None":
+    def _leading_figure(self) -> Figure | None:
         return self.plot.fit() if self.result.validation.runs else None

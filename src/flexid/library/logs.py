@@ -1,14 +1,17 @@
 """Whatever holds a log, as logs: files, data frames, arrays by name, recordings, lists of these."""
 
+from __future__ import annotations
+
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from flexid.errors import ArgumentError
-from flexid.library.arguments import as_path, entrance, kind_of
+from flexid.errors import SettingError
+from flexid.library.arguments import entrance
 from flexid.recording.recording import CHANNELS, Log, Recording
 
 if TYPE_CHECKING:
@@ -29,11 +32,9 @@ if TYPE_CHECKING:
     Columns: TypeAlias = str | os.PathLike[str] | Mapping[str, object]
     """A column map: a TOML file, or what it would hold."""
 
-_WANTED = "a path, a data frame, a mapping of arrays, a Log, or a list of these"
-
 
 @entrance
-def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
+def read_log(log: OneLog, *, columns: Columns | None = None) -> Log:
     """Read a log and check it, as every function here does with what it is given.
 
     Parameters
@@ -45,7 +46,7 @@ def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
         ``"motor_position [deg]"``, ``"motor_torque [N m]"``; without a unit they are in SI.
     columns : path or mapping, optional
         A column map for raw sensor columns: a TOML file, or what it would hold, such as
-        ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
+        ``{"motor_position": {"column": pot_V, "scale": 35.32, "unit": "deg"}}``.
 
     Returns
     -------
@@ -53,11 +54,11 @@ def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
         Recordings in SI units on an even time grid, one where the log has no gap; its ``warnings``
         say what was mended or looks odd.
     """
-    return one_log("read_log", log, columns)
+    return one_log(log, columns)
 
 
 @entrance
-def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Samples, ...]":
+def samples(log: OneLog, *, columns: Columns | None = None) -> tuple[Samples, ...]:
     """Samples of a log as estimators take them, one for each recording without a gap.
 
     Parameters
@@ -66,7 +67,7 @@ def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Sample
         As `read_log` takes it. With one encoder the samples are those of a rigid joint.
     columns : path or mapping, optional
         A column map for raw sensor columns: a TOML file, or what it would hold, such as
-        ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
+        ``{"motor_position": {"column": pot_V, "scale": 35.32, "unit": "deg"}}``.
 
     Returns
     -------
@@ -75,7 +76,7 @@ def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Sample
     """
     from flexid.estimators.samples import rigid_samples, samples_of_recording
 
-    recordings = one_log("samples", log, columns).recordings
+    recordings = one_log(log, columns).recordings
     return tuple(
         rigid_samples(recording)
         if recording.link_position is None
@@ -84,54 +85,37 @@ def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Sample
     )
 
 
-def all_logs(function: str, logs: Any, columns: Any) -> list[Log]:
+def all_logs(logs: Any, columns: Any) -> list[Log]:
     """Logs from what a user gives."""
-    if isinstance(logs, list | tuple):
-        if not logs:
-            raise ArgumentError(function, "logs", f"is an empty list: give {_WANTED}")
-        return [one_log(function, log, columns) for log in logs]
-    return [one_log(function, logs, columns)]
+    several = logs if isinstance(logs, list) else [logs]
+    return [one_log(log, columns) for log in several]
 
 
-def all_recordings(function: str, logs: Any, columns: Any) -> list[Recording]:
+def all_recordings(logs: Any, columns: Any) -> list[Recording]:
     """All that logs hold, each stretch without a gap for itself; see `all_logs`."""
-    return [recording for log in all_logs(function, logs, columns) for recording in log.recordings]
+    return [recording for log in all_logs(logs, columns) for recording in log.recordings]
 
 
-def one_log(function: str, log: Any, columns: Any) -> Log:
-    """A log from what a user gives; see `all_logs`."""
-    from flexid.recording.frame import is_frame, table_of_arrays, table_of_frame
+def one_log(log: Any, columns: Any) -> Log:
+    """A log from what a user gives."""
+    from flexid.recording.frame import table_of_arrays, table_of_frame
     from flexid.recording.read import log_of_table
     from flexid.recording.read import read_log as read
 
     if isinstance(log, Log | Recording):
         if columns is not None:
-            raise ArgumentError(
-                function, "columns", "is for logs that are yet to be read: leave it out"
-            )
+            raise SettingError("columns", "is for logs that are yet to be read: leave it out")
         return log if isinstance(log, Log) else _log_of(log)
-    column_map = as_columns(function, columns)
+    column_map = as_columns(columns)
     if isinstance(log, str | os.PathLike):
-        return read(as_path(function, "log", log), column_map)
-    if is_frame(log):
-        return log_of_table(table_of_frame(log), column_map)
-    if isinstance(log, Mapping):
-        return log_of_table(table_of_arrays(log), column_map)
-    raise ArgumentError(function, "log", f"is {kind_of(log)}: give {_WANTED}")
+        return read(Path(log), column_map)
+    table = table_of_arrays(log) if isinstance(log, Mapping) else table_of_frame(log)
+    return log_of_table(table, column_map)
 
 
-def as_columns(function: str, columns: Any) -> "MapSource | None":
-    """A column map as what reads logs takes it, if it is one; else an `ArgumentError`."""
-    if columns is None or isinstance(columns, Mapping):
-        return columns
-    if isinstance(columns, str | os.PathLike):
-        return as_path(function, "columns", columns)
-    raise ArgumentError(
-        function,
-        "columns",
-        f"is {kind_of(columns)}: give the path of a column map, or a mapping of channels to "
-        f"columns",
-    )
+def as_columns(columns: Columns | None) -> MapSource | None:
+    """A column map as what reads logs takes it."""
+    return columns if columns is None or isinstance(columns, Mapping) else Path(columns)
 
 
 def _log_of(recording: Recording) -> Log:

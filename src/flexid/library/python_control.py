@@ -5,10 +5,12 @@ controllers. Each function returns a ``control.NonlinearIOSystem``, whose signal
 that the declaration gives them, so that ``control.interconnect`` joins them by name.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +23,7 @@ from flexid.errors import ArgumentError, SettingError
 from flexid.estimators.online import OnlineEstimator
 from flexid.exports import mujoco_log as mujoco
 from flexid.kernels.store import load_kernel
-from flexid.library.arguments import as_mapping, as_path, entrance, kind_of
+from flexid.library.arguments import entrance, kind_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import ClosedLoop, check_values
 from flexid.simulation.sampled import plain_model
@@ -29,6 +31,7 @@ from flexid.simulation.sampled import plain_model
 if TYPE_CHECKING:
     from control import InterconnectedSystem, NonlinearIOSystem
 
+    from flexid.library.arguments import FilePath
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.simulate import SimulatedRun
 
@@ -46,11 +49,11 @@ def python_control() -> Any:
 
 @entrance
 def plant_io_system(
-    model: "JointEstimate | ParametricSystem | str | PathLike[str]",
+    model: JointEstimate | ParametricSystem | FilePath,
     coefficients: Mapping[str, float] | None = None,
     *,
     name: str = "plant",
-) -> "NonlinearIOSystem":
+) -> NonlinearIOSystem:
     """What was identified, or a model, as a system of python-control.
 
     Parameters
@@ -74,13 +77,12 @@ def plant_io_system(
 
     meant = what_is_meant(model)
     assert isinstance(meant, ExportRequest)  # no arm
-    given = as_mapping("plant_io_system", "coefficients", coefficients, "{'theta2': 100.0}")
-    return _plant(meant.system, {**meant.values, **given}, name)
+    return _plant(meant.system, {**meant.values, **(coefficients or {})}, name)
 
 
 def _plant(
     system: ParametricSystem, coefficients: Mapping[str, float], name: str = "plant"
-) -> "NonlinearIOSystem":
+) -> NonlinearIOSystem:
     """A model as a continuous system whose output is its state."""
     control = python_control()
     params = _complete("coefficients", coefficients, system.coefficients)
@@ -108,7 +110,7 @@ def _plant(
 @entrance
 def controller_io_system(
     controller: Controller, system: ParametricSystem, *, name: str = "controller"
-) -> "NonlinearIOSystem":
+) -> NonlinearIOSystem:
     """A controller as a static system of python-control.
 
     Parameters
@@ -162,7 +164,7 @@ def controller_io_system(
 
 def signal(
     reference: Reference, names: Iterable[str] = ("qd",), name: str = "reference"
-) -> "NonlinearIOSystem":
+) -> NonlinearIOSystem:
     """A reference with its derivatives as a source: a system without inputs."""
     control = python_control()
     wanted = list(names)
@@ -177,7 +179,7 @@ def signal(
 @entrance
 def observer_io_system(
     system: ParametricSystem, gains: Mapping[str, float], *, name: str = "observer"
-) -> "NonlinearIOSystem":
+) -> NonlinearIOSystem:
     """The parametric observer of Huang (2003), eqs. (2) and (3), as a system of python-control.
 
     Parameters
@@ -247,7 +249,7 @@ def _observer_module(system: ParametricSystem) -> Any:
 @entrance
 def estimator_io_system(
     estimator: OnlineEstimator, *, name: str = "estimator"
-) -> "NonlinearIOSystem":
+) -> NonlinearIOSystem:
     """An online estimator as a system of python-control, in discrete time.
 
     Parameters
@@ -287,12 +289,12 @@ def estimator_io_system(
 class LoopSystem:
     """A closed loop for python-control."""
 
-    system: "InterconnectedSystem"  # parts joined by name; it has no inputs
+    system: InterconnectedSystem  # parts joined by name; it has no inputs
     start: FloatArray  # its state at the start
 
 
 @entrance
-def loop_io_system(experiment: "SimulatedRun | str | PathLike[str]") -> LoopSystem:
+def loop_io_system(experiment: SimulatedRun | FilePath) -> LoopSystem:
     """The closed loop of an experiment file as a system of python-control, in continuous time.
 
     Parameters
@@ -312,8 +314,7 @@ def loop_io_system(experiment: "SimulatedRun | str | PathLike[str]") -> LoopSyst
 
     if isinstance(experiment, SimulatedRun):
         return _closed_loop(experiment.experiment.loop)
-    path = as_path("loop_io_system", "experiment", experiment)
-    return _closed_loop(read_experiment(path).loop)
+    return _closed_loop(read_experiment(Path(experiment)).loop)
 
 
 def _closed_loop(loop: ClosedLoop) -> LoopSystem:

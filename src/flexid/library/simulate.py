@@ -1,22 +1,16 @@
 """Experiment files: `flexid.simulate`, `flexid.campaign`; and the paper, `flexid.reproduce`."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import ReportedAnswer, TabularAnswer
-from flexid.library.arguments import (
-    as_mapping,
-    as_number,
-    as_path,
-    entrance,
-    kind_of,
-    one_thread,
-)
+from flexid.library.arguments import entrance, one_thread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,6 +19,7 @@ if TYPE_CHECKING:
     from flexid.campaigns import Summary
     from flexid.experiments.experiment import Experiment
     from flexid.experiments.measures import Measures
+    from flexid.library.arguments import FilePath
     from flexid.recording.recording import Log
     from flexid.simulation.closed_loop import Run
     from flexid.studies.reproduction import Claim, Reproduction
@@ -39,25 +34,25 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
     _report = "simulated_run"
     _file = "run.json"
 
-    def __init__(self, experiment: "Experiment", result: "Run") -> None:
+    def __init__(self, experiment: Experiment, result: Run) -> None:
         self.experiment = experiment
         self.result = result  # all states, inputs and estimates as arrays
 
     @cached_property
-    def measures(self) -> "Measures":
+    def measures(self) -> Measures:
         """The run in numbers: final errors, settling times, tracking, excitation."""
         from flexid.experiments.measures import measure
 
         return measure(self.result)
 
-    def log(self) -> "Log":
+    def log(self) -> Log:
         """What a drive would have logged, for `flexid.identify`."""
         from flexid.experiments.measures import log_columns
-        from flexid.library.logs import all_logs
+        from flexid.library.logs import read_log
 
-        return all_logs("log", log_columns(self.result), None)[0]
+        return read_log(log_columns(self.result))
 
-    def plot_motion(self, ax: "Axes | None" = None) -> "Figure":
+    def plot_motion(self, ax: Axes | None = None) -> Figure:
         """Reference and tracked state, the error between them, and the inputs.
 
         Parameters
@@ -69,7 +64,7 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
 
         return draw(self._drawn[0], ax=ax)
 
-    def plot_estimates(self, ax: "Axes | None" = None) -> "Figure":
+    def plot_estimates(self, ax: Axes | None = None) -> Figure:
         """Every estimate over time, with the true value and the band in which it is settled.
 
         Parameters
@@ -96,7 +91,7 @@ class SimulatedRun(ReportedAnswer, TabularAnswer):
 
 @entrance
 def simulate(
-    experiment: "str | PathLike[str]",
+    experiment: FilePath,
     *,
     set: Mapping[str, float] | None = None,  # noqa: A002 - as the command calls it
 ) -> SimulatedRun:
@@ -114,10 +109,7 @@ def simulate(
     """
     from flexid.experiments import read_experiment
 
-    values = as_mapping("simulate", "set", set, "{'controller.k': 30.0}")
-    for path, value in values.items():
-        as_number("simulate", f"set[{path!r}]", value)
-    chosen = read_experiment(as_path("simulate", "experiment", experiment)).with_values(values)
+    chosen = read_experiment(Path(experiment)).with_values(set or {})
     return SimulatedRun(chosen, chosen.run())
 
 
@@ -127,7 +119,7 @@ class CampaignResult(ReportedAnswer, TabularAnswer):
     _report = "campaign"
     _file = "summary.json"
 
-    result: "Summary"
+    result: Summary
 
     @property
     def directory(self) -> Path:
@@ -158,12 +150,12 @@ class CampaignResult(ReportedAnswer, TabularAnswer):
 
 @entrance
 def campaign(
-    experiment: "str | PathLike[str] | None" = None,
+    experiment: FilePath | None = None,
     *,
-    out: "str | PathLike[str] | None" = None,
+    out: FilePath | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    summary: "str | PathLike[str] | None" = None,
+    summary: FilePath | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> CampaignResult:
     """Run an experiment many times, or summarise such runs.
@@ -189,19 +181,17 @@ def campaign(
     from flexid.campaigns import run_campaign, summarise
     from flexid.experiments import read_experiment
 
+    given = {"experiment": experiment, "out": out, "workers": workers, "scheduler": scheduler}
     if summary is not None:
-        given = {"experiment": experiment, "out": out, "workers": workers, "scheduler": scheduler}
         for name, value in given.items():
             if value is not None:
                 raise ArgumentError("campaign", name, "does not go with summary: leave it out")
-        return CampaignResult(summarise(as_path("campaign", "summary", summary)))
-    path = as_path("campaign", "experiment", experiment)
-    directory = as_path("campaign", "out", out)
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int)):
-        raise ArgumentError("campaign", "workers", f"is {kind_of(workers)}: give a whole number")
-    if scheduler is not None and not isinstance(scheduler, str):
-        raise ArgumentError("campaign", "scheduler", f"is {kind_of(scheduler)}: give an address")
-    run_campaign(read_experiment(path), directory, workers, scheduler, progress)
+        return CampaignResult(summarise(Path(summary)))
+    if experiment is None or out is None:
+        missing = "out" if out is None else "experiment"
+        raise ArgumentError("campaign", missing, "is None: give a path")
+    directory = Path(out)
+    run_campaign(read_experiment(Path(experiment)), directory, workers, scheduler, progress)
     return CampaignResult(summarise(directory))
 
 
@@ -211,10 +201,10 @@ class PaperReproduction(ReportedAnswer):
     _report = "reproduction"
     _formats = ("png", "pdf")
 
-    result: "Reproduction"
+    result: Reproduction
 
     @property
-    def claims(self) -> "tuple[Claim, ...]":
+    def claims(self) -> tuple[Claim, ...]:
         """The paper's claims, decided."""
         return self.result.claims
 

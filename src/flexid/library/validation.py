@@ -1,23 +1,28 @@
 """Estimates tested: on other logs, `flexid.validate`, and side by side, `flexid.compare`."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan
 from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexid.errors import SettingError
 from flexid.library.answer import PlottedAnswer, ReportedAnswer, TabularAnswer, data_frame
-from flexid.library.arguments import as_path, entrance, one_thread
+from flexid.library.arguments import entrance, one_thread
 from flexid.library.identify import estimated
 
 if TYPE_CHECKING:
     from flexid.comparisons.comparison import Comparison
     from flexid.comparisons.differences import Difference
     from flexid.identification.vocabulary.evidence import Validation
+    from flexid.library.arguments import FilePath
     from flexid.library.estimate_plots import ValidationPlots
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
@@ -44,7 +49,7 @@ class Prediction:
     fit_percent: Mapping[str, float]
 
     @classmethod
-    def of(cls, found: "Validation") -> "Prediction":
+    def of(cls, found: Validation) -> Prediction:
         """The free runs of a validation as one."""
         channels = tuple(found.fit_percent)
         measured = np.concatenate([run.measured for run in found.runs])
@@ -82,7 +87,7 @@ class EstimateValidation(ReportedAnswer, TabularAnswer):
     _report = "validation"
     _file = "validation.json"
 
-    result: "Validated"
+    result: Validated
 
     @property
     def fit_percent(self) -> Mapping[str, float]:
@@ -116,7 +121,7 @@ class EstimateValidation(ReportedAnswer, TabularAnswer):
         return min_fit is None or (bool(moving) and min(moving) >= min_fit)
 
     @property
-    def plot(self) -> "ValidationPlots":
+    def plot(self) -> ValidationPlots:
         """Figures: ``plot.fit()`` and ``plot.residuals()``."""
         from flexid.library.estimate_plots import ValidationPlots
 
@@ -141,10 +146,10 @@ class EstimateValidation(ReportedAnswer, TabularAnswer):
 @entrance
 @one_thread()
 def validate(
-    estimate: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
-    logs: "Logs",
+    estimate: JointEstimate | FilePath | Mapping[str, Any],
+    logs: Logs,
     *,
-    columns: "Columns | None" = None,
+    columns: Columns | None = None,
 ) -> EstimateValidation:
     """Predict other logs of the same drive with an estimate.
 
@@ -166,13 +171,14 @@ def validate(
     from flexid.library.logs import all_logs
     from flexid.stored_estimates.validate_estimate import validate_arm, validate_estimate
 
-    stored = estimated("validate", "estimate", estimate)
+    stored = estimated(estimate)
     if stored.result.model != "arm":
-        return EstimateValidation(validate_estimate(stored, all_logs("validate", logs, columns)))
-    several = logs if isinstance(logs, list | tuple) else [logs]
-    paths = [as_path("validate", "logs", log) for log in several]
-    given = None if columns is None else as_path("validate", "columns", columns)
-    return EstimateValidation(validate_arm(stored, paths, given))
+        return EstimateValidation(validate_estimate(stored, all_logs(logs, columns)))
+    several = logs if isinstance(logs, list) else [logs]
+    paths = [Path(log) for log in several if isinstance(log, str | PathLike)]
+    if len(paths) < len(several) or isinstance(columns, Mapping):
+        raise SettingError("logs", "of an arm are files, and so is their column map: give paths")
+    return EstimateValidation(validate_arm(stored, paths, Path(columns) if columns else None))
 
 
 class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
@@ -186,15 +192,15 @@ class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
     _report = "comparison"
     _file = "comparison.json"
 
-    result: "Comparison"
+    result: Comparison
 
     @property
-    def parameters(self) -> "Mapping[str, Difference]":
+    def parameters(self) -> Mapping[str, Difference]:
         """By name, each parameter of either estimate: difference, interval and outcome."""
         return MappingProxyType(self.result.parameters)
 
     @property
-    def coefficients(self) -> "Mapping[str, Difference]":
+    def coefficients(self) -> Mapping[str, Difference]:
         """Lumped coefficients of the model by name, likewise; none if their meaning differs."""
         return MappingProxyType(self.result.coefficients)
 
@@ -248,8 +254,8 @@ class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
 
 @entrance
 def compare(
-    a: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
-    b: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
+    a: JointEstimate | FilePath | Mapping[str, Any],
+    b: JointEstimate | FilePath | Mapping[str, Any],
 ) -> EstimateComparison:
     """Compare two estimates: what has changed, and how surely.
 
@@ -265,6 +271,6 @@ def compare(
     """
     from flexid.comparisons.comparison import compare_estimates
 
-    first, second = estimated("compare", "a", a), estimated("compare", "b", b)
+    first, second = estimated(a), estimated(b)
     labels = (first.file or "A", second.file or "B")
     return EstimateComparison(compare_estimates(first.result, second.result, labels))

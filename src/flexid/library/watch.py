@@ -1,23 +1,15 @@
 """Estimation next to a drive: `flexid.watch`."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from math import inf, isfinite
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.answer import Answer
-from flexid.library.arguments import (
-    as_comparable,
-    as_known,
-    as_names,
-    as_number,
-    as_path,
-    as_samples,
-    entrance,
-    fed_channels,
-)
+from flexid.library.arguments import as_samples, entrance, fed_channels, with_deviations
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:
@@ -27,7 +19,7 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
     from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
-    from flexid.library.arguments import Known, Terms
+    from flexid.library.arguments import FilePath, Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
     from flexid.streaming.findings import Departure
@@ -48,8 +40,8 @@ class Watch(Answer):
     def __init__(
         self,
         chosen: Mapping[str, Any],
-        estimate: "Identification | None",
-        follower: "Follower | None",
+        estimate: Identification | None,
+        follower: Follower | None,
         checkpoint: Path | None,
         every: float,
     ) -> None:
@@ -65,7 +57,7 @@ class Watch(Answer):
         self._n_pending = 0
 
     @property
-    def session(self) -> "Session":
+    def session(self) -> Session:
         """The session, with all that was fed."""
         session = self._session if self._follower is None else self._follower.session
         if session is not None:
@@ -89,7 +81,7 @@ class Watch(Answer):
             raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
         return self._follower.turns(self._every)
 
-    def _catch_up(self, session: "Session") -> None:
+    def _catch_up(self, session: Session) -> None:
         """Work on what was fed one by one: a call for each sample would cost ten times as much."""
         if self._pending:
             import numpy as np
@@ -101,13 +93,13 @@ class Watch(Answer):
     def feed(
         self,
         *,
-        motor_position: "ArrayLike",
-        link_position: "ArrayLike | None" = None,
-        deflection: "ArrayLike | None" = None,
-        motor_torque: "ArrayLike | None" = None,
-        motor_current: "ArrayLike | None" = None,
-        motor_voltage: "ArrayLike | None" = None,
-        time: "ArrayLike | None" = None,
+        motor_position: ArrayLike,
+        link_position: ArrayLike | None = None,
+        deflection: ArrayLike | None = None,
+        motor_torque: ArrayLike | None = None,
+        motor_current: ArrayLike | None = None,
+        motor_voltage: ArrayLike | None = None,
+        time: ArrayLike | None = None,
     ) -> None:
         """Take in one sample, or a block of them; how a stream is cut into blocks changes nothing.
 
@@ -161,7 +153,7 @@ class Watch(Answer):
         if self._n_pending >= _AT_ONCE:
             self._catch_up(session)
 
-    def _begin(self, names: tuple[str, ...]) -> "Session":
+    def _begin(self, names: tuple[str, ...]) -> Session:
         from flexid.streaming.checkpoint import opened_session
         from flexid.streaming.options import options_of_stream, wanted_kind
 
@@ -176,7 +168,7 @@ class Watch(Answer):
             self._start = self._session.time + options.sample_time
         return self._session
 
-    def __iter__(self) -> Iterator["Watch"]:
+    def __iter__(self) -> Iterator[Watch]:
         """Follow the source; a turn each `every` seconds of the stream, and one at its end."""
         error = None
         try:
@@ -203,32 +195,32 @@ class Watch(Answer):
         return self.session.time
 
     @property
-    def coefficients(self) -> "Mapping[str, CoefficientEstimate]":
+    def coefficients(self) -> Mapping[str, CoefficientEstimate]:
         """Coefficients of the model by name, with intervals and verdicts."""
         return self.session.coefficients
 
     @property
-    def parameters(self) -> "Mapping[str, ParameterEstimate]":
+    def parameters(self) -> Mapping[str, ParameterEstimate]:
         """Physical parameters by name, with intervals and verdicts."""
         return self.session.parameters
 
     @property
-    def excitation(self) -> "Mapping[str, Excitation]":
+    def excitation(self) -> Mapping[str, Excitation]:
         """Excitation of each row by what was learnt from: (A4) of Huang (2003), measured."""
         return self.session.excitation
 
     @property
-    def counts(self) -> "Counts":
+    def counts(self) -> Counts:
         """What became of the samples."""
         return self.session.counts
 
     @property
-    def changes(self) -> "tuple[Change, ...]":
+    def changes(self) -> tuple[Change, ...]:
         """When the drive changed, as far as its motion says."""
         return self.session.changes
 
     @property
-    def departures(self) -> "tuple[Departure, ...]":
+    def departures(self) -> tuple[Departure, ...]:
         """What differs from the estimate that the drive is held against, the clearest first."""
         return self.session.departures
 
@@ -243,7 +235,8 @@ class Watch(Answer):
 
         return tuple(not_accounted_for(self._estimate, self.session.options.sample_time))
 
-    def save_checkpoint(self, path: "str | PathLike[str]") -> None:
+    @entrance
+    def save_checkpoint(self, path: FilePath) -> None:
         """Write all that is known into a file, from which `flexid.watch` goes on bit for bit.
 
         Parameters
@@ -253,7 +246,7 @@ class Watch(Answer):
         """
         from flexid.streaming.checkpoint import save_session
 
-        save_session(self.session, as_path("save_checkpoint", "path", path))
+        save_session(self.session, Path(path))
 
     @property
     def _shown(self) -> tuple[Any, ...]:
@@ -266,20 +259,20 @@ class Watch(Answer):
 
 @entrance
 def watch(
-    source: str | PathLike[str] | None = None,
+    source: str | FilePath | None = None,
     *,
-    columns: "Columns | None" = None,
+    columns: Columns | None = None,
     header: str | None = None,
     sample_time: float | None = None,
-    estimate: "JointEstimate | str | PathLike[str] | Mapping[str, Any] | None" = None,
-    known: "Known | None" = None,
+    estimate: JointEstimate | FilePath | Mapping[str, Any] | None = None,
+    known: Known | None = None,
     model: Literal["auto", "flexible", "link", "rigid"] = "auto",
-    terms: "Terms" = "usual",
+    terms: Terms = "usual",
     hold: Literal["auto", "linear", "zero"] = "auto",
     filter_rate: float | None = None,
     memory: float = inf,
     coulomb_velocity: float | None = None,
-    checkpoint: str | PathLike[str] | None = None,
+    checkpoint: FilePath | None = None,
     every: float = 1.0,
     stop_at_end: bool = False,
     duration: float | None = None,
@@ -343,44 +336,42 @@ def watch(
     >>> watch.feed(link_position=0.1, motor_position=0.11, motor_torque=2.0)  # doctest: +SKIP
     >>> watch.health.reason  # doctest: +SKIP
     """
+    from flexid.library.identify import estimated
     from flexid.library.logs import as_columns
     from flexid.streaming.follower import Follower
-    from flexid.streaming.options import wanted_kind
+    from flexid.streaming.options import check_comparable, wanted_kind
 
     if source is None and sample_time is None:
         raise ArgumentError("watch", "sample_time", "is missing: give it in s, or a source")
-    values, deviations = as_known("watch", known)
-    numbers = {
-        "filter_rate": filter_rate,
-        "coulomb_velocity": coulomb_velocity,
-        "sample_time": sample_time,
-    }
-    usual = isinstance(terms, str) and terms == "usual"
+    values, deviations = with_deviations(known)
     chosen = {
-        "terms": None if usual else as_names("watch", terms),
+        "terms": None if terms == "usual" else terms,
         "hold": hold,
         "kind": model,
         "known": values,
         "known_deviations": deviations,
-        "memory": as_number("watch", "memory", memory),
-        **{n: None if x is None else as_number("watch", n, x) for n, x in numbers.items()},
+        "memory": memory,
+        "filter_rate": filter_rate,
+        "coulomb_velocity": coulomb_velocity,
+        "sample_time": sample_time,
     }
-    made = as_comparable(estimate)
+    made = None if estimate is None else estimated(estimate).of_joint
+    if made is not None:
+        check_comparable(made)
     wanted_kind(chosen, made)  # raises
-    file = None if checkpoint is None else as_path("watch", "checkpoint", checkpoint)
+    file = None if checkpoint is None else Path(checkpoint)
     follower = None
     if source is not None:
         follower = Follower(
-            source if isinstance(source, str) else str(as_path("watch", "source", source)),
+            str(source),
             chosen,
             estimate=made,
-            column_map=as_columns("watch", columns),
+            column_map=as_columns(columns),
             header=header,
             checkpoint=file,
             stop_at_end=stop_at_end,
-            duration=None if duration is None else as_number("watch", "duration", duration),
+            duration=duration,
         )
-    between = as_number("watch", "every", every)
-    if not between > 0.0:
-        raise SettingError("every", f"must be above 0 s, got {between}")
-    return Watch(chosen, made, follower, file, between)
+    if not every > 0.0:
+        raise SettingError("every", f"must be above 0 s, got {every}")
+    return Watch(chosen, made, follower, file, every)
