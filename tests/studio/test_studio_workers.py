@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -47,22 +46,12 @@ def die(_: Said) -> None:
 pytestmark = pytest.mark.anyio
 
 
-@asynccontextmanager
-async def some(most: int) -> AsyncIterator[Workers]:
-    """Make workers, and end them."""
-    workers = Workers(most)
-    try:
-        yield workers
-    finally:
-        workers.end()
-
-
 async def test_a_job_is_done_in_its_folder(tmp_path: Path):
     """Assert that a job's answer and progress come back, and one process does several."""
     said: list[str] = []
-    async with some(1) as workers:
-        first = await workers.run(echo, "a", folder=tmp_path, said=said.append)
-        second = await workers.run(echo, "b", folder=tmp_path, said=said.append)
+    workers = Workers(1)
+    first = await workers.run(echo, "a", folder=tmp_path, said=said.append)
+    second = await workers.run(echo, "b", folder=tmp_path, said=said.append)
     assert first == ("a", str(tmp_path), second[2])
     assert said == ["a", "b"]
     assert first[2] != os.getpid()
@@ -70,32 +59,32 @@ async def test_a_job_is_done_in_its_folder(tmp_path: Path):
 
 async def test_what_fails_is_said_and_work_goes_on(tmp_path: Path):
     """Assert that neither bad input, nor a defect, nor the end of a process stops the others."""
-    async with some(1) as workers:
-        for job, kind, words in (
-            (fail, SettingError, "port"),
-            (stumble, JobError, "defect"),
-            (die, JobError, "ended early"),
-        ):
-            with pytest.raises(kind, match=words):
-                await workers.run(job, folder=tmp_path, said=print)
-        assert (await workers.run(echo, "a", folder=tmp_path, said=print))[0] == "a"
+    workers = Workers(1)
+    for job, kind, words in (
+        (fail, SettingError, "port"),
+        (stumble, JobError, "defect"),
+        (die, JobError, "ended early"),
+    ):
+        with pytest.raises(kind, match=words):
+            await workers.run(job, folder=tmp_path, said=print)
+    assert (await workers.run(echo, "a", folder=tmp_path, said=print))[0] == "a"
 
 
 async def test_a_cancelled_job_makes_room(tmp_path: Path):
     """Assert that others wait with a place in the queue, and that cancelling lets them in."""
     asleep = asyncio.Event()
     said: list[str] = []
-    async with some(1) as workers:
-        long = asyncio.create_task(workers.run(sleep, folder=tmp_path, said=lambda _: asleep.set()))
-        await asleep.wait()
-        gone = asyncio.create_task(workers.run(echo, "a", folder=tmp_path, said=print))
-        waiting = asyncio.create_task(workers.run(echo, "b", folder=tmp_path, said=said.append))
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        gone.cancel()
-        await asyncio.sleep(0)
-        long.cancel()
-        assert (await waiting)[0] == "b"
+    workers = Workers(1)
+    long = asyncio.create_task(workers.run(sleep, folder=tmp_path, said=lambda _: asleep.set()))
+    await asleep.wait()
+    gone = asyncio.create_task(workers.run(echo, "a", folder=tmp_path, said=print))
+    waiting = asyncio.create_task(workers.run(echo, "b", folder=tmp_path, said=said.append))
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    gone.cancel()
+    await asyncio.sleep(0)
+    long.cancel()
+    assert (await waiting)[0] == "b"
     assert "number 2" in said[0]
     assert "number 1" in said[1]
     assert said[-1] == "b"
@@ -103,7 +92,7 @@ async def test_a_cancelled_job_makes_room(tmp_path: Path):
 
 async def test_a_folder_that_is_gone_is_said(tmp_path: Path):
     """Assert that a log's folder that was deleted ends neither the process nor the wait."""
-    async with some(1) as workers:
-        with pytest.raises(JobError, match="folder of the log cannot be entered"):
-            await workers.run(echo, "a", folder=tmp_path / "gone", said=print)
-        assert (await workers.run(echo, "a", folder=tmp_path, said=print))[0] == "a"
+    workers = Workers(1)
+    with pytest.raises(JobError, match="folder of the log cannot be entered"):
+        await workers.run(echo, "a", folder=tmp_path / "gone", said=print)
+    assert (await workers.run(echo, "a", folder=tmp_path, said=print))[0] == "a"

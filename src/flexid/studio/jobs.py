@@ -9,20 +9,21 @@ folder of the studio.
 from __future__ import annotations
 
 import asyncio
-import multiprocessing
 import os
+import signal
+import tempfile
 import zipfile
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
+from anyio import BrokenWorkerProcess, CapacityLimiter, to_process
+
 from flexid.errors import FlexidError
 
 if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-
     from flexid.identification.vocabulary.progress import Progress
     from flexid.recording.overview import FileOverview, LogSurvey
     from flexid.report.svg import Drawn
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 Said = Callable[[str], None]
 """Takes a line on how far a job is."""
+
+_ASKED_EVERY = 0.1  # s, between two looks at how far a job is
 
 
 class JobError(FlexidError):
@@ -42,11 +45,9 @@ class JobError(FlexidError):
 
 
 class Workers:
-    """Some processes, shared by all windows; jobs wait in one queue."""
+    """Some of AnyIO's processes, shared by all windows; jobs wait in one queue."""
 
     def __init__(self, most: int) -> None:
-        self._all = tuple(_Worker() for _ in range(most))
-        self._idle = [*self._all]
         self._free = asyncio.Semaphore(most)  # lets in one after the other
         self._waiting: list[Said] = []
 
@@ -55,19 +56,26 @@ class Workers:
 
         Cancel the coroutine to cancel the job, whether it waits or runs.
         """
-        await self._turn(said)
-        worker = self._idle.pop()
-        try:
-            return await worker.work(job, arguments, folder, said)
-        except asyncio.CancelledError:
-            worker.end()
-            raise
-        finally:
-            self._idle.append(worker)
-            self._free.release()
+        async with self._turn(said), _said_in_a_file(said) as line:
+            try:
+                return await to_process.run_sync(
+                    _do,
+                    job,
+                    arguments,
+                    str(folder),
+                    line,
+                    cancellable=True,
+                    limiter=CapacityLimiter(1),
+                )
+            except BrokenWorkerProcess:
+                raise JobError(
+                    "the work ended early, perhaps for lack of memory: close other windows, or "
+                    "give a shorter log"
+                ) from None
 
-    async def _turn(self, said: Said) -> None:
-        """Wait for a worker; all who wait are told their place whenever it changes."""
+    @asynccontextmanager
+    async def _turn(self, said: Said) -> AsyncIterator[None]:
+        """Wait for a process; all who wait are told their place whenever it changes."""
         self._waiting.append(said)
         try:
             if self._free.locked():
@@ -76,99 +84,59 @@ class Workers:
         finally:
             self._waiting.remove(said)
             self._tell_places()
+        try:
+            yield
+        finally:
+            self._free.release()
 
     def _tell_places(self) -> None:
         for place, said in enumerate(self._waiting, 1):
             said(f"waiting for a free process, number {place} in the queue")
 
-    def end(self) -> None:
-        """End all processes."""
-        for worker in self._all:
-            worker.end()
+
+@asynccontextmanager
+async def _said_in_a_file(said: Said) -> AsyncIterator[str]:
+    """A file in which a process says how far it is; whatever is new in it is handed on."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        (Path(folder) / "line").open("a+", encoding="utf-8") as file,
+    ):
+
+        async def follow() -> None:
+            while True:
+                await asyncio.sleep(_ASKED_EVERY)
+                tell()
+
+        def tell() -> None:
+            for text in file.read().splitlines():
+                said(text)
+
+        following = asyncio.create_task(follow())
+        try:
+            yield file.name
+            tell()
+        finally:
+            following.cancel()
 
 
-class _Worker:
-    """A process that does one job after another."""
-
-    def __init__(self) -> None:
-        self._process: Any = None
-        self._connection: Connection | None = None
-        self._reader = ThreadPoolExecutor(1)
-
-    async def work(
-        self, job: Callable[..., Any], arguments: tuple[Any, ...], folder: Path, said: Said
-    ) -> Any:
-        connection = self._started()
-        connection.send((job, arguments, str(folder)))
-        while True:
-            try:
-                kind, content = await asyncio.get_running_loop().run_in_executor(
-                    self._reader, connection.recv
-                )
-            except (EOFError, OSError):
-                self.end()
-                raise JobError(
-                    "the work ended early, perhaps for lack of memory: close other windows, or "
-                    "give a shorter log"
-                ) from None
-            if kind == "done":
-                return content
-            if kind == "failed":
-                raise content
-            said(content)
-
-    def _started(self) -> Connection:
-        if self._connection is not None and self._process.is_alive():
-            return self._connection
-        self.end()
-        context = multiprocessing.get_context("spawn")
-        self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        self._process.start()
-        theirs.close()
-        return self._connection
-
-    def end(self) -> None:
-        """End the process; the next job starts another."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            self._process.close()
-        if self._connection is not None:  # by the thread that may still read from it
-            self._reader.submit(self._connection.close)
-        self._process = self._connection = None
-
-
-def _serve(connection: Connection) -> None:
-    """Do jobs as long as the studio is there."""
-    import signal
-
+def _do(job: Callable[..., Any], arguments: tuple[Any, ...], folder: str, line: str) -> Any:
+    """Do a job in a folder."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the studio, which ends us
-    while True:
-        try:
-            job, arguments, folder = connection.recv()
-        except EOFError:
-            return
-        try:
-            _enter(folder)
-            answer = ("done", job(lambda text: connection.send(("said", text)), *arguments))
-        except FlexidError as error:
-            answer = ("failed", error)
-        except MemoryError:
-            answer = ("failed", JobError("the memory does not suffice: give a shorter log"))
-        except Exception as error:  # an error that nobody foresaw must not end the process
-            answer = ("failed", JobError(f"a defect of flexid ({type(error).__name__}: {error})"))
-        connection.send(answer)
-
-
-def _enter(folder: str) -> None:
-    """Make a folder that of the process."""
     try:
         os.chdir(folder)
     except OSError as error:
         raise JobError(
             f"the folder of the log cannot be entered ({error.strerror}): choose the log again"
         ) from None
+    try:
+        with open(line, "a", encoding="utf-8") as file:
+            return job(lambda text: print(text, file=file, flush=True), *arguments)
+    except FlexidError:
+        raise
+    except MemoryError:
+        raise JobError("the memory does not suffice: give a shorter log") from None
+    except Exception as error:  # an error that nobody foresaw must not end the process
+        raise JobError(f"a defect of flexid ({type(error).__name__}: {error})") from None
 
 
 ESTIMATE = "estimate.json"

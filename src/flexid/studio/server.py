@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import secrets
 import socket
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
@@ -39,14 +39,7 @@ class Studio:
         self.windows: dict[str, Rooms] = {}
 
     def application(self) -> Starlette:
-        """All routes; its end is that of all processes."""
-
-        @asynccontextmanager
-        async def lifespan(_: Starlette) -> AsyncIterator[None]:
-            yield
-            for workers in (self._offer.long, self._offer.short, self._offer.play):
-                workers.end()
-
+        """All routes."""
         routes = [
             Route("/", self.page),
             Route("/assets/{name}", self.asset),
@@ -54,7 +47,7 @@ class Studio:
             Route("/files/{key}/{name}", self.file),
             WebSocketRoute("/socket", self.window),
         ]
-        return Starlette(routes=routes, lifespan=lifespan)
+        return Starlette(routes=routes)
 
     async def window(self, socket: WebSocket) -> None:
         """The end of a window's socket: it asks in JSON, and is sent what its page shows."""
