@@ -50,7 +50,7 @@ def answer_lines(answers: Iterable[Answer]) -> Iterator[str]:
 def item_lines(item: Item) -> Iterator[str]:
     """One item of a page."""
     match item:
-        case Table() | Text():
+        case Table() | Text() | str():
             yield from (line.plain for line in laid_out([item], WIDTH))
         case Chart():
             yield from chart_lines(item)

@@ -3,8 +3,6 @@
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from rich.text import Text
-
 from flexid.arms.result import ArmIdentification
 from flexid.report.chart import Chart
 from flexid.report.identification import estimates_table, verdict_reasons
@@ -33,7 +31,7 @@ def prediction_parts(result: ArmIdentification) -> Iterator[Part]:
     """How the held-out data are predicted, and what that rests on."""
     if result.validation.fit_percent:
         yield fits_table(result.validation)
-    yield from map(Text, timing_lines(result))
+    yield from timing_lines(result)
 
 
 def timing_lines(result: ArmIdentification) -> Iterator[str]:
@@ -90,11 +88,11 @@ def page(
 def _trust(result: ArmIdentification, joints: Iterable[int]) -> Answer:
     lacking = [p.name for p in result.parameters.values() if p.verdict != "determined"]
     word = "Not all of them" if lacking else "Yes"
-    said = [Text(f"Not determined or weak: {', '.join(lacking)}.")] if lacking else []
+    said = [f"Not determined or weak: {', '.join(lacking)}."] if lacking else []
     for joint in joints:
         share = result.validation.fit_percent.get(f"deflection_{joint}")
         if share is not None:
-            said.append(Text(f"A free run explains {share:.1f} % of deflection {joint}."))
+            said.append(f"A free run explains {share:.1f} % of deflection {joint}.")
     return Answer("Can these numbers be trusted?", word, "fair" if lacking else "good", said)
 
 

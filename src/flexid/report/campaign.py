@@ -7,7 +7,6 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from rich.text import Text
 
 import flexid
 from flexid.arrays import FloatArray
@@ -34,8 +33,8 @@ _SHOWN = 4  # inputs named for a result
 
 def parts(summary: Summary) -> Iterator[Part]:
     """Tables and sentences of the answer."""
-    yield from (Text(line) for line in status_lines(summary))
-    yield Text()
+    yield from status_lines(summary)
+    yield ""
     yield quantiles_table(summary)
     yield from importance_parts(summary)
 
@@ -61,7 +60,7 @@ def importance_parts(summary: Summary) -> Iterator[Part]:
             shares.add(result.name, _sentence(named, len(result.indices)))
         yield shares
     if any(result.missing for result in summary.results):
-        yield Text(
+        yield (
             "None: finished runs without this result; an estimate that does not stay within 5 % "
             "of the truth has no settling time."
         )
@@ -249,7 +248,7 @@ def _finished(summary: Summary, lines: Sequence[str]) -> Answer:
     done, wanted = summary.finished, summary.manifest.runs
     word = "All of them" if done == wanted else f"{done} of {wanted}"
     tone = "good" if done == wanted else "fair" if done else "bad"
-    return Answer("Did the runs finish?", word, tone, [Text(line) for line in lines])
+    return Answer("Did the runs finish?", word, tone, [*lines])
 
 
 def _matters(summary: Summary) -> Answer:
@@ -265,7 +264,7 @@ def _matters(summary: Summary) -> Answer:
         return Answer(question, "Nothing that was varied", "", [])
     (most, _), *_ = Counter(one.input for one in strongest.values()).most_common()
     lines = [f"{name}: {one.input} ({one.value:+.2f})" for name, one in strongest.items()]
-    shown = [Text("Strongest rank correlation of each result:"), Bullets(lines[:_NAMED])]
+    shown = ["Strongest rank correlation of each result:", Bullets(lines[:_NAMED])]
     return Answer(question, most, "", shown)
 
 

@@ -6,7 +6,6 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from rich.text import Text
 
 from flexid.arrays import plain
 from flexid.comparisons.comparison import Comparison
@@ -45,19 +44,19 @@ _LONGEST = 60  # characters of a setting
 def parts(comparison: Comparison) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     for side, label in zip("AB", comparison.labels, strict=True):
-        yield Text(f"{side}: {label}")
-    yield Text()
+        yield f"{side}: {label}"
+    yield ""
     for title, differences in (
         (PARAMETERS, comparison.parameters),
         (COEFFICIENTS, comparison.coefficients),
     ):
         if differences:
             yield differences_table(title, differences)
-            yield from (Text(f"  {line}") for line in remarks(differences))
-            yield Text()
+            yield from (f"  {line}" for line in remarks(differences))
+            yield ""
     if comparison.settings:
         yield settings_table(comparison)
-    yield from map(Text, comparison_summary(comparison))
+    yield from comparison_summary(comparison)
 
 
 def differences_table(title: str, differences: Mapping[str, Difference]) -> Table:
@@ -250,7 +249,7 @@ def _changed(comparison: Comparison) -> Answer:
     question = "Has anything changed?"
     if comparison.logs == "same":
         question = "Do they agree on this log?"
-    content = [Text(line) for line in comparison_summary(comparison)]
+    content = [*comparison_summary(comparison)]
     return Answer(question, *_judged(comparison), content)
 
 
@@ -284,7 +283,7 @@ def _next_step(comparison: Comparison) -> Answer:
     elif comparison.lacking:
         word = "Record another motion"
         said = "flexid excitation says of either log which one determines what is lacking."
-    return Answer("What do I do next?", word, "", [Text(said)])
+    return Answer("What do I do next?", word, "", [said])
 
 
 def _facts(comparison: Comparison) -> Iterator[tuple[str, str]]:

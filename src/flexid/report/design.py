@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from rich.text import Text
 
 from flexid.experiment_design.design import Design, Extreme, Prediction
 from flexid.experiment_design.drive import DOUBT
@@ -34,11 +33,11 @@ def parts(result: Design) -> Iterator[Part]:
     wanted = result.drive.experiment
     broken = [p.name for p in result.references if not p.within_limits]
     if broken:
-        yield Text(f"Beyond the limits at this torque: {', '.join(broken)}.")
+        yield f"Beyond the limits at this torque: {', '.join(broken)}."
     tones = ", ".join(f"{rate:.3g}" for rate in result.angular_frequencies)
     what = "torque" if wanted.kind == "multisine" else "motor position"
-    yield Text(f"Tones of the {what}: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}.")
-    yield Text(
+    yield f"Tones of the {what}: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}."
+    yield (
         f"The input was scaled by {result.scale:.3g}, so that every drive whose parameters are off "
         f"by {100 * DOUBT:.0f} % keeps to the limits."
     )

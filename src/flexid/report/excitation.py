@@ -5,7 +5,6 @@ from math import isfinite, isnan, pi
 from typing import Any
 
 import numpy as np
-from rich.text import Text
 
 from flexid.experiment_design.advice import Addition, Advice
 from flexid.experiment_design.excitation_report import (
@@ -36,13 +35,13 @@ def parts(report: ExcitationReport) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     yield _table(report.coefficients)
     yield from verdict_reasons(report.coefficients)
-    yield Text()
-    yield from map(Text, excitation_lines(report.identification.excitation))
+    yield ""
+    yield from excitation_lines(report.identification.excitation)
     noise = ", ".join(f"{name} {std:.3g} rad" for name, std in report.noise.items())
-    yield Text(f"Residuals: {noise}")
-    yield from map(Text, report.identification.summary)
-    yield Text()
-    yield from map(Text, advice_lines(report.advice, report.input_unit))
+    yield f"Residuals: {noise}"
+    yield from report.identification.summary
+    yield ""
+    yield from advice_lines(report.advice, report.input_unit)
 
 
 def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:

@@ -38,16 +38,16 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield coefficients_table(result)
     yield from verdict_reasons(result.coefficients)
     if small := negligible(result.parameters.values()):
-        yield Text(f"  Negligible, and zero within the interval: {', '.join(small)}")
-    yield Text()
-    yield from map(Text, excitation_lines(result.excitation))
-    yield from map(Text, residual_lines(result))
-    yield from map(Text, prediction_lines(result))
-    yield Text(f"Compliance: {compliance_line(result)}")
+        yield f"  Negligible, and zero within the interval: {', '.join(small)}"
+    yield ""
+    yield from excitation_lines(result.excitation)
+    yield from residual_lines(result)
+    yield from prediction_lines(result)
+    yield f"Compliance: {compliance_line(result)}"
     if result.removed:
-        yield Text(f"Excluded terms: {', '.join(removed_lines(result))}.")
-    yield Text()
-    yield from map(Text, result.summary)
+        yield f"Excluded terms: {', '.join(removed_lines(result))}."
+    yield ""
+    yield from result.summary
 
 
 def parameters_table(result: Identification) -> Table:
@@ -194,17 +194,17 @@ _LEAST_PROBABILITY = 1e-6  # below which a probability is no more than this
 def explanation(result: Identification) -> Iterator[Part]:
     """Tables of what was tried, and sentences on what they rest on."""
     choices = result.choices
-    yield Text()
+    yield ""
     if choices.term_evidence:
         yield _terms(choices)
     if len(choices.segment_evidence) > 1:
         yield _segments(choices)
     yield _delays(result)
     if result.model != "link":
-        yield Text(f"Input hold {choices.hold}: {choices.alignment.hold_reason}")
+        yield f"Input hold {choices.hold}: {choices.alignment.hold_reason}"
     if choices.coulomb_velocity is not None:
-        yield Text(f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s")
-    yield Text()
+        yield f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s"
+    yield ""
     if result.disturbances is not None:
         yield from _disturbances(result.disturbances)
     yield _least_squares(result)
@@ -256,8 +256,8 @@ def _disturbances(found: Disturbances) -> Iterator[Part]:
     for name, share in found.shares.items():
         table.add(name, number(100.0 * share, 2, "%"))
     yield table
-    yield Text(f"Fitted in the joint's band, one sample every {1e3 * found.sample_time:.3g} ms")
-    yield Text()
+    yield f"Fitted in the joint's band, one sample every {1e3 * found.sample_time:.3g} ms"
+    yield ""
 
 
 def _least_squares(result: Identification) -> Table:

@@ -8,8 +8,6 @@ from math import isclose, isfinite
 from pathlib import Path
 from typing import Any
 
-from rich.text import Text
-
 from flexid.analysis.excitation import WEAK_CONDITION
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
@@ -224,16 +222,16 @@ def _subject(result: Identification) -> str:
 
 
 def _choices(result: Identification) -> Iterator[Item]:
-    yield from map(Text, result.summary)
+    yield from result.summary
     if result.removed:
-        yield Text("The model does without these; if there, they are no larger than this:")
+        yield "The model does without these; if there, they are no larger than this:"
         yield Bullets([*removed_lines(result)])
     yield Folded("The evidence behind every choice", [*explanation(result)])
 
 
 def trust(result: Identification) -> Answer:
     """Whether the parameters can be trusted, and what that rests on."""
-    content: list[Item] = [Text(line) for line in (_counted(result), *_tested(result))]
+    content: list[Item] = [_counted(result), *_tested(result)]
     if result.warnings:
         many = len(result.warnings)
         content.append(Link(f"{many} warnings" if many > 1 else "A warning", "warnings"))
@@ -304,7 +302,7 @@ def next_step(result: Identification, estimate: str, advice: Sequence[str] = ())
     """What to do with the estimate, or what is lacking and what would mend that."""
     question, lacking = "What do I do next?", _lacking(result)
     if not lacking:
-        said = Text("This log needs nothing more. On one that the estimate has never seen:")
+        said = "This log needs nothing more. On one that the estimate has never seen:"
         columns = f" --columns {_COLUMN_MAP}" if mapped(result.provenance) else ""
         test = Command(f"flexid validate {estimate} NEXT.csv{columns}")
         return Answer(question, "Test it on another log", "", [said, test])
@@ -315,11 +313,9 @@ def next_step(result: Identification, estimate: str, advice: Sequence[str] = ())
         reasons.append("the residuals exceed the sensor noise, which widens intervals")
     said = Bullets([*reasons, *_confounded(result)])
     if advice:
-        told = [Text(advice[0]), Link("What to record next", "next")]
+        told = [advice[0], Link("What to record next", "next")]
         return Answer(question, word, "", [said, *told])
-    return Answer(
-        question, word, "", [said, Text(asked), Command(_command("excitation", result, []))]
-    )
+    return Answer(question, word, "", [said, asked, Command(_command("excitation", result, []))])
 
 
 def _confounded(result: Identification) -> Iterator[str]:

@@ -14,8 +14,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rich.text import Text
-
 import flexid
 from flexid.report.chart import Chart
 from flexid.report.terminal import Part, Table
@@ -133,7 +131,7 @@ def sections_of(
 ) -> list[Section]:
     """All sections but the empty ones: warnings first, and how to repeat it last."""
     origin: list[Item] = [Command(command)] if command else []
-    origin += [Text(remark) for remark in remarks]
+    origin += [*remarks]
     entries = [*facts]
     if entries:
         origin.append(Facts(entries))

@@ -3,8 +3,6 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from rich.text import Text
-
 import flexid
 from flexid.analysis.excitation import Excitation
 from flexid.arrays import plain
@@ -255,8 +253,8 @@ def _holds(result: Reproduction) -> Answer:
     verdicts = [claim.verdict for claim in result.claims]
     hold, depend = verdicts.count("holds"), verdicts.count("depends on the reading")
     content = [
-        Text(f"{depend} more depend on how the printed gains are read."),
-        Text(f"{len(verdicts) - hold - depend} do not hold."),
+        f"{depend} more depend on how the printed gains are read.",
+        f"{len(verdicts) - hold - depend} do not hold.",
     ]
     word = f"{hold} of {len(verdicts)}"
     return Answer("Do its claims hold?", word, "good" if hold == len(verdicts) else "fair", content)
@@ -265,7 +263,7 @@ def _holds(result: Reproduction) -> Answer:
 def _which_readings(result: Reproduction) -> Answer:
     """Which readings of the gains keep the loop stable."""
     stable = [f"({r.name})" for r in result.readings.values() if r.rightmost.real < 0.0]
-    said = Text(
+    said = (
         f"As powers (a,b,c) of k; of {len(result.readings)} readings only these keep the closed "
         f"loop stable."
     )

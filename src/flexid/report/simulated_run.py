@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from rich.text import Text
 
 import flexid
 from flexid.arrays import FloatArray
@@ -32,9 +31,9 @@ def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part
     """Tables and sentences of the answer."""
     length = f"{run.time[-1]:g} s {experiment.mode}"
     spent = (f"{count} {name.replace('_', ' ')}" for name, count in run.statistics.items())
-    yield Text(f"{experiment.name}: {length}, {', '.join(spent)}")
+    yield f"{experiment.name}: {length}, {', '.join(spent)}"
     yield estimates_table(experiment, run, measures)
-    yield from map(Text, run_lines(run, measures))
+    yield from run_lines(run, measures)
 
 
 def run_lines(run: Run, measures: Measures) -> Iterator[str]:
@@ -173,7 +172,7 @@ def page(
     """What there is to say of a run."""
     answers = [_settles(measures)]
     if out and is_joint(run):
-        said = Text("The log of its sensors is one like any other:")
+        said = "The log of its sensors is one like any other:"
         asked = Command(f"flexid identify {shlex.quote(str(Path(out) / 'log.parquet'))}")
         answers.append(Answer("What do I do next?", "Identify it", "", [said, asked]))
     facts = (
@@ -201,12 +200,12 @@ def _settles(measures: Measures) -> Answer:
     settled = {name: time for name, time in times.items() if isfinite(time)}
     word = "All of them" if len(settled) == len(times) else f"{len(settled)} of {len(times)}"
     tone = "good" if len(settled) == len(times) else "fair" if settled else "bad"
-    content = [Text(f"Settled: within {100 * SETTLED:g} % of the true value until the end.")]
+    content = [f"Settled: within {100 * SETTLED:g} % of the true value until the end."]
     if settled:
         last = max(settled, key=lambda name: settled[name])
-        content.append(Text(f"The last is {last}, from {settled[last]:.3g} s on."))
+        content.append(f"The last is {last}, from {settled[last]:.3g} s on.")
     if lost := [name for name in times if name not in settled]:
-        content.append(Text(f"Not settled: {', '.join(lost)}."))
+        content.append(f"Not settled: {', '.join(lost)}.")
     return Answer("Do the estimates settle?", word, tone, content)
 
 

@@ -191,7 +191,8 @@ class Table:
             yield from map(Text, wrapped(said, width, "  "))
 
 
-Part = Table | Text
+Part = Table | Text | str
+"""A table or a sentence, which is a `Text` where it has a style."""
 
 
 def number(value: float, digits: int, unit: str = "") -> Cell:
@@ -255,7 +256,8 @@ def laid_out(parts: Iterable[Part], width: int) -> Iterator[Text]:
                 yield line
 
 
-def _lines_of(text: Text, width: int) -> Iterator[Text]:
+def _lines_of(sentence: Text | str, width: int) -> Iterator[Text]:
+    text = Text(sentence) if isinstance(sentence, str) else sentence
     indent = "  " if text.plain.startswith("  ") else ""
     for line in wrapped(text.plain, width, indent):
         yield Text(line, text.style)

@@ -7,8 +7,6 @@ from math import inf, isfinite, isinf, isnan
 from pathlib import Path
 from typing import Any
 
-from rich.text import Text
-
 from flexid.arrays import plain
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.identification.vocabulary.evidence import Validation
@@ -54,12 +52,12 @@ def errors_parts(result: EstimateValidation) -> Iterator[Part]:
     yield table
     worst, fit = _worst(result)
     if worst and not fit >= WEAK_FIT:
-        yield Text(
+        yield (
             f"The estimate does not describe this drive: the free run explains {fit:.3g} "
             f"% of {worst}. Identify these logs, and compare both estimates."
         )
     count = len(result.runs)
-    yield Text(
+    yield (
         f"{count} recording{'s' if count > 1 else ''} of {_drive(result)}. Each "
         f"prediction starts from the state that the half second before it shows."
     )
@@ -114,11 +112,11 @@ def _predicts(result: EstimateValidation) -> Answer:
     channel, fit = _worst(result)
     question = "How much of these logs does it predict?"
     if not channel:
-        return Answer(question, "Nothing moves", "bad", [Text("Every channel is at rest.")])
+        return Answer(question, "Nothing moves", "bad", ["Every channel is at rest."])
     tone = "bad" if not fit >= WEAK_FIT else "fair" if result.warnings else "good"
     word = f"{fit:.2f} %" if isfinite(fit) and fit > 0.0 else "Nothing"
     rest = ", and more of the rest" if len(result.fit_percent) > 1 else ""
-    content = [Text(f"Of the {channel.replace('_', ' ')} in a free run{rest}.")]
+    content = [f"Of the {channel.replace('_', ' ')} in a free run{rest}."]
     noise = {
         c: off / result.noise[c]
         for c, off in result.residuals[float("inf")].items()
@@ -126,16 +124,16 @@ def _predicts(result: EstimateValidation) -> Answer:
     }
     if noise:
         most = max(noise.values())
-        content.append(Text(f"The error is at most {most:.3g} times the sensor noise."))
+        content.append(f"The error is at most {most:.3g} times the sensor noise.")
     return Answer(question, word, tone, content)
 
 
 def _next(result: EstimateValidation) -> Answer:
     question, (_, fit) = "What do I do next?", _worst(result)
     if fit >= WEAK_FIT:
-        said = Text("For motions like those of these logs, as far ahead as the table says.")
+        said = "For motions like those of these logs, as far ahead as the table says."
         return Answer(question, "Use the estimate", "", [said])
-    said = Text("Over short horizons it may still predict. What these logs say of the drive:")
+    said = "Over short horizons it may still predict. What these logs say of the drive:"
     files = shlex.join(str(log.get("file") or "LOG") for log in result.provenance["inputs"])
     model = " --model arm.toml" if result.model == "arm" else ""
     asked = Command(f"flexid identify {files}{model}")

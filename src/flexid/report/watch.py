@@ -41,15 +41,15 @@ def parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
     yield Text.assemble(
         (judgement.health.words, f"bold {COLOURS[judgement.health]}"), f": {judgement.reason}."
     )
-    yield Text()
+    yield ""
     yield estimates_table("Physical parameters", session.parameters, _columns(session, sparks))
     if small := negligible(session.parameters.values()):
-        yield Text(f"Negligible even at the ends of the interval: {', '.join(small)}")
+        yield f"Negligible even at the ends of the interval: {', '.join(small)}"
     conditions = ", ".join(
         f"{name} {found.condition_number:.3g}" for name, found in session.excitation.items()
     )
-    yield Text(f"Excitation: condition number of the rows {conditions}")
-    yield Text(session.counts.sentence)
+    yield f"Excitation: condition number of the rows {conditions}"
+    yield session.counts.sentence
     for departure in session.departures:
         yield Text(f"Departure: {departure.sentence}.", style="red")
     known = session.findings
@@ -115,11 +115,8 @@ def live_view(session: Session | None, sparks: Sparks, width: int) -> Text:
     """The view of a terminal that is renewed."""
     if session is None:
         return Text("waiting for the first samples")
-    lines = [
-        Text(f"flexid watch, {clock_words(session.time)}"),
-        *laid_out(parts(session, sparks), width),
-    ]
-    return Text("\n").join(lines)
+    title = f"flexid watch, {clock_words(session.time)}"
+    return Text("\n").join(laid_out((title, *parts(session, sparks)), width))
 
 
 def document(session: Session) -> dict[str, Any]:
