@@ -4,12 +4,7 @@ from math import inf
 
 import pytest
 
-from flexid.cli.options import (
-    parse_bounds,
-    parse_known,
-    parse_number,
-    parse_values,
-)
+from flexid.cli.options import parse_bounds, parse_known, parse_number, parse_values
 from flexid.errors import SettingError
 
 

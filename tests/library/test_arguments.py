@@ -27,10 +27,7 @@ UNTAKEN = {
     "of the excitation": (call("excitation", "a.csv", hould="zero"), r"mean hold\?"),
     "missing": (call("identify"), "logs is missing"),
     "progress": (call("identify", "a.csv", progress=3), "progress is an int.*print"),
-    "exported": (
-        call("export", 3, to="mjcf", out="b"),
-        "what is an int.*JointEstimate.*path",
-    ),
+    "exported": (call("export", 3, to="mjcf", out="b"), "what is an int.*JointEstimate.*path"),
     "one too many": (call("identify", "a.csv", "b.csv"), "takes logs; write options by name"),
     "twice": (call("identify", "a.csv", logs="b.csv"), "logs"),
     "no names": (call("reproduce", 3), "nothing"),

@@ -82,10 +82,7 @@ ALTERED: list[tuple[tuple[str, ...], object]] = [
     (("parameters", "gravity_torque", "interval"), 3),
     (("coefficients", "theta1", "verdict"), "fine"),
     (("fit", "covariance"), "none"),
-    (
-        ("fit",),
-        {"names": ["a"], "values": [1.0], "covariance": [[]], "degrees_of_freedom": [9.0]},
-    ),
+    (("fit",), {"names": ["a"], "values": [1.0], "covariance": [[]], "degrees_of_freedom": [9.0]}),
     (("validation",), {"fit_percent": {}, "horizons": {"soon": {}}}),
     (("choices", "hold"), "spline"),
     (("summary",), None),

@@ -82,12 +82,7 @@ def _interruptions() -> Iterator[list[int]]:
 
 
 def _follow(
-    watched: "Watch",
-    checkpoint: Path | None,
-    asked: list[int],
-    errors: "Console",
-    *,
-    as_json: bool,
+    watched: "Watch", checkpoint: Path | None, asked: list[int], errors: "Console", *, as_json: bool
 ) -> None:
     """Follow the stream until it ends, or an interruption; show what is known meanwhile."""
     from rich.live import Live
@@ -159,10 +154,7 @@ def _end(watched: "Watch", checkpoint: Path | None, *, as_json: bool) -> None:
     help="Port of the machine; 0 for any that is free.",
 )
 @click.option(
-    "--browser/--no-browser",
-    default=True,
-    show_default=True,
-    help="Open the page in a browser.",
+    "--browser/--no-browser", default=True, show_default=True, help="Open the page in a browser."
 )
 def studio(log: Path | None, host: str, port: int, browser: bool) -> None:
     """Serve a page in which logs are checked and identified.

@@ -157,9 +157,7 @@ OPTIONS = {
     "stream": Option(bool),
     "summary": Option(Path, "DIR"),
     "terms": Option(
-        str,
-        "NAMES",
-        note=f"Names between commas: {_NAMES}; of a rigid joint {_RIGID_NAMES}.",
+        str, "NAMES", note=f"Names between commas: {_NAMES}; of a rigid joint {_RIGID_NAMES}."
     ),
     "to": Option(str),
     "unknown_input_gain": Option(bool),
@@ -174,9 +172,7 @@ FLAGS = {
     "explain": Option(bool, note="Show the evidence for every choice."),
     "csv": Option(bool, note="Write the time series as CSV, too; needs --out."),
     "min_fit": Option(
-        float,
-        "PERCENT",
-        note="Exit with status 1 where the free run explains less of a channel.",
+        float, "PERCENT", note="Exit with status 1 where the free run explains less of a channel."
     ),
     "json": Option(bool, note="Print JSON instead of tables."),
 }

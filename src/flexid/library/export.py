@@ -204,11 +204,7 @@ def export(
 
 
 def what_is_meant(
-    what: Any,
-    terms: Iterable[str] | None = None,
-    *,
-    with_memory: bool = False,
-    arms: bool = False,
+    what: Any, terms: Iterable[str] | None = None, *, with_memory: bool = False, arms: bool = False
 ) -> ExportRequest | ArmIdentification:
     """The model or the estimate that is meant; an arm is refused where there are to be none."""
     from flexid.exports.request import ExportRequest, request_of_identification

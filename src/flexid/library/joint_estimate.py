@@ -51,10 +51,7 @@ class JointEstimate(ReportedAnswer):
     _file = "estimate.json"
 
     def __init__(
-        self,
-        result: Identification,
-        *,
-        made_from: tuple[Sequence[Log], Settings] | None = None,
+        self, result: Identification, *, made_from: tuple[Sequence[Log], Settings] | None = None
     ) -> None:
         self.result = result
         self._made_from = made_from

@@ -254,8 +254,7 @@ class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
 
 @entrance
 def compare(
-    a: JointEstimate | FilePath | Mapping[str, Any],
-    b: JointEstimate | FilePath | Mapping[str, Any],
+    a: JointEstimate | FilePath | Mapping[str, Any], b: JointEstimate | FilePath | Mapping[str, Any]
 ) -> EstimateComparison:
     """Compare two estimates: what has changed, and how surely.
 

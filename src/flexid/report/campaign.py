@@ -12,16 +12,7 @@ import flexid
 from flexid.arrays import FloatArray
 from flexid.campaigns.summary import QUANTILES, Result, Summary
 from flexid.experiments.measures import Units
-from flexid.report.chart import (
-    Axis,
-    Chart,
-    Dash,
-    Level,
-    Line,
-    Panel,
-    Points,
-    whole_decades,
-)
+from flexid.report.chart import Axis, Chart, Dash, Level, Line, Panel, Points, whole_decades
 from flexid.report.page import Answer, Bullets, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, number, numbers
 

@@ -13,16 +13,7 @@ from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.comparison_summary import comparison_summary, largest
-from flexid.report.page import (
-    Answer,
-    Bullets,
-    Item,
-    Page,
-    Presenter,
-    Section,
-    Tone,
-    sections_of,
-)
+from flexid.report.page import Answer, Bullets, Item, Page, Presenter, Section, Tone, sections_of
 from flexid.report.terminal import Cell, Column, Part, Table, numbers, value_cells
 
 OUTCOME_COLOURS: dict[Outcome, str] = {

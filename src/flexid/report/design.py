@@ -9,17 +9,7 @@ import polars as pl
 
 from flexid.experiment_design.design import Design, Extreme, Prediction
 from flexid.experiment_design.drive import DOUBT
-from flexid.report.chart import (
-    Axis,
-    Chart,
-    Colour,
-    Level,
-    Line,
-    Mark,
-    Panel,
-    Points,
-    whole_decades,
-)
+from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points, whole_decades
 from flexid.report.page import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 

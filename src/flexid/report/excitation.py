@@ -7,10 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexid.experiment_design.advice import Addition, Advice
-from flexid.experiment_design.excitation_report import (
-    CoefficientAssessment,
-    ExcitationReport,
-)
+from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.chart import (
     VERDICT_COLOURS,

@@ -141,11 +141,7 @@ def chosen_facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield name, str(chosen[name])
 
 
-_TITLES = {
-    "flexible": "Flexible joint",
-    "link": "Link of a flexible joint",
-    "rigid": "Rigid joint",
-}
+_TITLES = {"flexible": "Flexible joint", "link": "Link of a flexible joint", "rigid": "Rigid joint"}
 _INPUTS = {"N m": " and the torque", "V": " and the voltage", "A": " and the current"}
 _MAP = (
     f"{_COLUMN_MAP} stands for the column map: the channels were computed as below, which the "

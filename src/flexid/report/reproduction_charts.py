@@ -93,11 +93,7 @@ def _peaks(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _curves(
-    time: FloatArray,
-    curves: Mapping[str, FloatArray],
-    colours: tuple[Colour, ...],
-    *,
-    named: bool,
+    time: FloatArray, curves: Mapping[str, FloatArray], colours: tuple[Colour, ...], *, named: bool
 ) -> Iterator[Line]:
     for (name, values), colour in zip(curves.items(), colours, strict=False):
         if np.isnan(values).all():

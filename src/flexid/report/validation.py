@@ -12,15 +12,7 @@ from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.report.chart import Chart
 from flexid.report.identification_page import input_facts
-from flexid.report.page import (
-    Answer,
-    Command,
-    Page,
-    Presenter,
-    Section,
-    drawn,
-    sections_of,
-)
+from flexid.report.page import Answer, Command, Page, Presenter, Section, drawn, sections_of
 from flexid.report.response_charts import free_run_chart, residual_chart
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.stored_estimates.validate_estimate import EstimateValidation

@@ -12,13 +12,7 @@ from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.parameter_kinds import ANGLES, difference
 from flexid.report.identification import estimates_table, negligible
 from flexid.report.page import Presenter
-from flexid.report.terminal import (
-    Cell,
-    Column,
-    Part,
-    encodable,
-    laid_out,
-)
+from flexid.report.terminal import Cell, Column, Part, encodable, laid_out
 from flexid.streaming.health import Health
 from flexid.streaming.session import Session, clock_words
 

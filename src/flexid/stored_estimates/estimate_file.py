@@ -131,11 +131,7 @@ def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification
     """What the content of a file says, checked."""
     from pydantic import ValidationError
 
-    from flexid.stored_estimates.consistency import (
-        StoredProvenance,
-        check_arm,
-        check_consistency,
-    )
+    from flexid.stored_estimates.consistency import StoredProvenance, check_arm, check_consistency
 
     version = content.get("format_version") if isinstance(content, dict) else None
     if isinstance(version, bool) or not isinstance(version, int):
