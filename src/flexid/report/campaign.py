@@ -2,7 +2,7 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from math import isfinite
 from typing import Any
 
@@ -121,12 +121,13 @@ def charts(summary: Summary) -> tuple[Chart, ...]:
     if shown:
         found.append(_distributions(summary, shown, units))
     if depending:
-        clouds = [
-            _cloud(result, depending[result.name], summary, units)
-            for result in shown
-            if result.name in depending
-        ]
-        found.append(_dependence(depending, clouds))
+        clouds = (
+            _cloud(r, depending[r.name], summary, units) for r in shown if r.name in depending
+        )
+        strongest = "; ".join(f"{result}: {name}" for result, name in [*depending.items()][:3])
+        says = f"The input that matters most for each result is below it ({strongest})."
+        title = "Each result against the input that matters most for it"
+        found.append(Chart("dependence", title, says, tuple(clouds), _COLUMNS, linked=False))
     return tuple(found)
 
 
@@ -148,13 +149,6 @@ def _distributions(summary: Summary, results: list[Result], units: Units) -> Cha
     )
     title = f"Distributions of the results of {summary.finished} finished runs"
     return Chart("distributions", title, says, panels, _COLUMNS, linked=False)
-
-
-def _dependence(depending: Mapping[str, str], panels: Sequence[Panel]) -> Chart:
-    strongest = "; ".join(f"{result}: {name}" for result, name in [*depending.items()][:3])
-    says = f"The input that matters most for each result is below it ({strongest})."
-    title = "Each result against the input that matters most for it"
-    return Chart("dependence", title, says, tuple(panels), _COLUMNS, linked=False)
 
 
 def _distribution(result: Result, unit: str) -> Panel:

@@ -13,6 +13,7 @@ from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.comparison_summary import comparison_summary, largest
+from flexid.report.identification import COEFFICIENTS, PARAMETERS
 from flexid.report.page import Answer, Bullets, Item, Page, Presenter, Section, Tone, sections_of
 from flexid.report.terminal import Cell, Column, Part, Table, numbers, value_cells
 
@@ -25,8 +26,6 @@ OUTCOME_COLOURS: dict[Outcome, str] = {
     "not determined": "yellow",
     "not compared": "",
 }
-
-PARAMETERS, COEFFICIENTS = "Physical parameters", "Coefficients"
 
 _NONE = Cell(("–",))
 _LONGEST = 60  # characters of a setting
@@ -206,13 +205,19 @@ def page(
     a, b = comparison.labels
     if not command and comparison.labels != _IN_MEMORY:
         command = shlex.join(["flexid", "compare", a, b])
+    question = (
+        "Do they agree on this log?" if comparison.logs == "same" else "Has anything changed?"
+    )
     sections, facts = _sections(comparison, charts), _facts(comparison)
     return Page(
         "comparison",
         "Two estimates side by side",
         f"A: {a}; B: {b}",
         lead_table(comparison.decisive),
-        (_changed(comparison), _next_step(comparison)),
+        (
+            Answer(question, *_judged(comparison), [*comparison_summary(comparison)]),
+            _next_step(comparison),
+        ),
         sections_of(comparison.warnings, sections, command, facts),
         _NOTES,
     )
@@ -233,15 +238,6 @@ def _both_values(title: str, differences: Mapping[str, Difference]) -> Iterator[
     yield differences_table(title, differences)
     if lines := [*remarks(differences)]:
         yield Bullets(lines)
-
-
-def _changed(comparison: Comparison) -> Answer:
-    """Whether anything has changed, and how surely."""
-    question = "Has anything changed?"
-    if comparison.logs == "same":
-        question = "Do they agree on this log?"
-    content = [*comparison_summary(comparison)]
-    return Answer(question, *_judged(comparison), content)
 
 
 def _judged(comparison: Comparison) -> tuple[str, Tone]:
@@ -300,7 +296,7 @@ def document(comparison: Comparison) -> dict[str, Any]:
         "coefficients": _differences(comparison.coefficients),
         "together": comparison.together,
         "settings": {name: {"a": a, "b": b} for name, (a, b) in comparison.settings.items()},
-        "summary": comparison_summary(comparison),
+        "summary": [*comparison_summary(comparison)],
         "warnings": comparison.warnings,
         "provenance": comparison.provenance,
     }

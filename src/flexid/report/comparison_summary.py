@@ -9,9 +9,19 @@ from flexid.identification.vocabulary.intervals import CONFIDENCE
 from flexid.report.terminal import format_with_interval, listed
 
 
-def comparison_summary(comparison: Comparison) -> tuple[str, ...]:
+def comparison_summary(comparison: Comparison) -> Iterator[str]:
     """What has changed, how sure that is, and what it rests on."""
-    return tuple(_sentences(comparison))
+    compared = [d for d in comparison.decisive.values() if d.compared]
+    if not compared:
+        yield "Nothing can be compared: no number was estimated in both."
+    elif comparison.logs == "same":
+        yield _of_one_log(comparison, compared)
+    else:
+        yield _answer(comparison, compared)
+        yield from _perhaps(comparison, compared)
+    yield from _all_at_once(comparison)
+    if comparison.lacking:
+        yield f"Not determined in A or in B, and so not compared: {_names(comparison.lacking)}."
 
 
 def largest(d: Difference) -> str:
@@ -27,20 +37,6 @@ def _rounded_up(number: float) -> str:
         return "any"
     shown = f"{number:.2g}"
     return shown if float(shown) >= number else f"{number * 1.05:.2g}"
-
-
-def _sentences(comparison: Comparison) -> Iterator[str]:
-    compared = [d for d in comparison.decisive.values() if d.compared]
-    if not compared:
-        yield "Nothing can be compared: no number was estimated in both."
-    elif comparison.logs == "same":
-        yield _of_one_log(comparison, compared)
-    else:
-        yield _answer(comparison, compared)
-        yield from _perhaps(comparison, compared)
-    yield from _all_at_once(comparison)
-    if comparison.lacking:
-        yield f"Not determined in A or in B, and so not compared: {_names(comparison.lacking)}."
 
 
 def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:

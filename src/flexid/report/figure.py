@@ -37,7 +37,6 @@ from flexid.report.chart import (
     Chart,
     Colour,
     Dash,
-    Level,
     Line,
     Mark,
     Panel,
@@ -288,13 +287,8 @@ def _draw(ax: Axes, mark: Mark) -> None:
         style = {"color": colour, "alpha": 0.25 if mark.faint else 1.0, "markeredgewidth": 0}
         ax.plot(mark.x, mark.y, "o", markersize=mark.size, label=label, **style)
     else:
-        _draw_level(ax, mark, label)
-
-
-def _draw_level(ax: Axes, mark: Level, label: str) -> None:
-    line = ax.axhline if mark.along == "y" else ax.axvline
-    style = {"linestyle": _DASHES[mark.dash], "linewidth": 1.0}
-    line(mark.value, color=COLOURS[mark.colour], label=label, **style)
+        line = ax.axhline if mark.along == "y" else ax.axvline
+        line(mark.value, color=colour, label=label, linestyle=_DASHES[mark.dash], linewidth=1.0)
 
 
 def _set_axis(ax: Axes, which: Literal["x", "y"], axis: Axis, labels: int) -> None:

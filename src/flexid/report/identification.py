@@ -12,7 +12,6 @@ from flexid.identification.result.identification import Choices, Identification
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     ModelError,
-    ParameterEstimate,
     Validation,
     ValueEstimate,
 )
@@ -31,11 +30,13 @@ from flexid.report.terminal import (
 )
 from flexid.stored_estimates.estimate_file import estimate_document
 
+PARAMETERS, COEFFICIENTS = "Physical parameters", "Coefficients"
+
 
 def identification_parts(result: Identification) -> Iterator[Part]:
     """Tables and sentences of the answer."""
-    yield parameters_table(result)
-    yield coefficients_table(result)
+    yield estimates_table(PARAMETERS, result.parameters)
+    yield estimates_table(COEFFICIENTS, result.coefficients)
     yield from verdict_reasons(result.coefficients)
     if small := negligible(result.parameters.values()):
         yield f"  Negligible, and zero within the interval: {', '.join(small)}"
@@ -48,16 +49,6 @@ def identification_parts(result: Identification) -> Iterator[Part]:
         yield f"Excluded terms: {', '.join(removed_lines(result))}."
     yield ""
     yield from result.summary
-
-
-def parameters_table(result: Identification) -> Table:
-    """Physical parameters with their intervals and verdicts."""
-    return estimates_table("Physical parameters", result.parameters)
-
-
-def coefficients_table(result: Identification) -> Table:
-    """Lumped coefficients likewise."""
-    return estimates_table("Coefficients", result.coefficients)
 
 
 def negligible(parameters: Iterable[ValueEstimate]) -> list[str]:
@@ -147,15 +138,10 @@ def _horizons(validation: Validation) -> Iterator[str]:
 
 def removed_lines(result: Identification) -> Iterator[str]:
     """What the model does without, each with how large it could be."""
-    return map(_at_most, result.removed.values())
-
-
-def _at_most(parameter: ParameterEstimate) -> str:
-    """How large something could be that the model does without."""
-    largest = max(map(abs, parameter.interval))
-    if not isfinite(largest):
-        return f"{parameter.name} (not determined by this log)"
-    return f"{parameter.name} below {largest:.2g} {parameter.unit}"
+    for name, parameter in result.removed.items():
+        largest = max(map(abs, parameter.interval))
+        known = f"below {largest:.2g} {parameter.unit}"
+        yield f"{name} {known if isfinite(largest) else '(not determined by this log)'}"
 
 
 def estimates_table(

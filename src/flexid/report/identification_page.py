@@ -16,11 +16,12 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.columns import is_by_name
 from flexid.report.chart import Chart
 from flexid.report.identification import (
-    coefficients_table,
+    COEFFICIENTS,
+    PARAMETERS,
     compliance_line,
+    estimates_table,
     excitation_lines,
     explanation,
-    parameters_table,
     prediction_lines,
     removed_lines,
     residual_lines,
@@ -173,7 +174,7 @@ def identification_page(
         "identification",
         _TITLES[result.model],
         _subject(result),
-        parameters_table(result),
+        estimates_table(PARAMETERS, result.parameters),
         (trust(result), next_step(result, estimate, advice)),
         sections_of(result.warnings, sections, command, facts, remarks),
         (_NOTE,),
@@ -194,8 +195,8 @@ def _sections(
     yield Section("bode", "Frequency response", drawn(charts, "bode"))
     yield Section("regions", "Correlation of parameters", drawn(charts, "regions"))
     reasons = Bullets([line.plain.strip() for line in verdict_reasons(result.coefficients)])
-    coefficients = [coefficients_table(result), *([reasons] if reasons.lines else [])]
-    yield Section("coefficients", "Coefficients", coefficients)
+    table = estimates_table(COEFFICIENTS, result.coefficients)
+    yield Section("coefficients", COEFFICIENTS, [table, *([reasons] if reasons.lines else [])])
     yield Section("choices", "What was chosen, and the alternatives", [*_choices(result)])
 
 

@@ -148,16 +148,6 @@ NAME = "report.html"
 _HERE = Path(__file__).parent
 
 _TONES = {"green": "good", "yellow": "fair", "red": "bad"}
-_TESTS = {
-    "table_part": Table,
-    "chart": Chart,
-    "folded": Folded,
-    "command": Command,
-    "points": Bullets,
-    "facts": Facts,
-    "link": Link,
-    "warning": Warned,
-}
 
 
 def page_html(page: Page) -> str:
@@ -193,7 +183,7 @@ def _environment() -> Environment:
 
 
 def page_environment(loader: BaseLoader) -> Environment:
-    """Templates that escape what they are given, tell a page's items apart and typeset them."""
+    """Templates that escape what they are given, name a page's items and typeset them."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(
@@ -203,9 +193,7 @@ def page_environment(loader: BaseLoader) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.tests.update(
-        {name: lambda item, kind=kind: isinstance(item, kind) for name, kind in _TESTS.items()}
-    )
+    environment.filters["kind"] = lambda item: type(item).__name__
     environment.filters["typeset"] = lambda text: text.replace("^2", "²").replace("^3", "³")
     environment.filters["breakable"] = breakable
     environment.filters["tone"] = lambda style: _TONES.get(str(style), "")

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.parameter_kinds import ANGLES, difference
-from flexid.report.identification import estimates_table, negligible
+from flexid.report.identification import PARAMETERS, estimates_table, negligible
 from flexid.report.page import Presenter
 from flexid.report.terminal import Cell, Column, Part, encodable, laid_out
 from flexid.streaming.health import Health
@@ -36,7 +36,7 @@ def parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
         (judgement.health.words, f"bold {COLOURS[judgement.health]}"), f": {judgement.reason}."
     )
     yield ""
-    yield estimates_table("Physical parameters", session.parameters, _columns(session, sparks))
+    yield estimates_table(PARAMETERS, session.parameters, _columns(session, sparks))
     if small := negligible(session.parameters.values()):
         yield f"Negligible even at the ends of the interval: {', '.join(small)}"
     conditions = ", ".join(

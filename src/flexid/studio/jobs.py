@@ -192,7 +192,7 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Foun
     from flexid.files import write_document
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
-    from flexid.report.identification import coefficients_table, parameters_table
+    from flexid.report.identification import COEFFICIENTS, PARAMETERS, estimates_table
     from flexid.report.identification_charts import identification_charts
     from flexid.report.identification_page import identification_page
     from flexid.report.page import page_html
@@ -212,8 +212,8 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Foun
     html = fragment(
         "found.html",
         answers=page.answers,
-        parameters=parameters_table(result),
-        coefficients=coefficients_table(result),
+        parameters=estimates_table(PARAMETERS, result.parameters),
+        coefficients=estimates_table(COEFFICIENTS, result.coefficients),
         reasons={name: e.reason for name, e in estimates.items() if e.interval[0] != e.interval[1]},
         result=result,
     )
