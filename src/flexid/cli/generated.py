@@ -312,17 +312,22 @@ def _parameters(command: Command) -> Mapping[str, inspect.Parameter]:
     return inspect.signature(command.function).parameters
 
 
+def _option_of(parameter: inspect.Parameter) -> Option:
+    named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    return (OPTIONS if named else ARGUMENTS)[parameter.name]
+
+
 def _from_library(command: Command, documented: str) -> Iterator[click.Parameter]:
     described = _described(documented)
     for name, parameter in _parameters(command).items():
         if name not in _OF_PYTHON:
-            named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
-            option = (OPTIONS if named else ARGUMENTS)[name]
+            option = _option_of(parameter)
             choices, words = described[name]
             option = option._replace(
                 metavar=option.metavar or (f"<{choices}>" if choices else None),
                 note=f"{sentences(words)} {option.note}".strip(),
             )
+            named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
             yield _declared(name, option, parameter.default, named=named)
 
 
@@ -373,9 +378,8 @@ def _converted(command: Command, given: Options) -> dict[str, Any]:
     for name, value in given.items():
         parameter = _parameters(command)[name]
         if value not in (None, (), shown_default(parameter.default)):
-            named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
-            option = (OPTIONS if named else ARGUMENTS)[name]
-            found[name] = option.convert(f"--{name.replace('_', '-')}", value)
+            convert = _option_of(parameter).convert
+            found[name] = convert(f"--{name.replace('_', '-')}", value)
     return found
 
 

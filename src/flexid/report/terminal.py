@@ -6,6 +6,7 @@ import sys
 import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from math import floor, inf, isfinite, isnan, log10
 from textwrap import wrap
 
@@ -293,20 +294,11 @@ def _put_beside(
     widths: Sequence[int],
 ) -> Iterator[Text]:
     """Lines of a row whose cells have lines of their own."""
-    for i in range(max(map(len, texts))):
-        line = Text()
-        for j, (cell, style, column, width) in enumerate(
-            zip(texts, styles, columns, widths, strict=True)
-        ):
-            shown = cell[i] if i < len(cell) else ""
-            blanks = " " * (width - cell_len(shown))
-            line.append(" " * _BETWEEN if j else "")
-            if column.right:
-                line.append(blanks)
-            line.append(shown, style or None)
-            if not column.right:
-                line.append(blanks)
-        yield line
+    for shown in zip_longest(*texts, fillvalue=""):
+        cells = [Text(text, style) for text, style in zip(shown, styles, strict=True)]
+        for cell, column, width in zip(cells, columns, widths, strict=True):
+            cell.align("right" if column.right else "left", width)
+        yield Text(" " * _BETWEEN).join(cells)
 
 
 _MOST = 15  # significant digits, beyond which a float's own rounding begins

@@ -78,9 +78,10 @@ _LONGEST_DELAY = 10.0  # s
 _ROUNDING = 1e-6  # relative difference of two numbers that are to be the same
 
 
-def check_consistency(found: Identification, refuse: Refuse) -> None:
+def check_consistency(found: Identification | ArmIdentification, refuse: Refuse) -> None:
     """Refuse an estimate whose parts contradict each other, by the key that is wrong."""
-    for key, reason in _complaints(found):
+    complaints = _complaints_of_arm(found) if found.model == "arm" else _complaints(found)
+    for key, reason in complaints:
         raise refuse(key, f"is wrong, {reason}: correct it")
 
 
@@ -182,12 +183,6 @@ def _of_parameters(found: Identification) -> Iterator[tuple[str, str]]:
                 f"parameters.{parameter.name}.value",
                 f"{made.value:g} is not {follows:g}, which follows from the coefficients",
             )
-
-
-def check_arm(found: ArmIdentification, refuse: Refuse) -> None:
-    """Refuse an arm whose parts contradict each other, by the key that is wrong."""
-    for key, reason in _complaints_of_arm(found):
-        raise refuse(key, f"is wrong, {reason}: correct it")
 
 
 def _complaints_of_arm(found: ArmIdentification) -> Iterator[tuple[str, str]]:

@@ -131,7 +131,7 @@ def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification
     """What the content of a file says, checked."""
     from pydantic import ValidationError
 
-    from flexid.stored_estimates.consistency import StoredProvenance, check_arm, check_consistency
+    from flexid.stored_estimates.consistency import StoredProvenance, check_consistency
 
     version = content.get("format_version") if isinstance(content, dict) else None
     if isinstance(version, bool) or not isinstance(version, int):
@@ -145,12 +145,11 @@ def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification
     provenance = content.get("provenance", {})
     validated(provenance, StoredProvenance, lambda key, why: refuse(f"provenance.{key}", why))
     numbers = json.dumps(_numbers(_as_dataclasses(content), None))
-    of_arm = content.get("model") == "arm"
     try:
-        found = _schema(of_arm=of_arm).validate_json(numbers, strict=True)
+        found = _schema(of_arm=content.get("model") == "arm").validate_json(numbers, strict=True)
     except ValidationError as error:
         raise refuse(*first_complaint(error, content)) from None
-    (check_arm if of_arm else check_consistency)(found, refuse)
+    check_consistency(found, refuse)
     return found
 
 

@@ -15,13 +15,14 @@ import secrets
 import shutil
 import socket
 from collections.abc import AsyncIterator
-from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import urlsplit
 
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.websockets import WebSocketClose
 
 from flexid.errors import FlexidError
 from flexid.readers.formats import suffixes
@@ -75,8 +76,7 @@ class Guard:
         if refusal is None:
             await self._app(scope, receive, self._with_headers(send))
         elif scope["type"] == "websocket":
-            await receive()
-            await send({"type": "websocket.close", "code": 1008})
+            await WebSocketClose(1008)(scope, receive, send)
         else:
             await refusal(scope, receive, self._with_headers(send))
 
@@ -94,17 +94,17 @@ class Guard:
 
     def _refusal(self, scope: Scope) -> Response | None:
         """The answer to who is not let in; None for who is."""
-        headers = Headers(scope=scope)
-        host = headers.get("host", "")
+        connection = HTTPConnection(scope)
+        host = connection.headers.get("host", "")
         if not self._is_ours(host):
             return _refused("the studio is not called so: open the address that it printed")
-        origin = headers.get("origin")
+        origin = connection.headers.get("origin")
         acts = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
         if (origin is None and acts) or (
             origin is not None and origin not in (f"http://{host}", f"https://{host}")
         ):
             return _refused("the request comes from another page")
-        return self._without_token(scope, headers) if self._token else None
+        return self._without_token(connection) if self._token else None
 
     def _is_ours(self, host: str) -> bool:
         """Whether a Host header names the studio: by a number, which nobody can redirect, or so."""
@@ -118,20 +118,15 @@ class Guard:
             return name in self._names
         return address.is_loopback or self._is_open
 
-    def _without_token(self, scope: Scope, headers: Headers) -> Response | None:
+    def _without_token(self, connection: HTTPConnection) -> Response | None:
         """The answer to who does not know the token, or brings it in the address."""
-        try:
-            cookies = SimpleCookie(headers.get("cookie", ""))
-        except CookieError:
-            cookies = SimpleCookie()
-        if COOKIE in cookies and self._is_token(cookies[COOKIE].value):
+        if self._is_token(connection.cookies.get(COOKIE, "")):
             return None
-        query = parse_qsl(scope["query_string"].decode("ascii", "replace"))
-        given = next((value for key, value in query if key == "token"), "")
-        if scope["type"] == "websocket" or scope["method"] != "GET" or not self._is_token(given):
+        pages = connection.scope["type"] == "http" and connection.scope["method"] == "GET"
+        if not (pages and self._is_token(connection.query_params.get("token", ""))):
             return _refused("the studio needs its token: open the address that it printed")
-        rest = urlencode([pair for pair in query if pair[0] != "token"])
-        answer = RedirectResponse(f"{scope['path']}?{rest}" if rest else scope["path"], 303)
+        rest = connection.url.remove_query_params("token")
+        answer = RedirectResponse(f"{rest.path}?{rest.query}" if rest.query else rest.path, 303)
         answer.set_cookie(COOKIE, self._token, httponly=True, samesite="lax")
         return answer
 
