@@ -13,11 +13,16 @@ from test_identify_arm import MADE
 from two_links import ARM, TRUTH
 
 from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed
-from flexid.arms.doubts import input_noise, noise_of_the_inputs, other_minima, with_doubts
+from flexid.arms.doubts import (
+    changes_by_play,
+    input_noise,
+    noise_of_the_inputs,
+    other_minima,
+    with_doubts,
+)
 from flexid.arms.fitting import exact_fits
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
-from flexid.arms.play import changes_by_play
 from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples

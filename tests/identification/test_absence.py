@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from flexid.identification.estimation.absence import hidden_covariance
+from flexid.identification.estimation.final_fits import hidden_covariance
 
 
 def fitted(names, information, values, robust=1.0) -> Any:

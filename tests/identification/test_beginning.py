@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_fits import made_fit
 
-import flexid.identification.full_model.beginning as beginning
+import flexid.identification.full_model.starting as beginning
 from flexid.errors import ConvergenceError
 
 SAMPLES = 320

@@ -13,11 +13,11 @@ from scipy.stats import t
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation import disturbed
+from flexid.identification.estimation.band import FitInBand
 from flexid.identification.estimation.disturbed import Disturbed, disturbed_estimate, fit_disturbed
-from flexid.identification.estimation.in_band import FitInBand
-from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import flexible
+from flexid.identification.structure.link_delay import skew
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 

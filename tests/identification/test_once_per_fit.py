@@ -4,8 +4,7 @@ import gc
 import weakref
 from typing import cast
 
-from flexid.identification.full_model.model import Fitted
-from flexid.identification.full_model.once_per_fit import once_per_fit
+from flexid.identification.full_model.model import Fitted, once_per_fit
 
 
 class _Fit:

@@ -17,15 +17,13 @@ from flexid.identification.full_model.fits_by_length import FitsByLength, leaves
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.structure.bend import BEND, is_slack
-from flexid.identification.structure.ripple import RIPPLE, numbers
+from flexid.identification.structure.shapes import BEND, RIPPLE, STRIBECK, is_slack, numbers
 from flexid.identification.structure.sought_shape import (
     SoughtShape,
     at_its_constant,
     fit_with_shape,
     with_free_constant,
 )
-from flexid.identification.structure.stribeck import STRIBECK
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS

@@ -18,6 +18,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.structure.elimination import best_length, eliminate
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.001, friction_sign=4.0)
@@ -228,8 +229,8 @@ def test_the_narrowest_fit_that_converged_is_best():
     """
 
     def fit(width: float, converged: bool = True) -> Fitted:
-        covariance = _Fit(np.array([[width**2]]), (MANY,))
-        return made_fit(converged=converged, fit=covariance, names=("theta2",), values=np.ones(1))
+        estimate = Estimate(("theta2",), np.ones(1), np.array([[width**2]]), (MANY,))
+        return made_fit(converged=converged, fit=estimate)
 
     wide, narrow, not_ended = fit(0.2), fit(0.1), fit(0.01, converged=False)
     assert best_length([wide, narrow, not_ended]) is narrow

@@ -20,11 +20,13 @@ from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.band import (
     SPRING_SHARE,
+    FitInBand,
+    InBand,
     factor_of,
+    observer_following,
     thinned,
     thinned_samples,
 )
-from flexid.identification.estimation.in_band import FitInBand, InBand, observer_following
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Structure, encoder_noise
 from flexid.identification.preparation.arm import ElasticArm

@@ -27,6 +27,7 @@ from flexid.identification.full_model.fitting import (
     over_longer,
 )
 from flexid.identification.full_model.model import Data, Structure
+from flexid.identification.full_model.starting import by_misfit
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.estimate import Estimate
@@ -43,10 +44,8 @@ It is 1e-4 of the phase: another fit follows, or an observer corrects the motion
 # Those of a stiff joint are limited there: a model that is much faster than the samples is not yet
 # the right one.
 _ROUGHLY = Steps(0.1, insist=False, iterations=8, coarser=COARSER, most_substeps=8)
-_TRIAL = replace(_ROUGHLY, iterations=3)  # of each start
 _BETWEEN = replace(_ROUGHLY, iterations=5)  # between the first segments and those that count
 _FINE = Steps(1e-3, insist=False, iterations=8, most_substeps=30)
-_TRIAL_SEGMENTS = 40  # over which starts are compared
 _FEW = replace(
     _FINE, tolerance=0.1, iterations=6
 )  # from values of the whole log to those of a part
@@ -56,7 +55,6 @@ _UNFINISHED = 1.0  # standard deviations, of the step that would come next
 _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows, and bent springs
 _UNUSUAL_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
 _UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
-_PROMISING = 1.2  # the same, up to which no better start is looked for
 
 _HELD_OUT = 1 / 3  # of each recording, at its end, that is predicted
 
@@ -212,16 +210,10 @@ def _holds(one: FittedArm, found: Sequence[FittedArm]) -> bool:
 
 def begun(structure: Structure[ElasticArm], data: Data, segments: Segments) -> FittedArm:
     """The start that gets closest to the log within a few steps, and where these lead."""
-    few = segments.some(_TRIAL_SEGMENTS)
-    tried: list[FittedArm] = []
-    for start in starts(structure.joint.balance, data.samples, dict(structure.fixed)):
+    ways = starts(structure.joint.balance, data.samples, dict(structure.fixed))
+    for start in by_misfit(structure, data, segments, ways):
         with suppress(ConvergenceError):
-            tried.append(fit_segments(structure, data, few, start, None, _TRIAL))
-            if tried[-1].excess <= _PROMISING:
-                break
-    for found in sorted(tried, key=lambda one: one.minimum.equations.cost):
-        with suppress(ConvergenceError):
-            return fit_segments(structure, data, segments, found.by_name, None, _BETWEEN)
+            return fit_segments(structure, data, segments, start, None, _BETWEEN)
     raise ConvergenceError(
         "arm",
         "the model cannot follow the log from any start: check the signs and units of the "

@@ -14,7 +14,6 @@ from flexid.identification.estimation.answers import Answer, answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.amplifier import IDEAL, amplifier_of
 from flexid.identification.full_model.model import LINK, Structure
 from flexid.identification.full_model.starting import smooth_unknowns, turned_round
@@ -45,7 +44,7 @@ from flexid.identification.result.warnings import (
 )
 from flexid.identification.structure.elimination import Choice
 from flexid.identification.structure.job import Job, job_of
-from flexid.identification.structure.link_delay import confused_covariance, in_doubt
+from flexid.identification.structure.link_delay import confused_covariance, in_doubt, skew
 from flexid.identification.structure.shapes import sought_constants
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (

@@ -12,7 +12,6 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import NEARLY_NOISE
-from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.disturbed import (
     Disturbed,
     disturbed_estimate,
@@ -30,19 +29,20 @@ from flexid.identification.estimation.final_fits import (
     FILTER_RATE,
     FinalFits,
     final_fits,
+    hidden_covariance,
     with_doubts,
 )
-from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.structure.elimination import (
-    CORE,
     Choice,
+    core_deviations,
     may_stand,
     nearly_explains,
 )
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
+from flexid.identification.structure.link_delay import skew
 from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
@@ -111,15 +111,8 @@ def answer(job: Job) -> Answer:
 
 def _core_width(found: Answer) -> float:
     """Geometric mean of the core's relative deviations; infinite where one is not known."""
-    estimate = found.estimate
-    widths = [
-        std / max(abs(value), np.finfo(float).tiny)
-        for name, value, std in zip(
-            estimate.names, estimate.values, estimate.deviations, strict=True
-        )
-        if name in CORE
-    ]
-    if not found.fits.reported.converged or not widths:
+    widths = core_deviations(found.estimate)
+    if not found.fits.reported.converged or not len(widths):
         return np.inf
     return float(np.exp(np.mean(np.log(np.maximum(widths, np.finfo(float).tiny)))))
 

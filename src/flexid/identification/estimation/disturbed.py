@@ -15,14 +15,15 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.steady_gains import Sizes
-from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimation.band import (
     PER_PERIOD,
+    FitInBand,
+    InBand,
     directions,
+    observer_following,
     slowest_disturbance,
     thinned,
     thinning,
@@ -36,15 +37,12 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
-from flexid.identification.estimation.in_band import FitInBand, InBand, observer_following
-from flexid.identification.estimation.skew import shifted, skew
-from flexid.identification.full_model.beginning import no_start
-from flexid.identification.full_model.fitting import lengths
+from flexid.identification.full_model.fitting import lengths, within_bounds
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
-from flexid.identification.full_model.starting import least_squares_start, starts
+from flexid.identification.full_model.starting import least_squares_start, no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import stiffer_with_play
-from flexid.identification.structure.link_delay import is_damping
+from flexid.identification.structure.link_delay import is_damping, shifted, skew
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
@@ -270,7 +268,7 @@ def _fit(
     if sizes is not None and not of_band:  # with gains for less noise the steps lead astray
         sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
     in_band = InBand(
-        structure if factor == 1 else structure.with_hold("cubic"),
+        structure,
         own,
         directions(data.samples, factor),
         slowest_disturbance(own, rigid=structure.joint.kind == "rigid"),
@@ -279,18 +277,13 @@ def _fit(
     )
     last: list[FitInBand] = []
 
-    def fit_with(unknowns: Unknowns) -> Fitted:
-        fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
-        bounded = replace(in_band.structure, fixed={**structure.fixed, **fixed})
-        last.append(replace(in_band, structure=bounded).fit(start, sizes))
+    def fit(bounded: Structure) -> Fitted:
+        held = bounded if factor == 1 else bounded.with_hold("cubic")
+        last.append(replace(in_band, structure=held).fit(start, sizes))
         return last[-1].fitted
 
-    unknowns = structure.unknowns(data.groups)
-    bounds = {c: b for c, b in structure.bounds.items() if c not in structure.absent}
-    fitted, at_bound = (
-        bounded_fit(fit_with, unknowns, bounds) if bounds else (fit_with(unknowns), {})
-    )
-    return replace(last[-1], fitted=replace(fitted, structure=structure, at_bound=at_bound))
+    fitted = within_bounds(structure, data, fit)
+    return replace(last[-1], fitted=replace(fitted, structure=structure))
 
 
 def _sensor_noise(data: Data) -> FloatArray:

@@ -13,8 +13,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.identification.estimation.model_error import model_error, widened
-from flexid.identification.full_model.model import Fitted
-from flexid.identification.full_model.once_per_fit import once_per_fit
+from flexid.identification.full_model.model import Fitted, once_per_fit
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds

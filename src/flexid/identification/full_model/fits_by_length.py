@@ -15,7 +15,6 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.segments import Segments
-from flexid.identification.full_model.beginning import FIRST_ITERATIONS, first_fits
 from flexid.identification.full_model.fitting import (
     fit_by_length,
     fit_like,
@@ -26,6 +25,7 @@ from flexid.identification.full_model.fitting import (
     with_steps_refined,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.starting import FIRST_ITERATIONS, first_fits
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.recording import Hold

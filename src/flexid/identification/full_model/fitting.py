@@ -4,7 +4,7 @@ Over short segments a fit finds its way from least squares; each longer length s
 before it ended, with its states.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -199,17 +199,8 @@ def refit(
 ) -> Fitted:
     """Fit over given segments, within bounds, from values and states that are nearly right."""
 
-    def fit_with(unknowns: Unknowns) -> Fitted:
-        # What ended at a bound is fixed there.
-        fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
-        found = fit_segments(
-            replace(structure, fixed={**structure.fixed, **fixed}),
-            data,
-            segments,
-            start,
-            states,
-            Steps(tolerance),
-        )
+    def fit(own: Structure) -> Fitted:
+        found = fit_segments(own, data, segments, start, states, Steps(tolerance))
         if not found.has_partners:
             raise ConvergenceError(
                 "prediction error",
@@ -218,12 +209,24 @@ def refit(
             )
         return found
 
-    if not structure.bounds:
-        return fit_with(structure.unknowns(data.groups))
-    sought = {c for c in structure.bounds if c not in structure.absent}
-    bounds = {c: b for c, b in structure.bounds.items() if c in sought}
-    fitted, at_bound = bounded_fit(fit_with, structure.unknowns(data.groups), bounds)
-    # A longer or leaner fit may leave the bound again, so the structure does not keep it there.
+    return within_bounds(structure, data, fit)
+
+
+def within_bounds(structure: Structure, data: Data, fit: Callable[[Structure], Fitted]) -> Fitted:
+    """A fit that keeps to the bounds of a structure; what ends at one is fixed there.
+
+    A longer or leaner fit may leave the bound again, so the structure does not keep it there.
+    """
+
+    def fit_with(unknowns: Unknowns) -> Fitted:
+        fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
+        return fit(replace(structure, fixed={**structure.fixed, **fixed}))
+
+    unknowns = structure.unknowns(data.groups)
+    bounds = {c: b for c, b in structure.bounds.items() if c not in structure.absent}
+    if not bounds:
+        return fit_with(unknowns)
+    fitted, at_bound = bounded_fit(fit_with, unknowns, bounds)
     return replace(fitted, structure=structure, at_bound=at_bound)
 
 

@@ -4,10 +4,11 @@ What is sought are the coefficients of the joint together with what describes th
 of its channels.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Generic
+from functools import cached_property, wraps
+from typing import Concatenate, Generic, ParamSpec
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from typing_extensions import TypeVar
@@ -265,3 +266,27 @@ class Fitted(Generic[M]):
     def delays(self) -> dict[str, float]:
         """Every delay in s."""
         return self.problem.delays(self.values)
+
+
+Rest = ParamSpec("Rest")
+Result = TypeVar("Result")
+
+
+def once_per_fit(
+    function: Callable[Concatenate[Fitted, Rest], Result],
+) -> Callable[Concatenate[Fitted, Rest], Result]:
+    """Keep what a function makes of a fit, and of hashable arguments beside it, with the fit.
+
+    A fit holds the data of its log: what keeps it alive keeps them in memory.
+    """
+    kept: WeakKeyDictionary[Fitted, dict[object, Result]] = WeakKeyDictionary()
+
+    @wraps(function)
+    def wrapper(fitted: Fitted, *args: Rest.args, **kwargs: Rest.kwargs) -> Result:
+        own = kept.setdefault(fitted, {})
+        key = (args, *sorted(kwargs.items()))
+        if key not in own:
+            own[key] = function(fitted, *args, **kwargs)
+        return own[key]
+
+    return wrapper

@@ -21,6 +21,7 @@ from flexid.identification.full_model.fitting import fit_like, led_from, longer_
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, free_information, settled
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
@@ -219,14 +220,16 @@ def _wider(
 
 def relative_deviation(fitted: Fitted) -> float:
     """Geometric mean of the relative standard deviations of inertias, stiffness and gravity."""
-    deviations = np.sqrt(np.diag(fitted.fit.covariance))
-    found = [
-        deviation / max(abs(value), 1e-300)
-        for name, value, deviation in zip(fitted.names, fitted.values, deviations, strict=True)
-        if name in CORE
-    ]
-    usable = [d for d in found if np.isfinite(d) and d > 0.0]
-    return float(np.exp(np.mean(np.log(usable)))) if usable else np.inf
+    found = core_deviations(fitted.fit)
+    usable = found[np.isfinite(found) & (found > 0.0)]
+    return float(np.exp(np.mean(np.log(usable)))) if len(usable) else np.inf
+
+
+def core_deviations(estimate: Estimate) -> FloatArray:
+    """Relative standard deviations of what is sought of inertias, stiffness and gravity."""
+    core = np.array([name in CORE for name in estimate.names], dtype=np.bool_)
+    sizes = np.maximum(np.abs(estimate.values), np.finfo(float).tiny)
+    return (estimate.deviations / sizes)[core]
 
 
 def best_length(found: Sequence[Fitted]) -> Fitted:

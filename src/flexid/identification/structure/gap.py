@@ -15,7 +15,6 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.rowwise import LeastSquaresFit
-from flexid.identification.full_model.beginning import FIRST_ITERATIONS
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     leaves_more,
@@ -30,7 +29,7 @@ from flexid.identification.full_model.fitting import (
     motion_at,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
-from flexid.identification.full_model.starting import RATES, least_squares_start
+from flexid.identification.full_model.starting import FIRST_ITERATIONS, RATES, least_squares_start
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds

@@ -18,11 +18,10 @@ from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
 from flexid.identification.preparation.stated import Stated, stated
-from flexid.identification.structure.bend import is_slack
 from flexid.identification.structure.elimination import Choice, choose_structure
 from flexid.identification.structure.gap import fit_with_play
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
-from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS
+from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS, is_slack
 from flexid.identification.structure.sought_shape import (
     SoughtShape,
     fit_requested_shape,

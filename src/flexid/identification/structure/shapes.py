@@ -1,20 +1,184 @@
-"""Shapes whose constants follow from the log, and fits and estimates with them."""
+"""Terms whose constants follow from the log: ripple, Stribeck friction, a spring that bends.
+
+Cogging, the teeth of a gear and an uneven commutation act on the motor as a sine of its position.
+What least squares of the motor's row leaves, summed over the position, shows in its spectrum how
+many periods such a sine may have in a turn, unless there are but a few in the whole motion.
+Friction falls off its static value as the motor moves. A spring has another stiffness beyond some
+deflection, as catalogues of gears have it.
+"""
 
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.full_model.model import Fitted
-from flexid.identification.structure.bend import BEND
+from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.starting import least_squares_start
+from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.gap import as_wide_as_its_gap, with_free_width
-from flexid.identification.structure.ripple import RIPPLE
 from flexid.identification.structure.sought_shape import (
+    SoughtShape,
     at_its_constant,
     constant_of,
     moved_by_constant,
     with_free_constant,
 )
-from flexid.identification.structure.stribeck import STRIBECK
 from flexid.identification.vocabulary.estimate import Estimate
+from flexid.models.flexible_joint import (
+    BEND_DEFLECTION,
+    RIPPLE_NUMBER,
+    SHAPE_TERMS,
+    STRIBECK_VELOCITY,
+)
+
+_MOTOR = 1  # row and position
+_RATES = (60.0, 200.0)  # 1/s, of the filters of least squares
+_PEAKS = 4  # of a spectrum
+_LARGEST = 500.0  # periods in a turn
+_FASTEST = 0.5  # rad in a sampling interval, at the motor's usual velocity
+_FEW = (1.0, 1.75, 2.5, 3.25, 4.0)  # periods in the range of the motion, which make no sharp peak
+_FEWEST = 1.0  # periods in the range of the motion: fewer are any slow function of the position
+_FINER = 8  # times the resolution of a spectrum
+_BINS = 8  # in a period of the largest number
+_MOST_BINS = 2**18  # of a spectrum, however many turns there are
+# Stribeck velocities, of the motor's root mean square; and of one, to the next one that the data
+# distinguish at a glance.
+_VELOCITIES, _NEXT_VELOCITY = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64), 0.8
+# Bends, of the deflection's standard deviation; counted from its mean, which a preload moves.
+_DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
+_LEAST_DEFLECTION = 0.2  # the same: a bend at less passes for friction
+_SPRINGS = (("theta2", "theta_bend"), ("alpha1", "alpha_bend"))  # below the bend, and what joins
+_SLACK = 0.01  # of the stiffness beyond the bend: of what is so soft below it nothing is known
+_BENT = SHAPE_TERMS["bent_spring"]
+
+
+def _apart_in_number(_: Joint, data: Data) -> float:
+    """Difference of two numbers of periods in a turn: one period over the whole motion."""
+    return 2.0 * np.pi / _range(data)
+
+
+def _range(data: Data) -> float:
+    """How far the motor moved, in rad."""
+    positions = [recording.positions[:, _MOTOR] for recording in data.samples]
+    return float(max(p.max() for p in positions) - min(p.min() for p in positions))
+
+
+def numbers(structure: Structure, data: Data) -> list[float]:
+    """Periods in a turn of which what least squares leaves may have some."""
+    if not _range(data) > 0.0:
+        return []
+    apart = _apart_in_number(structure.joint, data)
+    found = [few * apart for few in _FEW]
+    for number in (peak for rate in _RATES for peak in _peaks(structure, data, rate)):
+        if all(abs(number - other) > 0.5 * apart for other in found):
+            found.append(number)
+    return found
+
+
+def _peaks(structure: Structure, data: Data, rate: float) -> list[float]:
+    """Where the spectrum of what the motor's row leaves, by the position, has its largest peaks."""
+    velocities = [structure.joint.both_sides(s)[1][:, _MOTOR] for s in data.samples]
+    speed = float(np.sqrt(np.mean(np.concatenate(velocities) ** 2)))
+    fastest = _FASTEST / max(speed * data.samples[0].sample_time, _FASTEST / _LARGEST)
+    most = min(fastest, _MOST_BINS / _BINS * _apart_in_number(structure.joint, data))
+    bin_width = 2.0 * np.pi / (_BINS * most)
+    lowest = min(s.positions[:, _MOTOR].min() for s in data.samples)
+    left = np.zeros(int(_range(data) / bin_width) + 1)
+    row = least_squares_start(structure, data, rate)[1].rows[_MOTOR]
+    residual, first = row.left_hand_side - row.fitted, 0
+    for recording in data.samples:
+        positions = recording.positions[1:-1, _MOTOR]
+        own = residual[first : first + len(positions)]
+        first += len(positions)
+        back = _backwards(own, float(np.exp(-rate * recording.sample_time)))
+        places = ((positions - lowest) / bin_width).astype(np.int64)
+        left += np.bincount(places, weights=back, minlength=len(left))
+    padded = _FINER * len(left)
+    power = np.abs(np.fft.rfft(left, padded)) ** 2
+    number = 2.0 * np.pi * np.arange(len(power)) / (padded * bin_width)
+    usable = (number <= most) & (number >= _FEWEST * _apart_in_number(structure.joint, data))
+    inner = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    inner = inner[usable[inner]]
+    return number[inner[np.argsort(-power[inner])][:_PEAKS]].tolist()
+
+
+def _backwards(signal: FloatArray, pole: float) -> FloatArray:
+    """A signal backwards through the filter that delayed it: what it holds acts where it arose."""
+    padded = 2 * len(signal)
+    turns = np.exp(-2j * np.pi * np.arange(padded // 2 + 1) / padded)
+    response = ((1.0 - pole) / (1.0 - pole * turns)) ** 2
+    spectrum = np.fft.rfft(signal, padded) * response.conj()
+    return np.fft.irfft(spectrum, padded)[: len(signal)]
+
+
+RIPPLE = SoughtShape(
+    "ripple of the torque",
+    frozenset(SHAPE_TERMS["torque_ripple"].motor),
+    RIPPLE_NUMBER,
+    numbers,
+    _apart_in_number,
+)
+"""Ripple, and the number of its periods in a turn."""
+
+
+def _apart_in_velocity(joint: Joint, _: Data) -> float:
+    """Difference of two Stribeck velocities, in rad/s: it grows with the velocity itself."""
+    return _NEXT_VELOCITY * joint.extended.constants[STRIBECK_VELOCITY]
+
+
+def velocities(structure: Structure, data: Data) -> list[float]:
+    """Velocities in rad/s over which static friction may fall off."""
+    sides = (structure.joint.both_sides(recording)[1] for recording in data.samples)
+    usual = float(np.sqrt(np.mean(np.concatenate([v[:, _MOTOR] for v in sides]) ** 2)))
+    return [share * usual for share in _VELOCITIES] if usual > 0.0 else []
+
+
+STRIBECK = SoughtShape(
+    "friction that falls off its static value",
+    frozenset(SHAPE_TERMS["motor_stribeck"].motor),
+    STRIBECK_VELOCITY,
+    velocities,
+    _apart_in_velocity,
+)
+"""Stribeck friction of the motor, and its velocity."""
+
+
+def _deflection(joint: Joint, data: Data) -> tuple[float, float]:
+    """Mean of the deflection, and its standard deviation, in rad."""
+    sides = (joint.both_sides(recording)[0] for recording in data.samples)
+    every = np.concatenate([np.subtract(*positions.T) for positions in sides])
+    return float(np.mean(every)), float(np.std(every))
+
+
+def _apart_in_deflection(joint: Joint, data: Data) -> float:
+    """Difference of two deflections at which a spring may bend, in rad."""
+    return _NEXT_DEFLECTION * _deflection(joint, data)[1]
+
+
+def deflections(structure: Structure, data: Data) -> list[float]:
+    """Deflections at which the spring may bend, in rad."""
+    mean, usual = _deflection(structure.joint, data)
+    if not usual > 0.0:
+        return []
+    tried = {abs(mean) + way * share * usual for share in _DEFLECTIONS for way in (-1.0, 1.0)}
+    return sorted(deflection for deflection in tried if deflection >= _LEAST_DEFLECTION * usual)
+
+
+BEND = SoughtShape(
+    "a spring that bends",
+    frozenset({*_BENT.motor, *_BENT.link}),
+    BEND_DEFLECTION,
+    deflections,
+    _apart_in_deflection,
+)
+"""A bent spring, and the deflection at which it bends."""
+
+
+def is_slack(fitted: Fitted) -> bool:
+    """Whether a bent spring has hardly any stiffness below its bend, as one with play has."""
+    values = {**fitted.structure.fixed, **fitted.by_name}
+    springs = [(values.get(below), values.get(more)) for below, more in _SPRINGS]
+    known = [(below, more) for below, more in springs if below is not None and more is not None]
+    return bool(known) and all(below <= _SLACK * (below + more) for below, more in known)
+
 
 SOUGHT = (STRIBECK, RIPPLE, BEND)
 """Terms that join the model by themselves, each with a constant that is sought."""

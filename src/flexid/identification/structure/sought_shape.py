@@ -25,8 +25,7 @@ from flexid.identification.full_model.fits_by_length import (
     with_best_hold,
 )
 from flexid.identification.full_model.fitting import fit_by_length, fit_like, longer_fits, motion_at
-from flexid.identification.full_model.model import Data, Fitted, Structure
-from flexid.identification.full_model.once_per_fit import once_per_fit
+from flexid.identification.full_model.model import Data, Fitted, Structure, once_per_fit
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.progress import Progress
