@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from flexid.derivation.model_functions import split_regressor
-from flexid.derivation.printing_code import RESERVED
+from flexid.derivation.printing_code import RESERVED, names_in_c
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
@@ -173,11 +173,7 @@ _OWN_NAMES = {"states", "inputs", "signal", "velocities", "sign_of", "bool", "tr
 def _renamed(names: Sequence[str]) -> dict[str, str]:
     """Other names for what is no identifier in C, or means something in the source."""
     fresh = FreshNames([*names, *RESERVED, *_OWN_NAMES, *MACROS])
-    renamed = {
-        name: str(fresh.take(name if name.isascii() else "symbol"))
-        for name in names
-        if name in RESERVED | _OWN_NAMES or not name.isascii()
-    }
+    renamed = names_in_c(names, fresh, RESERVED | _OWN_NAMES)
     return renamed | {
         name: str(fresh.take(f"{name.lower()}_"))
         for name in names

@@ -4,7 +4,7 @@ The same and a control law as plain Python, for other tools to call step by step
 """
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -17,7 +17,7 @@ from flexid.derivation.immersion import VARIABLE, graded_rule
 from flexid.derivation.observer import SymbolicObserver, derive_observer
 from flexid.derivation.printing import argument_groups, fresh_names, joined, printable_rows
 from flexid.derivation.source import IMPORTS, print_scalar
-from flexid.derivation.symbolic import FreshNames, LogCosh, to_sympy
+from flexid.derivation.symbolic import FreshNames, LogCosh, symbol, to_sympy
 from flexid.errors import ModelError
 from flexid.models.parametric_system import ParametricSystem
 
@@ -176,7 +176,12 @@ class _CPrinter(C99CodePrinter):
 def c_observer(observer: SymbolicObserver) -> str:
     """Print an observer as two C99 functions that allocate nothing."""
     printer, names = _CPrinter({"math_macros": {}}), fresh_names(observer)
-    renamed = _names_in_c(observer)
+    symbols = [s for group in argument_groups(observer) for s in group]
+    own = [str(s) for s in (*symbols, *(p for row in observer.rows for p in row.estimates))]
+    renamed = {
+        symbol(name): symbol(other)
+        for name, other in names_in_c(own, FreshNames([*own, *RESERVED]), RESERVED).items()
+    }
 
     def show(expression: sp.Basic) -> str:
         return str(printer.doprint(cast(sp.Expr, expression.xreplace(renamed))))
@@ -223,15 +228,12 @@ def c_observer(observer: SymbolicObserver) -> str:
     return head + tables + functions
 
 
-def _names_in_c(observer: SymbolicObserver) -> dict[sp.Symbol, sp.Symbol]:
-    """Other names for symbols whose own is none in C, or means something there."""
-    symbols = [s for group in argument_groups(observer) for s in group]
-    symbols += [p for row in observer.rows for p in row.estimates]
-    names = FreshNames([str(s) for s in symbols] + list(RESERVED))
+def names_in_c(names: Sequence[str], fresh: FreshNames, taken: Collection[str]) -> dict[str, str]:
+    """Other names for what is no identifier in C, or means something there."""
     return {
-        s: names.take(str(s) if str(s).isascii() else "symbol")
-        for s in symbols
-        if str(s) in RESERVED or not str(s).isascii()
+        name: str(fresh.take(name if name.isascii() else "symbol"))
+        for name in names
+        if name in taken or not name.isascii()
     }
 
 

@@ -6,6 +6,7 @@ the next sample, while the plant moves on continuously.
 
 from dataclasses import asdict, dataclass
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -151,8 +152,7 @@ def simulate_sampled(loop: ClosedLoop, duration: float, sampling: Sampling | Non
     )
 
 
-@dataclass(frozen=True)
-class SampledEnd:
+class SampledEnd(NamedTuple):
     """How a sampled run ended: status, samples taken, samples at which the input was limited."""
 
     status: int
@@ -169,18 +169,24 @@ def run_sampled(
     totals: FloatArray,  # (N_MEASURES or 0,)
 ) -> SampledEnd:
     """Run a sampled loop in compiled code; other threads can run meanwhile."""
-    status, samples, limited = kernel.sampled_run(
-        np.array([loop.initial_state]),
+    system, h = loop.system, sampling.sample_time
+    start, still = np.array(loop.initial_state), np.zeros(len(system.inputs))
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
+    coefficients = loop.true_coefficients
+    substeps = runge_kutta_substeps(system, start, still, coefficients, constants, h)
+    gains = [loop.observer_gains[row.name] for row in system.rows for _ in row.coefficients]
+    end = kernel.sampled_run(
+        start[np.newaxis],
         loop.parameters[np.newaxis],
-        _constants(loop),
+        constants,
         (sampling.noise(grid.count, kernel.N_STATES), *sampling.sensors),
-        (sampling.input_limit, _substeps(loop, sampling.sample_time)),
-        (loop.start_estimates, _observer_settings(loop, sampling.sample_time)),
+        (sampling.input_limit, substeps),
+        (loop.start_estimates, np.array([h, 1.0, *gains, *constants])),  # 1: inputs are held
         grid.count,
         record,
         totals,
     )
-    return SampledEnd(status, samples, limited)
+    return SampledEnd(*end)
 
 
 def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
@@ -192,20 +198,3 @@ def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
         return sampled_loop_source(declaration)
 
     return load_kernel("sampled_loop", declaration.digests, build, ["sin_cos", "sampled_loop"])
-
-
-def _observer_settings(loop: ClosedLoop, sample_time: float) -> FloatArray:
-    """Sample time, held input, gains, constants: what the sampled observer is set to."""
-    gains = [loop.observer_gains[row.name] for row in loop.system.rows for _ in row.coefficients]
-    return np.array([sample_time, 1.0, *gains, *loop.system.constants.values()])
-
-
-def _constants(loop: ClosedLoop) -> FloatArray:
-    return np.array(list(loop.system.constants.values()), dtype=np.float64)
-
-
-def _substeps(loop: ClosedLoop, sample_time: float) -> int:
-    start = np.array(loop.initial_state)
-    still = np.zeros(len(loop.system.inputs))
-    p, c = loop.true_coefficients, _constants(loop)
-    return runge_kutta_substeps(loop.system, start, still, p, c, sample_time)
