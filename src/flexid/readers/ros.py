@@ -266,30 +266,28 @@ def _values(message: Any, topic: str, number: int, signals: dict[str, _Signal]) 
         value = found.get(path)
         if isinstance(value, float):
             values[path] = value
-        elif not signal.joint or signal.joint in (_child(message, "name") or ()):
+        elif not signal.joint or signal.joint in (_fields(message).get("name") or ()):
             raise RefusedError(
                 f"message {number} of {topic!r}", f"it has no {path!r}: log it always"
             )
     return values
 
 
-def _fields(message: Any) -> Iterator[tuple[str, Any]]:
-    if isinstance(message, dict):
-        yield from ((str(name), value) for name, value in message.items())
-    else:
-        for name in getattr(message, "__dataclass_fields__", ()):
-            yield name, getattr(message, name)
+def _fields(message: Any) -> dict[str, Any]:
+    """What a message holds, by name; of anything else there is nothing."""
+    return message if isinstance(message, dict) else getattr(message, "__dict__", {})
 
 
 def _numbers(message: Any) -> Iterator[tuple[str, float | str, str]]:
     """Where each number of a message stands, itself or why it is none, and the joint it is of."""
-    names = _child(message, "name")
-    if all(_child(message, key) is not None for key in _JOINT_STATE) and isinstance(names, list):
+    fields = _fields(message)
+    names = fields.get("name")
+    if all(fields.get(key) is not None for key in _JOINT_STATE) and isinstance(names, list):
         for key in _JOINT_STATE:
-            for name, value in zip(names, _child(message, key), strict=False):
+            for name, value in zip(names, fields[key], strict=False):
                 yield f".{key}.{name}", float(value), str(name)
         return
-    for name, value in _fields(message):
+    for name, value in fields.items():
         if name not in ("header", "structure_needs_at_least_one_member"):
             for path, number in _within(value, 1):
                 yield f".{name}{path}", number, ""
@@ -306,7 +304,7 @@ def _within(value: Any, depth: int) -> Iterator[tuple[str, float | str]]:
         yield "", f"{len(value)} values in each message"
     else:
         is_list = isinstance(value, list | np.ndarray)
-        inner = enumerate(value) if is_list else _fields(value)
+        inner = enumerate(value) if is_list else _fields(value).items()
         for name, one in inner:
             for path, number in _within(one, depth + 1):
                 yield (f"[{name}]{path}" if is_list else f".{name}{path}"), number
@@ -314,15 +312,8 @@ def _within(value: Any, depth: int) -> Iterator[tuple[str, float | str]]:
 
 def _stamp_of(message: Any) -> int:
     """Nanoseconds in a message's header; zero where it has none."""
-    stamp = _child(_child(message, "header"), "stamp")
-    seconds = _child(stamp, "sec")
-    parts = (_child(stamp, name) for name in ("nanosec", "nsec", "nsecs"))
+    stamp = _fields(_fields(_fields(message).get("header")).get("stamp"))
+    seconds = stamp.get("sec")
+    parts = (stamp.get(name) for name in ("nanosec", "nsec", "nsecs"))
     rest = next((part for part in parts if part is not None), 0)
     return int(seconds) * 1_000_000_000 + int(rest) if isinstance(seconds, int) else 0
-
-
-def _child(message: Any, name: str) -> Any:
-    """What a message has by a name; None where it has nothing."""
-    if isinstance(message, dict):
-        return message.get(name)
-    return getattr(message, name, None)

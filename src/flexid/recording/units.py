@@ -1,9 +1,10 @@
-"""Units of columns: the one place where Pint converts to SI."""
+"""Units of columns: by a table of those that are usual, others by Pint, in this place alone."""
 
 from __future__ import annotations
 
 import re
 from functools import cache
+from math import pi
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -20,57 +21,58 @@ EXAMPLES = {
 }
 LONGEST_UNIT = 24
 _SMALLEST, _LARGEST = 1e-12, 1e4  # in SI, of a unit in a log: Pint knows the attosecond
-_SPELLED = {  # by a unit of Pint's, how else people write it, in small letters
-    "s": "s|sec|secs|second|seconds|sek|秒",
-    "ms": "ms|msec|msecs|millis|millisecond|milliseconds|毫秒",
-    "us": "us|µs|μs|usec|usecs|micros|microsecond|microseconds|微秒",
-    "ns": "ns|nsec|nsecs|nanosec|nanoseconds",
-    "rad": "rad|radian|radians|弧度",
-    "mrad": "mrad",
-    "deg": "deg|°|º|degree|degrees|gradi|grados|度",
-    "mdeg": "mdeg",
-    "turn": "turn|turns|rev|revs|revolution|revolutions|umdr|圈",
-    "rad/s": "rad/s|rad_s|radps|rad/sec|radians/s|rad s-1|rad.s-1",
-    "deg/s": "deg/s|°/s|º/s|deg_s|degps|dps|deg/sec|degrees/s|degree/s",
-    "rpm": "rpm|1/min|min-1|min^-1|u/min|rev/min|r/min|tr/min|giri/min|转/分",
-    "N*m": (
+_KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in small letters
+    "s": (1.0, "s", "s|sec|secs|second|seconds|sek|秒"),
+    "ms": (1e-3, "s", "ms|msec|msecs|millis|millisecond|milliseconds|毫秒"),
+    "us": (1e-6, "s", "us|µs|μs|usec|usecs|micros|microsecond|microseconds|微秒"),
+    "ns": (1e-9, "s", "ns|nsec|nsecs|nanosec|nanoseconds"),
+    "rad": (1.0, "rad", "rad|radian|radians|弧度"),
+    "mrad": (1e-3, "rad", "mrad"),
+    "deg": (pi / 180.0, "rad", "deg|°|º|degree|degrees|gradi|grados|度"),
+    "mdeg": (1e-3 * pi / 180.0, "rad", "mdeg"),
+    "turn": (2.0 * pi, "rad", "turn|turns|rev|revs|revolution|revolutions|umdr|圈"),
+    "rad/s": (1.0, "rad/s", "rad/s|rad_s|radps|rad/sec|radians/s|rad s-1|rad.s-1"),
+    "deg/s": (pi / 180.0, "rad/s", "deg/s|°/s|º/s|deg_s|degps|dps|deg/sec|degrees/s|degree/s"),
+    "rpm": (pi / 30.0, "rad/s", "rpm|1/min|min-1|min^-1|u/min|rev/min|r/min|tr/min|giri/min|转/分"),
+    "N m": (
+        *(1.0, "N m"),
         "nm|n m|n*m|n·m|n.m|n-m|n_m|newton meter|newton meters|newton metre|newton metres|"
-        "newton-meter|newton-metre|牛米"
+        "newton-meter|newton-metre|牛米",
     ),
-    "mN*m": "mnm|mn m|mn*m|mn·m|mn_m",
-    "uN*m": "unm|µnm|μnm|un m",
-    "N*mm": "nmm|n*mm|n mm",
-    "N*cm": "ncm|n*cm|n cm",
-    "kN*m": "knm|kn m|kn*m|kn·m",
-    "kgf*m": "kgfm|kgf m|kgf*m|kgf-m",
-    "kgf*cm": "kgfcm|kgf cm|kgf*cm|kgf-cm",
-    "lbf*ft": "ft-lb|ft-lbf|ft lb|ftlb|lb-ft|lbf-ft|lbf ft|lbft",
-    "lbf*in": "in-lb|in-lbf|in lb|inlb|lb-in|lbf-in|lbf in|lbin",
-    "ozf*in": "oz-in|oz in|ozin|in-oz|ozf in",
-    "V": "v|volt|volts",
-    "mV": "mv",
-    "A": "a|amp|amps|ampere|amperes|arms|a_rms|a rms|安",
-    "mA": "ma|milliamp|milliamps",
+    "mN m": (1e-3, "N m", "mnm|mn m|mn*m|mn·m|mn_m"),
+    "uN m": (1e-6, "N m", "unm|µnm|μnm|un m"),
+    "N mm": (1e-3, "N m", "nmm|n*mm|n mm"),
+    "N cm": (1e-2, "N m", "ncm|n*cm|n cm"),
+    "kN m": (1e3, "N m", "knm|kn m|kn*m|kn·m"),
+    "kgf m": (9.80665, "N m", "kgfm|kgf m|kgf*m|kgf-m"),
+    "kgf cm": (9.80665e-2, "N m", "kgfcm|kgf cm|kgf*cm|kgf-cm"),
+    "lbf ft": (1.3558179483314003, "N m", "ft-lb|ft-lbf|ft lb|ftlb|lb-ft|lbf-ft|lbf ft|lbft"),
+    "lbf in": (0.11298482902761671, "N m", "in-lb|in-lbf|in lb|inlb|lb-in|lbf-in|lbf in|lbin"),
+    "ozf in": (0.007061551814226044, "N m", "oz-in|oz in|ozin|in-oz|ozf in"),
+    "V": (1.0, "V", "v|volt|volts"),
+    "mV": (1e-3, "V", "mv"),
+    "A": (1.0, "A", "a|amp|amps|ampere|amperes|arms|a_rms|a rms|安"),
+    "mA": (1e-3, "A", "ma|milliamp|milliamps"),
 }
-_BY_SPELLING = {word: unit for unit, words in _SPELLED.items() for word in words.split("|")}
+_BY_SPELLING = {word: unit for unit, (*_, words) in _KNOWN.items() for word in words.split("|")}
 _USUAL = {  # exactly so, what else stands in a row of units
     *("s", "ms", "us", "µs", "μs", "V", "mV", "A", "mA", "Arms", "°", "º", "°/s", "º/s"),
     *("rad/s^2", "rad/s2", "count", "counts", "inc", "N m", "N*m", "N·m", "mN m", "mNm", "kNm"),
     *("W", "Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
 }
 _PER_SECOND = {"rads": "rad/s", "degs": "deg/s"}  # of a velocity
-_MILLI = ("ms", "mrad", "mdeg", "mN*m", "mV", "mA")  # whose first letter is small, as M is mega
+_MILLI = ("ms", "mrad", "mdeg", "mN m", "mV", "mA")  # whose first letter is small, as M is mega
 _SYMBOLS = {"s", "V", "A", "°", "º"}  # of one character, which stand as they are
 _COUNTS = {
     *("count", "counts", "cnt", "cnts", "inc", "incs", "increments", "tick", "ticks", "lsb"),
     *("pulse", "pulses", "digit", "digits"),
 }
 _MEASURED = {
-    "position": ("rad", "mrad", "deg", "mdeg", "turn", *_COUNTS),
-    "velocity": ("rad/s", "deg/s", "rpm"),
-    "torque": ("N*m", "mN*m", "uN*m", "N*mm", "N*cm", "kN*m"),
-    "current": ("A", "mA"),
-    "voltage": ("V", "mV"),
+    "rad": "position",
+    "rad/s": "velocity",
+    "N m": "torque",
+    "A": "current",
+    "V": "voltage",
 }
 _SHARES = {"%", "‰", "percent", "permille", "pct", "promille"}
 _RATED = re.compile(r"\s*[%‰]|.*\b(rated|nominal|nenn\w*)\b", re.IGNORECASE)
@@ -102,8 +104,7 @@ def unit_of_word(text: str) -> str | None:
     """
     if is_relative(text) or text.lower() in {*_PER_SECOND, *_GRAD}:
         return text
-    unit = _spelled(text) if len(text) > 1 or text in _SYMBOLS else None
-    return unit.replace("*", " ") if unit else None
+    return _spelled(text) if len(text) > 1 or text in _SYMBOLS else None
 
 
 def is_relative(unit: str) -> bool:
@@ -116,15 +117,17 @@ def _is_share(unit: str) -> bool:
 
 
 def _spelled(text: str) -> str | None:
-    """The unit of Pint's that a text is a way to write; None where it is none."""
+    """The unit that a text is a way to write; None where it is none."""
     unit = _BY_SPELLING.get(text.lower())
     return None if unit in _MILLI and not text.startswith("m") else unit
 
 
 def quantity_of(unit: str) -> str | None:
     """What a unit measures, as far as a name may leave that out: ``"position"`` for degrees."""
-    known = _spelled(unit) or unit.lower()
-    return next((kind for kind, units in _MEASURED.items() if known in units), None)
+    if unit.lower() in _COUNTS:
+        return "position"
+    known = _spelled(unit)
+    return _MEASURED.get(_KNOWN[known][1]) if known else None
 
 
 @cache
@@ -151,13 +154,10 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
         return float(multiple[1]) * factor, si_unit
     if "rad/s" in si_units:
         text = _PER_SECOND.get(text.lower(), text)
-    if text in si_units:  # as nearly always; Pint takes a third of a second to be ready
-        return 1.0, text
-    factor, root = _root_unit(text, si_units)
-    for si_unit in si_units:
-        si_factor, si_root = _root_unit(si_unit, si_units)
-        if root == si_root and _SMALLEST <= factor / si_factor <= _LARGEST:
-            return factor / si_factor, si_unit
+    known = _spelled(_plain(text))
+    factor, si_unit = _KNOWN[known][:2] if known else _by_pint(text, si_units)
+    if si_unit in si_units:
+        return factor, si_unit
     raise UnitError(
         f"the unit [{text}] does not measure what the column holds: write {_accepted(si_units)}"
     )
@@ -167,15 +167,19 @@ def _accepted(si_units: tuple[str, ...]) -> str:
     return " or ".join(examples(si_unit) for si_unit in si_units)
 
 
-def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
-    """A unit's factor and its root units as text."""
+def _plain(text: str) -> str:
+    """A unit with one kind of dot and of degree."""
+    return re.sub(f"[{DOTS}]", "·", text).replace("º", "°")
+
+
+def _by_pint(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
+    """A unit's factor and SI unit by Pint, which takes a third of a second to be ready."""
     unknown = UnitError(
         f"the unit [{text}] is not known: write {_accepted(si_units)}, or the unit and a scale in "
         f"a column map"
     )
-    text = re.sub(f"[{DOTS}]", "·", text).replace("º", "°")
-    text = _spelled(text) or text
     # Exponents and numbers are limited, so that no unit text can ask for a power tower.
+    text = _plain(text)
     bare = re.sub(r"\^-?[12](?![\d^])|^\s*1\s*(?=/)", "", text)
     legible = all(character.isalpha() or character in " */·°" for character in bare)
     if not legible or "**" in bare or len(text) > LONGEST_UNIT:
@@ -187,8 +191,13 @@ def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
         quantity = registry.Quantity(1.0, registry.parse_units(spaced)).to_root_units()
     except Exception as error:  # Pint has no common root for what malformed text raises
         raise unknown from error
-    # Root units, not dimensions: a radian has none, so that a hertz would pass for a velocity.
-    return float(quantity.magnitude), f"{quantity.units:D}"
+    for si_unit in si_units:
+        si = registry.Quantity(1.0, si_unit.replace(" ", "*")).to_root_units()
+        factor = float(quantity.magnitude) / float(si.magnitude)
+        # Root units, not dimensions: a radian has none, so that a hertz would pass for a velocity.
+        if quantity.units == si.units and _SMALLEST <= factor <= _LARGEST:
+            return factor, si_unit
+    return 0.0, ""
 
 
 @cache
