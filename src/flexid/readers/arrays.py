@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from flexid.readers.contents import (
     LONGEST_PATH,
-    MOST_SIGNALS,
     WIDEST,
     Contents,
     Frame,
@@ -83,8 +82,6 @@ class Arrays:
                 name = f"{path}.{names[position]}"
             series = Series(name, dtype.name, shape[along], unit)
             self._found[name] = series, values, tuple(where)
-        if len(self._found) > MOST_SIGNALS:
-            raise RefusedError("", "it holds too many signals: write those of one joint")
 
     def contents(self) -> Contents:
         """All of it."""

@@ -7,9 +7,8 @@ import numpy as np
 
 from flexid.readers.arrays import Arrays
 from flexid.readers.child import still_alive
-from flexid.readers.contents import DEEPEST, WIDEST, Contents, RefusedError
+from flexid.readers.contents import WIDEST, Contents
 
-_MOST_OBJECTS = 100_000
 _OF_COLUMNS = ("columns", "names", "column_names", "labels", "fields", "channels")
 _MATLABS_OWN = ("#refs#", "#subsystem#")
 _PLAIN = {"double", "single"} | {f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)}
@@ -35,7 +34,7 @@ def read(path: Path) -> Contents:
 
     for name, value in loadmat(path).items():
         if not name.startswith("__"):
-            _add_variable(found, name, value, 0)
+            _add_variable(found, name, value)
     return found.contents()
 
 
@@ -43,26 +42,18 @@ def _add_hdf5(found: Arrays, path: Path, *, is_matlab: bool) -> None:
     """Add the datasets of all groups."""
     import h5py
 
-    objects = 0
-
-    def visit(name: str, one: Any) -> bool | None:
-        nonlocal objects
-        objects += 1
+    def visit(name: str, one: Any) -> None:
         still_alive()
-        if objects > _MOST_OBJECTS:
-            return True
         name = name.replace("/", ".") if is_matlab else name
         if not isinstance(one, h5py.Dataset) or (is_matlab and name.startswith(_MATLABS_OWN)):
-            return None
+            return
         if one.is_virtual or one.external:
             found.others[name] = "its values stand in another file, which is not read"
         else:
             (_add_matlab if is_matlab else _add)(found, name, file[one.name])
-        return None
 
     file = h5py.File(path, "r")
-    if file.visititems(visit):
-        raise RefusedError("", "it holds too many signals: write those of one joint")
+    file.visititems(visit)
 
 
 def _add(found: Arrays, name: str, dataset: Any) -> None:
@@ -103,10 +94,8 @@ def _add_matlab(found: Arrays, name: str, dataset: Any) -> None:
     found.add(name, dataset.shape[::-1], dataset.dtype, lambda picked: dataset[picked[::-1]])
 
 
-def _add_variable(found: Arrays, path: str, value: Any, depth: int) -> None:
+def _add_variable(found: Arrays, path: str, value: Any) -> None:
     """Add a variable of an older version, or a field of a struct."""
-    if depth > DEEPEST:
-        raise RefusedError("", "its structs are nested too deep: save the signals of one joint")
     array = np.asarray(value)
     names = array.dtype.names
     if type(value).__name__ in _OBJECTS:
@@ -123,9 +112,9 @@ def _add_variable(found: Arrays, path: str, value: Any, depth: int) -> None:
             if own[number] and own.count(own[number]) == 1:
                 where = f"{path}.{own[number]}"
             if names is None:
-                _add_variable(found, where, one, depth + 1)
+                _add_variable(found, where, one)
             for name in names or ():
-                _add_variable(found, f"{where}.{name}", one[name], depth + 1)
+                _add_variable(found, f"{where}.{name}", one[name])
 
 
 def _own_name(struct: Any) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 from flexid.readers.child import still_alive
 from flexid.readers.contents import (
     LONGEST_PATH,
-    MOST_SIGNALS,
     STAMPS,
     Contents,
     Frame,
@@ -63,7 +62,6 @@ def read(path: Path) -> Contents:
 
 def _channels(file: Any, others: dict[str, str]) -> Iterator[tuple[int, int, str]]:
     """Group, index and name of every channel that is a signal."""
-    count = 0
     for number, group in enumerate(file.groups):
         master = file.masters_db.get(number)
         timed = master is not None and (
@@ -71,9 +69,6 @@ def _channels(file: Any, others: dict[str, str]) -> Iterator[tuple[int, int, str
         )
         for index, channel in enumerate(group.channels):
             still_alive()
-            count += 1
-            if count > MOST_SIGNALS:
-                raise RefusedError("", "it holds too many channels: export those of one joint")
             name = str(channel.name)[:LONGEST_PATH]
             if index == master:
                 continue

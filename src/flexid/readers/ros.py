@@ -17,7 +17,6 @@ from flexid.readers.child import still_alive
 from flexid.readers.contents import (
     DEEPEST,
     LONGEST_PATH,
-    MOST_SIGNALS,
     STAMPS,
     WIDEST,
     Contents,
@@ -210,10 +209,6 @@ def _look_at(files: list[Path], topics: dict[str, _Found], others: dict[str, str
                 unit = _JOINT_STATE[path.split(".")[1]] if joint else ""
                 clock = f"{topic.name} of {joint}" if joint else topic.name
                 known.signals.setdefault(name, _Signal(unit, clock, joint))
-        if sum(len(one.signals) for one in topics.values()) > MOST_SIGNALS:
-            raise RefusedError(
-                "", "its messages hold too many numbers: log the topics of one joint"
-            )
 
 
 def _frames(

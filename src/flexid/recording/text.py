@@ -249,8 +249,6 @@ def _fault(layout: Layout, line: int, row: list[str]) -> str:
     """What is wrong with a row, if anything is."""
     if not row:
         return "the line is blank: remove it"
-    if "\0" in row[0]:
-        return "null bytes stand there, as where a file was not closed: cut them off"
     if len(row) == len(layout.names):
         return ""
     remedy = "complete or remove it"
