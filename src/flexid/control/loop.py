@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from flexid.control.laws import REFERENCE_NAMES, Controller
-from flexid.control.references import Reference, reference_digest
+from flexid.control.references import Multisine
 from flexid.errors import ModelError
 from flexid.models.expression import check_expression
 from flexid.models.parametric_system import RESERVED, ParametricSystem, check_name
@@ -15,7 +15,7 @@ class LoopDeclaration:
 
     system: ParametricSystem
     controller: Controller
-    reference: Reference
+    reference: Multisine
 
     def __post_init__(self) -> None:
         self._check_shape()
@@ -42,7 +42,7 @@ class LoopDeclaration:
     @property
     def digests(self) -> tuple[str, ...]:
         """Hashes of the three declarations."""
-        return self.system.digest, self.controller.digest, reference_digest(self.reference)
+        return self.system.digest, self.controller.digest, self.reference.digest
 
     def _check_shape(self) -> None:
         name, system, controller = self.controller.name, self.system, self.controller

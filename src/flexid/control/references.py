@@ -1,38 +1,13 @@
 """References q_d(t) with exact derivatives of every order."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexid.errors import ModelError
-
-
-class Reference(Protocol):
-    """What a closed loop needs to know of a reference."""
-
-    @property
-    def expression(self) -> str:
-        """q_d as a text expression in ``t`` and the parameters' names."""
-        ...
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Names and values of the parameters."""
-        ...
-
-    def evaluate(self, time: ArrayLike, order: int = 0) -> NDArray[np.float64]:
-        """Derivative of the given order at the given times."""
-        ...
-
-
-def reference_digest(reference: Reference) -> str:
-    """Hash of what a derivation depends on: the expression, not the parameters' values."""
-    content = "\0".join((reference.expression, *reference.parameters))
-    return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -80,6 +55,12 @@ class Multisine:
             values[f"qd_frequency{i}"] = frequency
             values[f"qd_phase{i}"] = phase
         return values
+
+    @property
+    def digest(self) -> str:
+        """Hash of what a derivation depends on: the expression, not the parameters' values."""
+        content = "\0".join((self.expression, *self.parameters))
+        return hashlib.sha256(content.encode()).hexdigest()[:16]
 
     def evaluate(self, time: ArrayLike, order: int = 0) -> NDArray[np.float64]:
         """Derivative of the given order."""

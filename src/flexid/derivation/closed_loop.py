@@ -16,7 +16,7 @@ import sympy as sp
 
 from flexid.control.laws import REFERENCE_NAMES
 from flexid.control.loop import LoopDeclaration
-from flexid.control.references import Reference
+from flexid.control.references import Multisine
 from flexid.derivation.observer import check_acceleration_free
 from flexid.derivation.source import assignments
 from flexid.derivation.symbolic import SymbolicSystem, symbol, symbolic_system, to_sympy
@@ -37,7 +37,7 @@ class Signals:
     derivative of one signal is recognised where it is another (w2N = w1N' in the paper).
     """
 
-    def __init__(self, reference: Reference) -> None:
+    def __init__(self, reference: Multisine) -> None:
         names = {"t", *reference.parameters}
         self._reference = to_sympy(reference.expression, names, "reference")
         self._values: dict[sp.Symbol, sp.Expr] = {}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.control.laws import REFERENCE_NAMES, Controller
-from flexid.control.references import Reference
+from flexid.control.references import Multisine
 from flexid.errors import ArgumentError, SettingError
 from flexid.estimators.online import OnlineEstimator
 from flexid.exports import mujoco_log as mujoco
@@ -163,7 +163,7 @@ def controller_io_system(
 
 
 def signal(
-    reference: Reference, names: Iterable[str] = ("qd",), name: str = "reference"
+    reference: Multisine, names: Iterable[str] = ("qd",), name: str = "reference"
 ) -> NonlinearIOSystem:
     """A reference with its derivatives as a source: a system without inputs."""
     control = python_control()

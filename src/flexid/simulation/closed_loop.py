@@ -14,7 +14,7 @@ import flexid
 from flexid.arrays import FloatArray
 from flexid.control.laws import Controller
 from flexid.control.loop import LoopDeclaration
-from flexid.control.references import Reference
+from flexid.control.references import Multisine
 from flexid.errors import SettingError, SimulationError, did_you_mean
 from flexid.kernels.store import load_kernel
 from flexid.kernels.templates.run_status import BOUND
@@ -29,7 +29,7 @@ class ClosedLoop:
     system: ParametricSystem
     coefficients: Mapping[str, float]  # the true coefficients
     controller: Controller
-    reference: Reference
+    reference: Multisine
     observer_gains: Mapping[str, float]  # the observer's gain c for each row, by the row's name
     # p̂ at the start; 0 for those left out
     initial_estimates: Mapping[str, float] = field(default_factory=dict)
