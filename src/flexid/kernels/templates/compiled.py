@@ -1,4 +1,4 @@
-"""How functions are compiled that run at every sample or stage, and how they call a model's.
+"""How functions are compiled that run at every sample, calls of a model, and parts of arrays.
 
 This stands ahead of what is generated.
 """
@@ -9,6 +9,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core.cgutils import unpack_tuple
 from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
 # What runs at every sample allocates nothing. References to arrays are then not counted, which
 # costs more than the mathematics. Python does not call these functions: their wrappers would double
@@ -47,3 +48,23 @@ def _call(_: Any, address, *arguments):
 
 
 call: Any = intrinsic(_call)
+
+
+def _part(_: Any, numbers, first, size):
+    """Numbers from a place on, as an array: without the checks that a slice makes."""
+    array = types.Array(numbers.dtype, 1, "C")
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        numbers, first, size = arguments
+        if isinstance(signature.args[0], types.Array):
+            numbers = context.make_array(signature.args[0])(context, builder, numbers).data
+        found = context.make_array(array)(context, builder)
+        bytes_each = context.get_constant(types.intp, 8)
+        data = builder.gep(numbers, [first])
+        populate_array(found, data, [size], [bytes_each], bytes_each, None)
+        return found._getvalue()
+
+    return array(numbers, first, size), code
+
+
+part: Any = intrinsic(_part)

@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.arrays import *
     from flexid.kernels.templates.compiled import *
     from flexid.kernels.templates.least_squares_rows import *
     from flexid.kernels.templates.status import *

@@ -10,7 +10,6 @@ from collections import namedtuple
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.arrays import *
     from flexid.kernels.templates.compiled import *
 
 # Places in the settings: of the law, then of the rows. Half a window is the samples on either side

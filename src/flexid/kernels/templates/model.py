@@ -13,7 +13,6 @@ import numpy as np
 from numba import cfunc, types
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.arrays import *
     from flexid.kernels.templates.compiled import *
     from flexid.kernels.templates.generated import *
     from flexid.kernels.templates.runge_kutta import *

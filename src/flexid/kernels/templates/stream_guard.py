@@ -12,7 +12,6 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.arrays import *
     from flexid.kernels.templates.compiled import *
     from flexid.kernels.templates.encoder_turns import *
     from flexid.kernels.templates.limits import *
