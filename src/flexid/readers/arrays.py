@@ -7,14 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.readers.contents import (
-    LONGEST_PATH,
-    WIDEST,
-    Contents,
-    Frame,
-    RefusedError,
-    Series,
-)
+from flexid.readers.contents import WIDEST, Contents, Frame, RefusedError, Series
 
 Selection: TypeAlias = tuple[int | slice, ...]
 Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
@@ -57,9 +50,6 @@ class Arrays:
             key=lambda axis: (shape[axis], -axis),
         ) or [-1]  # of a matrix the longer side is time
         wide = shape[across[0]] if across else 1
-        if len(path) > LONGEST_PATH:
-            self.others[path[:LONGEST_PATH]] = "a path too long to be named"
-            return
         if (
             dtype.kind not in _SIGNALS
             or along < 0

@@ -13,8 +13,6 @@ Frame: TypeAlias = "tuple[str, Mapping[str, Any] | polars.DataFrame]"
 Read: TypeAlias = Callable[[Collection[str], int], Iterator[Frame]]
 
 STAMPS = ""  # the column of a frame that holds time stamps: seconds, or whole nanoseconds
-DEEPEST = 16  # levels of structs, messages or groups that are looked into
-LONGEST_PATH = 300  # characters
 WIDEST = 64  # columns of a matrix that are signals each; one that has more is an image or a map
 
 

@@ -8,14 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexid.readers.child import still_alive
-from flexid.readers.contents import (
-    LONGEST_PATH,
-    STAMPS,
-    Contents,
-    Frame,
-    RefusedError,
-    Series,
-)
+from flexid.readers.contents import STAMPS, Contents, Frame, RefusedError, Series
 
 _TIME_MASTER = (0, 1)  # sync types: none stated, as in version 3, and time
 _NUMBERS = range(6)  # data types of version 4: integers and floating point, of either byte order
@@ -69,7 +62,7 @@ def _channels(file: Any, others: dict[str, str]) -> Iterator[tuple[int, int, str
         )
         for index, channel in enumerate(group.channels):
             still_alive()
-            name = str(channel.name)[:LONGEST_PATH]
+            name = str(channel.name)
             if index == master:
                 continue
             if not timed:

@@ -14,16 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexid.readers.child import still_alive
-from flexid.readers.contents import (
-    DEEPEST,
-    LONGEST_PATH,
-    STAMPS,
-    WIDEST,
-    Contents,
-    Frame,
-    RefusedError,
-    Series,
-)
+from flexid.readers.contents import STAMPS, WIDEST, Contents, Frame, RefusedError, Series
 from flexid.readers.formats import files_of
 
 _LARGEST_RECORD = 1_000_000_000  # bytes
@@ -205,7 +196,7 @@ def _look_at(files: list[Path], topics: dict[str, _Found], others: dict[str, str
             name = topic.name + path
             if isinstance(value, str):
                 others[name] = value
-            elif len(name) <= LONGEST_PATH:
+            else:
                 unit = _JOINT_STATE[path.split(".")[1]] if joint else ""
                 clock = f"{topic.name} of {joint}" if joint else topic.name
                 known.signals.setdefault(name, _Signal(unit, clock, joint))
@@ -284,12 +275,12 @@ def _numbers(message: Any) -> Iterator[tuple[str, float | str, str]]:
         return
     for name, value in fields.items():
         if name not in ("header", "structure_needs_at_least_one_member"):
-            for path, number in _within(value, 1):
+            for path, number in _within(value):
                 yield f".{name}{path}", number, ""
 
 
-def _within(value: Any, depth: int) -> Iterator[tuple[str, float | str]]:
-    if isinstance(value, bool | np.bool_) or value is None or depth > DEEPEST:
+def _within(value: Any) -> Iterator[tuple[str, float | str]]:
+    if isinstance(value, bool | np.bool_) or value is None:
         return
     if isinstance(value, int | float | np.integer | np.floating):
         yield "", float(value)
@@ -301,7 +292,7 @@ def _within(value: Any, depth: int) -> Iterator[tuple[str, float | str]]:
         is_list = isinstance(value, list | np.ndarray)
         inner = enumerate(value) if is_list else _fields(value).items()
         for name, one in inner:
-            for path, number in _within(one, depth + 1):
+            for path, number in _within(one):
                 yield (f"[{name}]{path}" if is_list else f".{name}{path}"), number
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
+from flexid.recording.names import cut
 from flexid.recording.table import Table, is_number
 
 if TYPE_CHECKING:
@@ -208,14 +209,10 @@ class Clock:
         text = "" if cell is None else str(cell).strip()
         reason = "the cell is empty: fill it in, or remove the row"
         if text:
-            shown = text if len(text) <= 40 else text[:37] + "..."
             first = str(column.drop_nulls()[0]).strip()
-            reason = (
-                f"{shown!r} is not an existing date or time: correct it, or remove the row"
-                if text == first
-                else f"{shown!r} is not a time stamp of the same form as the first one, "
-                f"{first!r}: correct it, or remove the row"
-            )
+            what = f"a time stamp of the same form as the first one, {first!r}"
+            what = "an existing date or time" if text == first else what
+            reason = f"{cut(text, 40)!r} is not {what}: correct it, or remove the row"
         raise RecordingError(table.file, table.place(index, header), reason)
 
 

@@ -62,6 +62,7 @@ _LONGEST_WORD = 40  # letters of a word that is taken apart
 _ACCENTED = "aceinouACEINOU"  # letters whose accents say nothing: a point above is a derivative
 
 
+LONGEST = 200  # characters of a name that is looked into
 _KINDS = {
     word: kind
     for table in (QUANTITIES, SIDES, _OTHERS)
@@ -83,11 +84,13 @@ class Words(NamedTuple):
 
 @cache
 def words_of(name: str) -> Words | None:
-    """The words of a name; None where a character belongs to no word.
+    """The words of a name; None where a character belongs to no word, or where it is very long.
 
     >>> words_of("Abtriebswinkel").quantities, [*words_of("θ_m").sides], words_of("torque %")
     (('position',), ['motor'], None)
     """
+    if len(name) > LONGEST:
+        return None
     plain = "".join(map(_letter, unicodedata.normalize("NFC", name)))
     plain = re.sub(r"(?i)(?<![a-z])i_q(?![a-z])", "iq", plain)
     if plain.lstrip().startswith("-") or not re.fullmatch(_BESIDE, _WORD.sub("", plain)):
@@ -145,7 +148,6 @@ def _known_parts(word: str) -> tuple[str, ...]:
     return ()
 
 
-LONGEST = 200  # characters of a name that is looked into
 MOST_TIMES = 3  # in a message
 _TIMES = ("s", "ms", "us", "ns")
 _FEWEST_NAMES = 3  # of quantities, whose common words say nothing
@@ -225,8 +227,6 @@ def usual_channel(header: str) -> Usual | None:
 
 def named_channel(header: str, ignored: frozenset[str] = frozenset()) -> Usual | None:
     """The same, of a joint that has a number, too, and of a command; some words say nothing."""
-    if len(header) > LONGEST:
-        return None
     for stem, unit in _stems_and_units(header):
         words = words_of(stem)
         found = None if words is None else _channel(words, unit, ignored)
@@ -243,7 +243,7 @@ def common_words(headers: Iterable[str]) -> frozenset[str]:
     """
     found = []
     for header in headers:
-        words = words_of(split_header(header)[0]) if len(header) <= LONGEST else None
+        words = words_of(split_header(header)[0])
         if words is not None and {*words.quantities} - {"time"}:
             found.append({word for word in words.others if not word.isdigit()})
     return frozenset(set.intersection(*found)) if len(found) >= _FEWEST_NAMES else frozenset()
@@ -298,6 +298,7 @@ def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:
     bare, unit = split_header(header)
     if unit is not None:
         yield bare, unit
+    if unit is not None or len(header) > LONGEST:
         return
     first = re.fullmatch(r"[\[(<{]([^\])>}]+)[\])>}]\s*(.+)", bare)
     if first is not None:  # [deg] link_position
@@ -334,8 +335,6 @@ def may_be_input(header: str) -> bool:
     >>> [may_be_input(header) for header in ("tau", "M_Nm", "load torque [Nm]", "temperature")]
     [True, True, False, False]
     """
-    if len(header) > LONGEST:
-        return False
     for stem, unit in _stems_and_units(header):
         words = words_of(stem)
         kinds = {quantity_of(unit or "")} | {*(words.quantities if words else ())}

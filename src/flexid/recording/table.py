@@ -200,20 +200,20 @@ def _bad_cell(cell: object) -> str:
     if cell is None or (isinstance(cell, str) and not cell.strip()):
         return "the cell is empty: fill it in, or remove the row"
     text = str(cell).strip()
-    cut = text if len(text) <= 24 else text[:21] + "..."
+    shown = cut(text, 24)
     if re.fullmatch(DECIMAL_COMMA, text):
         return (
-            f"{cut!r} has a comma, and it cannot be known whether that of a decimal or between "
+            f"{shown!r} has a comma, and it cannot be known whether that of a decimal or between "
             f"thousands: export with decimal points"
         )
     with suppress(ValueError):
         if not np.isfinite(float(text)):
-            return f"{cut} is not a finite number: remove the row"
+            return f"{shown} is not a finite number: remove the row"
     if re.fullmatch(_GROUPED, text):
-        return f"{cut!r} has marks between its thousands: export numbers without"
+        return f"{shown!r} has marks between its thousands: export numbers without"
     if re.match(_DATE, text):
-        return f"{cut!r} is a date or a time of day, not a number: {_TIME_REMEDY}"
+        return f"{shown!r} is a date or a time of day, not a number: {_TIME_REMEDY}"
     for pattern, reason in _FORMS.items():
         if re.match(pattern, text):
-            return f"{cut!r} {reason}"
-    return f"{cut!r} is not a number: correct it, or remove the row"
+            return f"{shown!r} {reason}"
+    return f"{shown!r} is not a number: correct it, or remove the row"
