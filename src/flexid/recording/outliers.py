@@ -147,25 +147,10 @@ def _evidence_of_losses(positions: FloatArray, suspected: NDArray[np.bool_]) -> 
     places = places[(places >= _NEAR) & (places < len(steps) - _NEAR)]
     if _windows_without(suspected.astype(np.int64)) < _FEWEST_WINDOWS * steps.shape[1]:
         return 0.0
-    neighbours, own = _neighbours(steps, places, 0), steps[places]
+    neighbours, own = _around(steps, places, 0)
     none, one = (_Interpolator.learnt(steps, ~suspected, count) for count in (0, 1))
     each = none.surprise(neighbours, own) - one.surprise(neighbours, own)
     return float(np.clip(each, -_CLEAR, _CLEAR).sum())  # no single shock decides
-
-
-def put_back(there: FloatArray, lost: NDArray[np.int64], *, held: bool) -> FloatArray:
-    """A channel with the lost samples interpolated; one that may step, without overshoot."""
-    kept = _kept(lost)
-    every = np.arange(kept[-1] + 1.0)
-    values = interpolated(kept.astype(np.float64), there, every, held=held)
-    values[kept] = there
-    return values
-
-
-def stamped_on(time: FloatArray, lost: NDArray[np.int64]) -> FloatArray:
-    """The time of all samples, those that are missing by the clock among them."""
-    kept = _kept(lost)
-    return np.interp(np.arange(kept[-1] + 1), kept, time)
 
 
 def counted_on(time: FloatArray, lost: NDArray[np.int64], *, is_span: bool) -> FloatArray:
@@ -187,11 +172,11 @@ def _likeliest(
     steps, whole, firsts = _steps(positions, lost)
     tested = np.flatnonzero((firsts >= _NEAR) & (firsts < len(steps) - _NEAR) & (lost == 0))
     plain = _Interpolator.learnt(steps, whole, 0)
-    off = plain.squares(_neighbours(steps, firsts[tested], 0), steps[firsts[tested]])
+    off = plain.squares(*_around(steps, firsts[tested], 0))
     tested = tested[off > 2.0 * _CLEAR]  # the others are likely as they are
     number, ratio = np.zeros_like(lost), np.full(len(lost), -np.inf)
     if len(tested):
-        neighbours, own = _neighbours(steps, firsts[tested], 0), steps[firsts[tested]]
+        neighbours, own = _around(steps, firsts[tested], 0)
         others = [_Interpolator.learnt(steps, whole, count) for count in range(1, _MOST_LOST + 1)]
         found = [plain.surprise(0.0 * neighbours, own)]
         found += [other.surprise(neighbours, own) for other in others]
@@ -208,8 +193,7 @@ def _explained(positions: FloatArray, lost: NDArray[np.int64]) -> NDArray[np.boo
     found = np.ones(len(lost), dtype=bool)
     for number in np.unique(lost[lost > 0]).tolist():
         inside = (firsts >= _NEAR) & (firsts < len(steps) - _NEAR - number) & (lost == number)
-        neighbours = _neighbours(steps, firsts[inside], number)
-        own = _sums(steps, firsts[inside], number)
+        neighbours, own = _around(steps, firsts[inside], number)
         lossy = _Interpolator.learnt(steps, whole, number)
         off = lossy.squares(neighbours / (number + 1.0), own)
         found[inside] = lossy.squares(neighbours, own) <= _BY_CHANCE + _LEFT_OVER * off
@@ -231,7 +215,7 @@ class _Interpolator:
         firsts = np.unique(np.linspace(_NEAR, last - 1, count).astype(np.int64))
         gone = np.cumsum(np.concatenate(([0], ~whole)))
         firsts = firsts[gone[firsts + _NEAR + lost + 1] == gone[firsts - _NEAR]]
-        neighbours, sums = _neighbours(steps, firsts, lost), _sums(steps, firsts, lost)
+        neighbours, sums = _around(steps, firsts, lost)
         weights, kept = np.zeros((neighbours.shape[1], steps.shape[1])), np.full(len(sums), True)
         errors = sums
         for _ in range(_TRIMS):
@@ -267,16 +251,14 @@ def _steps(
     return steps, whole, kept[:-1]
 
 
-def _neighbours(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:
-    """The steps on either side of one that covers so many lost samples, and a constant."""
+def _around(
+    steps: FloatArray, firsts: NDArray[np.int64], lost: int
+) -> tuple[FloatArray, FloatArray]:
+    """The steps on either side of one that covers so many lost samples, a constant; that step."""
     offsets = [*range(-_NEAR, 0), *range(lost + 1, lost + 1 + _NEAR)]
     neighbours = [steps[firsts + offset] for offset in offsets]
-    return np.column_stack((*neighbours, np.ones(len(firsts))))
-
-
-def _sums(steps: FloatArray, firsts: NDArray[np.int64], lost: int) -> FloatArray:
-    """The step that covers so many lost samples, from each place on."""
-    return steps[firsts[:, None] + np.arange(lost + 1)].sum(axis=1)
+    own = steps[firsts[:, None] + np.arange(lost + 1)].sum(axis=1)
+    return np.column_stack((*neighbours, np.ones(len(firsts)))), own
 
 
 _OFF = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0  # what a cubic through the others leaves over
@@ -312,7 +294,8 @@ def mend(log: Draft) -> None:
             f"record without gaps",
             Rank.DATA,
         )
-        _put_back(log, missing, stamped_on(time, missing))
+        kept = _kept(missing)
+        _put_back(log, missing, np.interp(np.arange(kept[-1] + 1), kept, time))
     elif np.count_nonzero(lost) >= FEWEST_PLACES:
         places = np.flatnonzero(lost)
         log.warn(
@@ -327,9 +310,13 @@ def mend(log: Draft) -> None:
 
 
 def _put_back(log: Draft, lost: NDArray[np.int64], time: FloatArray) -> None:
-    """Put lost samples back, at the times of all."""
+    """Put lost samples back, at the times of all: an input without overshoot, as it may step."""
+    kept = _kept(lost)
+    every = np.arange(kept[-1] + 1.0)
     for name in log.names:
-        log[name] = put_back(log[name], lost, held=name in INPUTS)
+        there = log[name]
+        log[name] = interpolated(kept.astype(np.float64), there, every, held=name in INPUTS)
+        log[name][kept] = there
     log["time"] = time
 
 

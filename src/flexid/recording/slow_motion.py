@@ -70,7 +70,7 @@ def check_motion(log: Draft, recording: Recording) -> None:
         if not wrong and left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
             wrong = words
     place = log.those_of(ENCODERS)
-    share, error = (0.0, 0.0) if wrong else _apart(recording, smoothed)
+    share, error = (0.0, 0.0) if wrong else scales_apart(recording)
     if wrong:
         log.warn(
             place,
@@ -136,12 +136,8 @@ def input_lateness(recording: Recording) -> float:
 def scales_apart(recording: Recording) -> tuple[float, float]:
     """By how much more the link moves than the motor than mechanics allow, and its error; or 0."""
     smoothed = _smoothing(recording)
-    return (0.0, 0.0) if smoothed is None else _apart(recording, smoothed)
-
-
-def _apart(recording: Recording, smoothed: _Smoothing) -> tuple[float, float]:
     motor, link = recording.motor_position, recording.link_position
-    if link is None or np.ptp(motor) <= _WIDE:
+    if smoothed is None or link is None or np.ptp(motor) <= _WIDE:
         return 0.0, 0.0
     share, error = _own_share(smoothed, link, motor)
     named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
