@@ -12,7 +12,7 @@ from flexid.identification.preparation.recordings import prepare
 from flexid.library.logs import read_log
 from flexid.recording import Log
 from flexid.recording.caution import Rank, rank_of
-from flexid.recording.slow_motion import late_input, scales_apart
+from flexid.recording.slow_motion import late_input
 
 STEP = 2e-3  # s
 COUNT = 6000
@@ -97,13 +97,6 @@ def test_a_scale_that_is_wrong(link: float, motor: float, said: str):
         assert f"the link moves {said}" in warning
         assert "gear ratio" in warning
         assert rank_of(warning) == Rank.SCALE
-
-
-@pytest.mark.parametrize(("scale", "share"), [(1.02, -0.02), (1.0, 0.0)])
-def test_the_share_by_which_scales_differ(scale: float, share: float):
-    """Assert that gravity and inertia, which bend the joint as well, have no part in it."""
-    found = changed(motor=times(scale)).recordings[0]
-    assert scales_apart(found)[0] == pytest.approx(share, abs=1e-3)
 
 
 @pytest.mark.parametrize(("samples", "said"), [(25, "-0.05"), (-51, "0.102"), (10, "")])
