@@ -201,28 +201,18 @@ class _Group(click.Group):
 
 def command_line(only: str = "") -> click.Group:
     """All commands, or one of them alone, for which less is loaded."""
-    return _Group(
+    group = _Group(
         name="flexid",
         help=_ABOUT,
         epilog=_EPILOG,
-        callback=_options,
-        params=[
-            click.Option(
-                ["--version"],
-                is_flag=True,
-                expose_value=False,
-                is_eager=True,
-                callback=_show_version,
-                help="Show the version and exit.",
-            ),
-            click.Option(
-                ["--debug"], is_flag=True, help="Print the traceback of a defect of flexid."
-            ),
-        ],
         commands=[CommandLine(each) for each in COMMANDS if only in ("", each.name)],
         no_args_is_help=True,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
+    version = "Show the version and exit."
+    click.version_option(package_name="flexid", message="flexid %(version)s", help=version)(group)
+    defect = "Print the traceback of a defect of flexid."
+    return click.option("--debug", is_flag=True, expose_value=False, help=defect)(group)
 
 
 def _asked_for(arguments: Sequence[str]) -> str:
@@ -232,29 +222,10 @@ def _asked_for(arguments: Sequence[str]) -> str:
     return first if named and "_FLEXID_COMPLETE" not in os.environ else ""
 
 
-def _show_version(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import version
-
-        click.echo(f"flexid {version('flexid')}")
-        context.exit()
-
-
-class _Wanted:
-    """What the user asked of the process as a whole."""
-
-    debug = False
-
-
-def _options(debug: bool) -> None:
-    _Wanted.debug = debug
-
-
 def run() -> ExitStatus:
     """Run the command line as far as its exit status."""
     open_what_is_closed()
     spell_what_cannot_be_encoded()
-    _Wanted.debug = False
     try:
         group = command_line(_asked_for(sys.argv[1:]))
         return ExitStatus(group.main(prog_name="flexid", standalone_mode=False) or 0)
@@ -283,7 +254,7 @@ def run() -> ExitStatus:
         )
         return ExitStatus.BAD_INPUT
     except Exception as error:  # an error that nobody foresaw
-        if _Wanted.debug:
+        if "--debug" in sys.argv:
             import traceback
 
             traceback.print_exc()

@@ -285,19 +285,14 @@ def working(errors: "Console", doing: str) -> Iterator[Progress]:
     if not doing:
         yield lambda _step: None
         return
-    with errors.status(doing) as status, noted(errors):
+    with errors.status(doing) as status, noted():
         yield lambda step: status.update(f"{doing}: {step}")
 
 
 @contextmanager
-def noted(errors: "Console") -> Iterator[None]:
+def noted() -> Iterator[None]:
     """Print on standard error what the library has to say meanwhile, piped or not."""
-
-    class Printed(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            errors.print(record.getMessage(), markup=False, soft_wrap=True, highlight=False)
-
-    logger, handler = logging.getLogger("flexid"), Printed()
+    logger, handler = logging.getLogger("flexid"), logging.StreamHandler()
     before = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
