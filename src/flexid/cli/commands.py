@@ -158,11 +158,17 @@ def watch(command: Command, options: Options, flags: Options) -> None:
     follow(command, options, flags)
 
 
+def studio(command: Command, options: Options, _flags: Options) -> None:
+    """Serve the studio until it is interrupted."""
+    command.function(**options)
+
+
 _RUN = {
     "identify": identify,
     "derive": derive,
     "export": export,
     "watch": watch,
+    "studio": studio,
     "simulate": simulate,
     "campaign": campaign,
 }

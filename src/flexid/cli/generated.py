@@ -172,7 +172,7 @@ class Command:
     doing: str = ""  # shown while it works
     writes: str = ""  # with --out
     flags: Sequence[str] = ()  # of `FLAGS`
-    own: str = ""  # the module of a command that declares its options itself
+    own: str = ""  # the module of a command that is not in the library, and answers nothing
     notes: str = ""  # a paragraph of the help
     more: str = ""  # what shows the warnings after the first three
 
@@ -192,16 +192,12 @@ class CommandLine(click.Command):
         said = [sentences(part) for part in prose.strip().split("\n\n")]
         body = [head, *said, command.notes, f"Exit status: {command.status}"]
         examples = ["\b", "Examples:", *(f"  flexid {example}" for example in command.examples)]
-        call = command.function
-        parameters = getattr(call, "__click_params__", [])[::-1]
-        if not command.own:  # the library's, which knows nothing of a command line
-            flagged = [*command.flags, *(["out"] if command.writes else []), "json"]
-            call = _calling(command, flagged)
-            parameters = [*_from_library(command, documented), *_of_printing(command, flagged)]
+        flagged = [*command.flags, *(["out"] if command.writes else [])]
+        flagged += [] if command.own else ["json"]
         super().__init__(
             command.name,
-            callback=call,
-            params=parameters,
+            callback=_calling(command, flagged),
+            params=[*_from_library(command, documented), *_of_printing(command, flagged)],
             help="\n\n".join(filter(None, body)),
             short_help=head,
             epilog="\n".join(examples),
@@ -349,14 +345,15 @@ def _declared(name: str, option: Option, default: Any, *, named: bool) -> click.
             required=required,
             default=default,
         )
+    dashed = name.replace("_", "-")
     return click.Option(
-        [f"--{name.replace('_', '-')}"],
+        [f"--{dashed}/--no-{dashed}" if default is True else f"--{dashed}"],
         type=option.kind,
         metavar=option.metavar,
         help=option.note,
         required=required,
         default=default,
-        show_default=not option.several and option.kind is not bool,
+        show_default=not option.several and (option.kind is not bool or default is True),
         is_flag=option.kind is bool,
         multiple=option.several,
     )

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexid.cli.generated import (
-    Argument,
     Command,
     ExitStatus,
     Options,
@@ -129,38 +128,25 @@ def _end(watched: "Watch", checkpoint: Path | None, *, as_json: bool) -> None:
             print_parts(watched._parts())
 
 
-@click.argument(
-    "log",
-    cls=Argument,
-    type=Path,
-    required=False,
-    metavar="LOG",
-    note="A log that each window opens with, in any format that flexid identify takes.",
-)
-@click.option(
-    "--host",
-    metavar="ADDRESS",
-    default="127.0.0.1",
-    show_default=True,
-    help="Where to listen. Off the loopback the address that is printed has a token in it, and "
-    "only who knows it is let in.",
-)
-@click.option(
-    "--port",
-    metavar="NUMBER",
-    type=int,
-    default=8765,
-    show_default=True,
-    help="Port of the machine; 0 for any that is free.",
-)
-@click.option(
-    "--browser/--no-browser", default=True, show_default=True, help="Open the page in a browser."
-)
-def studio(log: Path | None, host: str, port: int, browser: bool) -> None:
+def studio(
+    log: Path | None = None, *, host: str = "127.0.0.1", port: int = 8765, browser: bool = True
+) -> None:
     """Serve a page in which logs are checked and identified.
 
     Drop a log, say which column is what, see what it can tell before anything is run, identify,
     and keep what was found. The page's address holds what was chosen. Ctrl-C ends the studio.
+
+    Parameters
+    ----------
+    log : path, optional
+        A log that each window opens with, in any format that flexid identify takes.
+    host : str, optional
+        Where to listen. Off the loopback the address that is printed has a token in it, and only
+        who knows it is let in.
+    port : int, optional
+        Port of the machine; 0 for any that is free.
+    browser : bool, optional
+        Open the page in a browser.
     """
     if log is not None and not os.path.exists(log):
         raise RecordingError(

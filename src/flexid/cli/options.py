@@ -105,6 +105,7 @@ _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
 _RIGID_NAMES = ", ".join(name for name in RIGID_TERMS if name not in TERMS)
 
 ARGUMENTS = {
+    "log": Option(Path, "LOG"),
     "logs": _LOGS,
     "estimate": _ESTIMATE,
     "a": Option(str, "A"),
@@ -123,6 +124,7 @@ OPTIONS = {
         parse_bounds,
         "Such as joint_stiffness=50:200 or motor_viscous_friction=0:.",
     ),
+    "browser": Option(bool),
     "checkpoint": _FILE._replace(note="Saved into each minute, at the end, and on Ctrl-C."),
     "columns": _FILE,
     "coulomb_velocity": Option(str, "RAD/S", parse_number),
@@ -138,6 +140,7 @@ OPTIONS = {
         note="Such as 'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.",
     ),
     "hold": Option(str),
+    "host": Option(str, "ADDRESS"),
     "input_delay": _DELAY,
     "kind": Option(str),
     "known": _pairs(
@@ -148,6 +151,7 @@ OPTIONS = {
     "memory": _SECONDS,
     "model": Option(str),
     "out": Option(str, "DIR", parse_directory),
+    "port": _NUMBER,
     "sample_time": _SECONDS,
     "scheduler": Option(str, "ADDRESS"),
     "seed": _NUMBER,
