@@ -205,26 +205,23 @@ def log_chart(log: Log) -> Chart:
         return Line(label, time, joined(parts), colour)
 
     positions: list[Mark] = [line("motor", [r.motor_position for r in log.recordings], "blue")]
-    panels = []
+    panels = [("Positions", "angle", "rad", positions)]
     if first.link_position is not None:
         link = [r.needed_link_position for r in log.recordings]
         positions.append(line("link", link, "orange"))
         deflection = line("", [r.deflection for r in log.recordings], "green")
-        panels.append(("Deflection: link minus motor", "angle", "rad", (deflection,)))
+        panels.append(("Deflection: link minus motor", "angle", "rad", [deflection]))
     if first.input is not None:
         drive = line("", [r.needed_input for r in log.recordings], "ink")
-        panels.append(("Input", "input", first.input_unit, (drive,)))
+        panels.append(("Input", "input", first.input_unit, [drive]))
     return Chart(
         "log",
         "The log as read",
         "Motor and link should move together. The deflection should look like the torque in the "
         "spring, not like noise. No channel should be flat while the others move.",
         tuple(
-            Panel(title, Axis("time", "s"), Axis(label, unit), marks)
-            for title, label, unit, marks in [
-                ("Positions", "angle", "rad", tuple(positions)),
-                *panels,
-            ]
+            Panel(title, Axis("time", "s"), Axis(label, unit), tuple(marks))
+            for title, label, unit, marks in panels
         ),
     )
 
@@ -233,7 +230,6 @@ _COHERENT = 0.8  # above which the spectral estimate is drawn strongly
 _SIDE = 0.3  # of a decade, left free above and below the magnitudes
 _COLOURS: dict[str, Colour] = {"antiresonance": "green", "resonance": "red"}
 _BESIDE = 25.0  # °, left free above and below the phases
-_HEIGHTS = (1.7, 1.1, 0.65)
 
 
 def bode_chart(described: FrequencyResponse) -> Chart:
@@ -247,44 +243,24 @@ def bode_chart(described: FrequencyResponse) -> Chart:
     ]
     sizes = _magnitudes(described)
     title = f"\nno band: {', '.join(described.unknown)} not determined" if described.unknown else ""
-    panels = [
-        Panel(
-            f"{response.output} over {response.input}{title}",
-            x,
-            Axis("magnitude", response.unit, logarithmic=True, limits=sizes),
-            (*_magnitude(described, response), *marked),
-            _HEIGHTS[0],
-        )
-        for response in responses
-    ]
     phases = [_phase(described, response) for response in responses]
     phase = Axis("phase", "°", limits=_degrees(phases), step=90.0)
-    panels += [
-        Panel(f"{response.output}: phase", x, phase, (*marks, *marked), _HEIGHTS[1])
-        for response, marks in zip(responses, phases, strict=True)
-    ]
-    if any(response.measured for response in responses):
-        panels += [
-            Panel(
-                f"{response.output}: coherence",
-                x,
-                Axis("coherence", "–", limits=(0.0, 1.05)),
-                (
-                    *(
-                        Line("coherence", e.frequency, e.coherence, "orange", 0.8)
-                        for e in response.measured
-                    ),
-                    *marked,
-                ),
-                _HEIGHTS[2],
-            )
-            for response in responses
-        ]
+    coherence = Axis("coherence", "–", limits=(0.0, 1.05))
+    panels: list[tuple[str, Axis, Sequence[Mark], float]] = []
+    for r in responses:
+        size = Axis("magnitude", r.unit, logarithmic=True, limits=sizes)
+        panels.append((f"{r.output} over {r.input}{title}", size, _magnitude(described, r), 1.7))
+    for r, marks in zip(responses, phases, strict=True):
+        panels.append((f"{r.output}: phase", phase, marks, 1.1))
+    if any(r.measured for r in responses):
+        for r in responses:
+            lines = [Line("coherence", e.frequency, e.coherence, "orange", 0.8) for e in r.measured]
+            panels.append((f"{r.output}: coherence", coherence, lines, 0.65))
     return Chart(
         "bode",
         "Frequency response of the joint, for small motions",
         _says_of_responses(described),
-        tuple(panels),
+        tuple(Panel(name, x, y, (*marks, *marked), height) for name, y, marks, height in panels),
         columns=len(responses),
     )
 
