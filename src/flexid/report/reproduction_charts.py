@@ -56,56 +56,40 @@ def play_chart(run: Played | None, pinned: Played | None) -> Chart:
     ]
     for played, named in ((pinned, False), (run, True)):
         if played is not None:
-            x, y = _peaks(played.time, played.tracking)
-            tracking.append(_line("tracking error", x, y, "ink", named=named))
+            error = {"tracking error": played.tracking}
+            tracking.extend(_curves(played.time, error, _OF_ROWS, named=named))
             errors.extend(_curves(played.time, played.errors, _OF_ERRORS, named=named))
             lyapunov.extend(_curves(played.time, {"V": played.lyapunov}, _OF_ROWS, named=named))
             excitation.extend(_curves(played.moments, played.conditions, _OF_ROWS, named=named))
-    time = Axis("time", "s")
+    panels = (
+        ("Tracking error", "magnitude", "rad", tracking),
+        ("Parameter errors over the true values", "magnitude", "", errors),
+        ("V of Theorem 1", "V", "", lyapunov),
+        ("Excitation over the last 2 s", "condition number", "", excitation),
+    )
     return Chart(
         "play",
         "The paper's closed loop",
         "The tracking error shows what the controller can do, the parameter errors what the "
         "observer learns. V never rises while the drive is ideal. Where the condition number "
         "is large, two coefficients cannot be told apart. Dashed: the pinned run.",
-        (
-            Panel("Tracking error", time, Axis("magnitude", "rad", True), tuple(tracking)),
-            Panel(
-                "Parameter errors over the true values",
-                time,
-                Axis("magnitude", "", True),
-                tuple(errors),
-            ),
-            Panel("V of Theorem 1", time, Axis("V", "", True), tuple(lyapunov)),
-            Panel(
-                "Excitation over the last 2 s",
-                time,
-                Axis("condition number", "", True),
-                tuple(excitation),
-            ),
+        tuple(
+            Panel(title, Axis("time", "s"), Axis(label, unit, True), tuple(marks))
+            for title, label, unit, marks in panels
         ),
         columns=2,
     )
 
 
-def _peaks(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return peaks(time, values, max(1, len(time) // _STRETCHES))
-
-
 def _curves(
     time: FloatArray, curves: Mapping[str, FloatArray], colours: tuple[Colour, ...], *, named: bool
 ) -> Iterator[Line]:
+    """Peaks of a run, or dashed and without a name of the pinned one; zero has no place here."""
     for (name, values), colour in zip(curves.items(), colours, strict=False):
-        if np.isnan(values).all():
-            continue
-        x, y = _peaks(time, values)
-        yield _line(SYMBOLS.get(name, name), x, y, colour, named=named)
-
-
-def _line(label: str, x: FloatArray, y: FloatArray, colour: Colour, *, named: bool) -> Line:
-    """A line of the run, or dashed and without a name of the pinned one; zero has no place here."""
-    shown = np.where(y > 0.0, y, np.nan)
-    return Line(label if named else "", x, shown, colour, dash="solid" if named else "dashed")
+        if not np.isnan(values).all():
+            x, y = peaks(time, values, max(1, len(time) // _STRETCHES))
+            label, dash = (SYMBOLS.get(name, name), "solid") if named else ("", "dashed")
+            yield Line(label, x, np.where(y > 0.0, y, np.nan), colour, dash=dash)
 
 
 NOISE = 1e-3 * TOLERANCE
