@@ -10,6 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, isclose, isfinite
 
+import numpy as np
+
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.preparation.prior_knowledge import Known
@@ -19,11 +22,6 @@ from flexid.models.parameter_kinds import Amplitude, PhysicalParameter, Product
 Bounds = dict[str, tuple[float, float]]
 
 _SAME = 1e-9  # relative difference of two statements of the same
-_ORDER = (
-    "beta1",
-    "alpha1",
-    "theta2",
-)  # solved for last: other coefficients are one parameter's own
 
 
 @dataclass(frozen=True)
@@ -101,90 +99,58 @@ def _own(function: PhysicalParameter) -> tuple[str, ...]:
     return function.coefficients
 
 
-@dataclass(frozen=True)
-class _Power:
-    """factor times a product of powers of coefficients."""
-
-    factor: float
-    exponents: Mapping[str, int]
-
-    def knowing(self, values: Mapping[str, float]) -> "_Power":
-        """The same with some coefficients known."""
-        factor, left = self.factor, {}
-        for name, power in self.exponents.items():
-            if name in values:
-                factor *= _power(values[name], power)
-            else:
-                left[name] = power
-        return _Power(factor, left)
-
-    def with_other(self, name: str, other: "_Power") -> "_Power":
-        """The same with a coefficient replaced by a product of others."""
-        power = self.exponents.get(name, 0)
-        exponents = {c: e for c, e in self.exponents.items() if c != name}
-        for c, e in other.exponents.items():
-            exponents[c] = exponents.get(c, 0) + power * e
-        factor = self.factor * _power(other.factor, power)
-        return _Power(factor, {c: e for c, e in exponents.items() if e})
-
-
-def _power(value: float, power: int) -> float:
-    return value**power if value or power >= 0 else inf
-
-
 def _solved(
     exact: Mapping[str, tuple[PhysicalParameter, float]],
 ) -> tuple[dict[str, float], list[str]]:
-    """Coefficients that follow, and the names of what is left as functions of several."""
-    given: dict[str, float] = {}
-    relations: dict[str, tuple[str, _Power]] = {}  # by coefficient: whose relation, and what it is
-    left = [name for name, (function, _) in exact.items() if not isinstance(function, Product)]
-    for name, (function, value) in exact.items():
-        if not isinstance(function, Product):
-            continue
-        here = _Power(1.0, function.exponents).knowing(given)
-        for coefficient, (_, relation) in relations.items():
-            here = here.with_other(coefficient, relation)
-        here = here.knowing(given)
-        if not here.exponents:
-            same = isclose(here.factor, value, rel_tol=_SAME)
-            advice = "leave it out" if same else f"that makes it {here.factor:.6g}"
+    """Coefficients that follow, and the names of what is left as functions of several.
+
+    A product of powers is a row of exponents. What is a combination of such rows follows from what
+    they are known as.
+    """
+    products = {
+        # Of a product that is zero what divides it is of no account.
+        name: ({c: power for c, power in function.exponents.items() if value or power > 0}, value)
+        for name, (function, value) in exact.items()
+        if isinstance(function, Product)
+    }
+    coefficients = [*dict.fromkeys(c for powers, _ in products.values() for c in powers)]
+    rows = np.array([[p.get(c, 0) for c in coefficients] for p, _ in products.values()])
+    known = np.array([value for _, value in products.values()])
+    for place, (name, value) in enumerate(zip(products, known.tolist(), strict=True)):
+        follows = _combined(rows[:place], known[:place], rows[place])
+        if follows is not None:
+            same = isclose(follows, value, rel_tol=_SAME)
+            advice = "leave it out" if same else f"that makes it {follows:.6g}"
             raise SettingError("known", f"{name} follows from what else is known: {advice}")
-        single = [c for c, power in here.exponents.items() if abs(power) == 1]
-        if not single:
-            left.append(name)
-            continue
-        pivot = min(single, key=lambda c: (c in _ORDER, -_rank(c)))
-        relation = _isolated(here, pivot, value)
-        settled = not relation.exponents or not relation.factor
-        if settled:
-            given[pivot] = _finite(name, relation.factor)
-        else:
-            relations[pivot] = (name, relation)
-        for coefficient, (owner, other) in [*relations.items()]:
-            known = (other if settled else other.with_other(pivot, relation)).knowing(given)
-            relations[coefficient] = (owner, known)
-            if not known.exponents:
-                given[coefficient] = _finite(owner, known.factor)
-                del relations[coefficient]
-    return given, left + [owner for owner, _ in relations.values()]
+    alone = zip(coefficients, np.eye(len(coefficients)), strict=True)
+    found = {c: _combined(rows, known, row) for c, row in alone}
+    given = {c: value for c, value in found.items() if value is not None}
+    for name, (powers, _) in products.items():
+        if not all(isfinite(given[c]) for c in powers if c in given):
+            raise SettingError("known", f"{name}: the value is impossible with what is known")
+    solved = {name for name, (powers, _) in products.items() if powers.keys() <= given.keys()}
+    return given, [name for name in exact if name not in solved]
 
 
-def _rank(coefficient: str) -> int:
-    return _ORDER.index(coefficient) if coefficient in _ORDER else 0
+def _combined(
+    rows: FloatArray,  # (n, k): exponents
+    values: FloatArray,  # (n,)
+    wanted: FloatArray,  # (k,)
+) -> float | None:
+    """The product of powers that is wanted, where it is one of others with these values."""
+    if not len(rows):
+        return None
+    powers = np.rint(np.linalg.lstsq(rows.T, wanted)[0])
+    if np.any(powers @ rows != wanted):
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.prod(values**powers))
 
 
-def _isolated(function: _Power, pivot: str, value: float) -> _Power:
-    """The pivot as a product of the others, where the function has a value."""
-    power = function.exponents[pivot]  # 1 or -1
-    others = {c: -e * power for c, e in function.exponents.items() if c != pivot}
-    return _Power(_power(value / function.factor, power), others)
-
-
-def _finite(name: str, value: float) -> float:
-    if not isfinite(value):
-        raise SettingError("known", f"{name}: the value is impossible with what is known")
-    return value
+def _knowing(function: Product, given: Mapping[str, float]) -> tuple[float, dict[str, int]]:
+    """What a product is of coefficients that are given, and the powers of the others."""
+    left = {c: power for c, power in function.exponents.items() if c not in given}
+    return function.value({**given, **dict.fromkeys(left, 1.0)}), left
 
 
 def _bounded(
@@ -209,12 +175,12 @@ def _bounded(
         if not isinstance(function, Product):
             within[name] = (lower, upper)
             continue
-        here = _Power(1.0, function.exponents).knowing(given)
-        if len(here.exponents) > 1:
+        factor, left = _knowing(function, given)
+        if len(left) > 1:
             within[name] = (lower, upper)
             continue
-        ((coefficient, power),) = here.exponents.items()
-        ends = _ends(lower / here.factor, upper / here.factor, power)
+        ((coefficient, power),) = left.items()
+        ends = _ends(lower / factor, upper / factor, power)
         before = bounds.get(coefficient, (-inf, inf))
         found = (max(before[0], ends[0]), min(before[1], ends[1]))
         if not found[0] < found[1]:
@@ -245,10 +211,10 @@ def _check_uncertain(
         value, name = item.value, item.name
         function = functions[item.name]
         if ends is None and isinstance(function, Product):
-            here = _Power(1.0, function.exponents).knowing(given)
-            if len(here.exponents) == 1:
-                (name,) = here.exponents
-                value, ends = _isolated(here, name, item.value).factor, bounds.get(name)
+            factor, left = _knowing(function, given)
+            if len(left) == 1:
+                ((name, power),) = left.items()
+                value, ends = (item.value / factor) ** power, bounds.get(name)
         if ends is not None and not ends[0] <= value <= ends[1]:
             raise SettingError(
                 "bounds",
