@@ -13,6 +13,7 @@ from flexid.identification.estimation.doubts import (
     Doubted,
     calibration,
     coil_lag,
+    covariance_of,
     dead_zone,
     eccentric_encoders,
     further_modes,
@@ -165,7 +166,9 @@ def test_covariances_add():
     """Assert that all doubts together add their covariances, and that each value has some."""
     found = doubted("V")
     known = Estimate(NAMES, found.fitted.values, np.zeros((6, 6)), (10.0,) * 6)
-    every = [doubt(found) for doubt in DOUBTS]
-    parts = [widened(known, [directions]).covariance for directions in every]
-    np.testing.assert_allclose(widened(known, every).covariance, np.sum(parts, axis=0))
-    assert np.all(np.diag(widened(known, [calibration(found)]).covariance) > 0.0)
+    every = [(covariance_of(doubt(found)), words) for doubt, words in DOUBTS.items()]
+    estimate, widest = widened(known, every)
+    np.testing.assert_allclose(estimate.covariance, sum(part for part, _ in every))
+    assert np.all(np.diag(covariance_of(calibration(found))) > 0.0)
+    assert widest["beta1"] == DOUBTS[looks_like_the_acceleration]
+    assert widest[INPUT] == ""

@@ -22,9 +22,14 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.threads import cores
 from flexid.identification.estimation.doubts import (
     CALIBRATION,
+    LIKE_A_TERM,
+    LIKE_PLAY,
+    OF_A_BAND,
+    OF_A_HALF,
     Repeat,
     between_bands,
     between_halves,
+    covariance_of,
     like_a_term,
     widened,
 )
@@ -176,13 +181,13 @@ def play(found: DisturbedFit) -> FloatArray:
 DOUBTS: Mapping[Doubt, str] = {
     calibration: "",
     noise_of_the_inputs: "noise of the logged torque: excite harder, or log it finer",
-    halves_of_the_log: "the halves of the log disagree",
-    another_band: "it depends on the band of the log that is fitted",
+    halves_of_the_log: OF_A_HALF,
+    another_band: OF_A_BAND,
     other_minima: "another set of values explains the log as well",
     unfinished_steps: "the steps of the fit do not end",
     negative_values: "a friction or damping came out negative",
-    play: "its spring looks like one with play",
-    looks_like_a_term: "what no term describes may look like it",
+    play: LIKE_PLAY,
+    looks_like_a_term: LIKE_A_TERM,
 }
 """Each doubt, and what is said where it makes most of an interval."""
 
@@ -191,12 +196,7 @@ def with_doubts(found: DisturbedFit) -> tuple[Estimate, dict[str, str]]:
     """The estimate with all doubts in its covariance, and which made most of each variance."""
     with ThreadPoolExecutor(cores()) as pool:
         every = [*pool.map(lambda doubt: _said(doubt, found), DOUBTS)]
-    estimate = widened(found.estimate, every)
-    said = dict.fromkeys(estimate.names, "")
-    for directions, words in zip(every, DOUBTS.values(), strict=True):
-        most = np.sum(directions**2, axis=1) > 0.5 * np.diag(estimate.covariance)
-        said |= dict.fromkeys(np.array(estimate.names)[most].tolist(), words)
-    return estimate, said
+    return widened(found.estimate, zip(map(covariance_of, every), DOUBTS.values(), strict=True))
 
 
 def _said(doubt: Doubt, found: DisturbedFit) -> FloatArray:

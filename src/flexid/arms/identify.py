@@ -178,10 +178,7 @@ def _judged(name: str, unit: str, found: _Found, shares: Mapping[str, float]) ->
         estimate.degrees_of_freedom[place],
         shares.get(name, 0.0),
     )
-    if made.verdict == "determined":
-        return made
-    why = made.reason, found.widest.get(name, ""), _confusion(place, found.fitted)
-    return replace(made, reason="; ".join(filter(None, why)))
+    return made.because(found.widest.get(name, ""), _confusion(place, found.fitted))
 
 
 def _confusion(place: int, fitted: FittedArm) -> str:

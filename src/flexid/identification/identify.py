@@ -54,6 +54,7 @@ from flexid.identification.vocabulary.evidence import (
     ParameterEstimate,
     TermEvidence,
     Validation,
+    ValueEstimate,
 )
 from flexid.identification.vocabulary.intervals import interval
 from flexid.identification.vocabulary.progress import Progress, silent
@@ -94,7 +95,7 @@ def identify(
     recordings = job.recordings
     found = answer(job)
     fits, validation, choice = found.fits, found.validation, found.fits.choice
-    numbers = _doubted(_numbers(job, fits, found.estimate), found)
+    numbers = _doubted(_numbers(job, fits, found), found)
     turned = turned_round(
         choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
     )
@@ -160,10 +161,10 @@ class _Numbers(NamedTuple):
     widest: float
 
 
-def _numbers(job: Job, fits: FinalFits, estimate: Estimate) -> _Numbers:
+def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     """Join what is known beforehand, and judge each number."""
     reported, full, thresholds = fits.reported, fits.choice.full, job.thresholds
-    estimate = estimate.without_knowledge_of(fits.unexcited(thresholds.lost_share))
+    estimate = found.estimate.without_knowledge_of(fits.unexcited(thresholds.lost_share))
     given = {**job.stated.given, **reported.at_bound}
     joined = with_prior_knowledge(
         job.joint, estimate, given, job.stated, job.input_unit, thresholds
@@ -192,6 +193,8 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate) -> _Numbers:
         thresholds,
         joined.exact,
     )
+    coefficients = {name: c.because(*_widest(c, found)) for name, c in coefficients.items()}
+    parameters = {name: p.because(*_widest(p, found)) for name, p in parameters.items()}
     if not reported.problem.observer:
         constants = sought_constants(joined.estimate, reported)
         parameters |= constant_estimates(constants, thresholds)
@@ -208,6 +211,11 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate) -> _Numbers:
         joined.against,
         widest(coefficients, sizes),
     )
+
+
+def _widest(estimate: ValueEstimate, found: Answer) -> dict[str, None]:
+    """What makes most of the intervals that a value rests on."""
+    return dict.fromkeys(found.widest.get(name, "") for name in estimate.slopes)
 
 
 def _clock_warnings(job: Job, logs: Sequence[Log]) -> Iterator[str]:

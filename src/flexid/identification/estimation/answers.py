@@ -6,7 +6,8 @@ what is left. The fit with disturbances expects to be wrong. Of the two that is 
 the inertias, the stiffness and gravity better.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,9 +21,11 @@ from flexid.identification.estimation.disturbed import (
     follower,
 )
 from flexid.identification.estimation.doubts import (
+    DOUBTS,
     OF_A_VOLTAGE,
     OF_AN_EXACT_FIT,
     Doubted,
+    covariance_of,
     widened,
 )
 from flexid.identification.estimation.final_fits import (
@@ -70,6 +73,7 @@ class Answer:
     validation: Validation  # of the same structure, fitted to the data before the held-out ends
     estimate: Estimate  # with all that is doubted in its covariance
     disturbances: Disturbances | None = None  # of the fit with disturbances, if that is it
+    widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
     # why some coefficient is not known, whatever its interval says
     doubts: tuple[Caution, ...] = ()
     # which these are: those of the spring, in one balance or in both
@@ -127,8 +131,9 @@ def _exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer:
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
     doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
-    estimate = widened(estimate, (doubt(doubted) for doubt in doubts))
-    return Answer(fits, validation, estimate)
+    errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
+    estimate, widest = widened(estimate, errors)
+    return Answer(fits, validation, estimate, widest=widest)
 
 
 def _disturbed(job: Job) -> Answer:
@@ -141,10 +146,10 @@ def _disturbed(job: Job) -> Answer:
     validation = validate(undisturbed, whole, job.recordings.starts, follow=follow)
     refitted = fit_disturbed_to(fitted, whole)
     fits = _fits(refitted, job)
-    estimate = disturbed_estimate(refitted, whole, job.input_unit)
-    estimate = estimate.widened(hidden_covariance(fits.reported, fits.full, fits.scales))
+    hidden = hidden_covariance(fits.reported, fits.full, fits.scales)
+    estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
     disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
-    found = Answer(fits, validation, estimate, disturbances)
+    found = Answer(fits, validation, estimate, disturbances, widest)
     return _judged(found, undisturbed, job)
 
 

@@ -30,10 +30,14 @@ from flexid.identification.estimation.band import (
 )
 from flexid.identification.estimation.doubts import (
     DOUBTS,
+    HIDDEN,
+    OF_A_BAND,
+    OF_A_HALF,
     Doubted,
     Repeat,
     between_bands,
     between_halves,
+    covariance_of,
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
@@ -161,8 +165,13 @@ def follower(found: Disturbed, data: Data) -> Follower:
     return observer_following(directed, sizes)
 
 
-def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimate:
-    """The estimate with the spread between bands and halves in its covariance."""
+def disturbed_estimate(
+    found: Disturbed, data: Data, input_unit: str, hidden: FloatArray | float = 0.0
+) -> tuple[Estimate, dict[str, str]]:
+    """The estimate with all doubts in its covariance, and what makes most of each variance.
+
+    The covariance of what may hide behind the terms, shape (k, k), is one of them.
+    """
     fitted = found.fitted
     estimate = fitted.fit.at_least(fitted.unit_deviations)
     doubted = Doubted(
@@ -174,9 +183,11 @@ def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimat
         _by_play(fitted, data),
     )
     own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
-    apart = [between_bands(own, [*_in_other_bands(found, data)])]
-    apart += [between_halves(*halves)] if halves else []
-    return widened(estimate, [*apart, *(doubt(doubted) for doubt in DOUBTS)])
+    errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
+    errors.append((between_bands(own, [*_in_other_bands(found, data)]), OF_A_BAND))
+    errors += [(between_halves(*halves), OF_A_HALF)] if halves else []
+    every = [(covariance_of(directions), words) for directions, words in errors]
+    return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
 
 
 def _squares(fitted: Fitted) -> LeastSquaresFit:

@@ -6,7 +6,7 @@ doubt says by how much the values may be off, as directions of errors, shape (k,
 grows by the directions times their transpose.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -198,21 +198,27 @@ def like_a_term(share: float, *, friction: bool) -> float:
     return _LIKE_A_FRICTION if friction else _LIKE_A_TERM * share
 
 
-DOUBTS: tuple[Doubt, ...] = (
-    calibration,
-    further_modes,
-    cable,
-    eccentric_encoders,
-    scales_apart,
-    gauge_scale,
-    coil_lag,
-    lag,
-    dead_zone,
-    play,
-    looks_like_a_term,
-    looks_like_the_acceleration,
-)
-"""Of a fit with disturbances."""
+LIKE_PLAY = "its spring looks like one with play"
+LIKE_A_TERM = "what no term describes may look like it"
+OF_A_BAND = "it depends on the band of the log that is fitted"
+HIDDEN = "a term that the model does without may hide behind it"
+OF_A_HALF = "the halves of the log disagree"
+
+DOUBTS: Mapping[Doubt, str] = {
+    calibration: "",
+    further_modes: "the link may bend",
+    cable: "a cable may pull as gravity does",
+    eccentric_encoders: "encoders that err once per turn may look like it",
+    scales_apart: "the scales of the encoders contradict each other",
+    gauge_scale: "nothing shows the scale of the deflection's sensor",
+    coil_lag: "the delay of the voltage may be a lag of the coil",
+    lag: "the delay of the input may be a lag",
+    dead_zone: "the amplifier may have a dead zone",
+    play: LIKE_PLAY,
+    looks_like_a_term: LIKE_A_TERM,
+    looks_like_the_acceleration: "what no term describes makes its balance heavier or lighter",
+}
+"""Of a fit with disturbances, and what is said where one makes most of an interval."""
 
 OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart,)
 """Of an exact fit, in which gravity makes up for a scale that is wrong by little."""
@@ -243,11 +249,26 @@ def _beyond_chance(difference: FloatArray, variance: FloatArray) -> FloatArray:
     return np.sign(difference) * np.sqrt(np.maximum(square, 0.0))
 
 
-def widened(estimate: Estimate, errors: Iterable[FloatArray]) -> Estimate:
-    """The estimate with errors that are independent, directions of shape (k, m) each."""
-    for directions in errors:
-        estimate = estimate.widened(directions @ directions.T)
-    return estimate
+def covariance_of(directions: FloatArray) -> FloatArray:
+    """Covariance, shape (k, k), of independent errors along directions, shape (k, m)."""
+    return directions @ directions.T
+
+
+def widened(
+    estimate: Estimate, errors: Iterable[tuple[FloatArray, str]]
+) -> tuple[Estimate, dict[str, str]]:
+    """The estimate with errors that are independent, and what makes most of each variance.
+
+    Each is its covariance, shape (k, k), and a few words.
+    """
+    every = [*errors]
+    for covariance, _ in every:
+        estimate = estimate.widened(covariance)
+    said = dict.fromkeys(estimate.names, "")
+    for covariance, words in every:
+        most = np.diag(covariance) > 0.5 * np.diag(estimate.covariance)
+        said |= dict.fromkeys(np.array(estimate.names)[most].tolist(), words)
+    return estimate, said
 
 
 def _per_size(doubted: Doubted, name: str, of: frozenset[str]) -> float:

@@ -1,8 +1,8 @@
 """What the steps of an identification find out, each as the reports need it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal, Self
 
 import numpy as np
 
@@ -40,6 +40,12 @@ class ValueEstimate:
     def half_width(self) -> float:
         """Half of the 95 % interval, in the unit."""
         return 0.5 * (self.interval[1] - self.interval[0])
+
+    def because(self, *reasons: str) -> Self:
+        """The same with further reasons why it is not determined; as it is, if it is."""
+        if self.verdict == "determined":
+            return self
+        return replace(self, reason="; ".join(filter(None, (self.reason, *reasons))))
 
     def interval_at(self, level: float) -> tuple[float, float]:
         """Interval at any level, which is a probability such as 0.99."""
