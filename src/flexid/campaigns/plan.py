@@ -62,7 +62,7 @@ def _draws(variation: Variation) -> NDArray[np.float64]:
 
     runs, count = variation.runs, len(variation.inputs)
     if variation.kind == "latin-hypercube":
-        shares = qmc.LatinHypercube(count, rng=_generator(variation.seed)).random(runs)
+        shares = qmc.LatinHypercube(count, rng=variation.seed).random(runs)
     elif variation.kind == "sobol":
         shares = _sobol(runs, count, variation.seed)
     else:
@@ -75,15 +75,11 @@ def _draws(variation: Variation) -> NDArray[np.float64]:
     return np.stack(columns, axis=1)
 
 
-def _generator(seed: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(seed))
-
-
 def _sobol(runs: int, count: int, seed: int) -> NDArray[np.float64]:
     """First points of the scrambled sequence."""
     from scipy.stats import qmc
 
-    engine = qmc.Sobol(count, rng=_generator(seed))
+    engine = qmc.Sobol(count, rng=seed)
     return engine.random_base2(int(np.ceil(np.log2(runs))))[:runs]
 
 
