@@ -6,7 +6,6 @@ right on paper may still return -inf or lose all digits.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import Literal, cast
 
@@ -112,7 +111,7 @@ def _agrees(closed: sp.Expr, regressor: sp.Expr, velocity: sp.Symbol) -> bool:
     integrand = sp.lambdify([velocity, *others], regressor, "numpy")
     points = _spread(len(others))
     references = [_reference(integrand, point) for point in points]
-    sizes = [r.size / abs(point[0]) for r, point in zip(references, points, strict=True) if r]
+    sizes = [r[1] / abs(point[0]) for r, point in zip(references, points, strict=True) if r]
     if len(sizes) < _POINTS // 10:
         return False
     floor = _ABSOLUTE * float(np.median(sizes))
@@ -120,10 +119,10 @@ def _agrees(closed: sp.Expr, regressor: sp.Expr, velocity: sp.Symbol) -> bool:
         if reference is None:
             continue
         try:
-            error = abs(evaluate(*point.tolist()) - reference.value)
+            error = abs(evaluate(*point.tolist()) - reference[0])
         except (ArithmeticError, ValueError):
             return False
-        if not error <= _RELATIVE * reference.size + floor:  # also refuses NaN
+        if not error <= _RELATIVE * reference[1] + floor:  # also refuses NaN
             return False
     return True
 
@@ -138,18 +137,13 @@ def _spread(n_others: int) -> NDArray[np.float64]:
     return np.column_stack([velocities, others])
 
 
-@dataclass(frozen=True)
-class _Reference:
-    """An integral by quadrature: its value, and the integral of the integrand's magnitude."""
-
-    value: float
-    size: float
-
-
 def _reference(
     integrand: Callable[..., NDArray[np.float64]], point: NDArray[np.float64]
-) -> _Reference | None:
-    """Integral from 0 to v, or None where it does not exist or quadrature has not converged."""
+) -> tuple[float, float] | None:
+    """Integrals of the integrand and of its magnitude from 0 to v.
+
+    None where they do not exist or quadrature has not converged.
+    """
     velocity, *others = point.tolist()
     found = []
     for nodes_per_panel in (20, 31):
@@ -159,11 +153,10 @@ def _reference(
                 samples = integrand(velocity * nodes, *others) * np.ones_like(nodes)
         except (ArithmeticError, ValueError):
             return None
-        value = velocity * float(weights @ samples)
-        found.append(_Reference(value, abs(velocity) * float(weights @ np.abs(samples))))
-    first, second = found
-    converged = abs(first.value - second.value) <= 0.1 * _RELATIVE * second.size
-    return second if converged else None
+        found.append((velocity * float(weights @ samples), float(weights @ np.abs(samples))))
+    (first, _), (value, size) = found
+    size *= abs(velocity)
+    return (value, size) if abs(first - value) <= 0.1 * _RELATIVE * size else None
 
 
 # The fixed rule by which generated code integrates a regressor over a velocity. Friction changes
