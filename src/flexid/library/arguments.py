@@ -308,8 +308,9 @@ def _log(value: Any) -> Any:
     from flexid.recording.frame import is_frame
     from flexid.recording.recording import Log, Recording
 
-    if not is_frame(value):
-        _check(value, (str, os.PathLike, Mapping, Log, Recording), _LOG)
+    known = (*_PATH, Mapping, Log, Recording)
+    if not isinstance(value, known) and not is_frame(value):
+        _check(value, known, _LOG)
     return value
 
 
