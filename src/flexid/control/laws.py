@@ -1,4 +1,7 @@
-"""Control laws for the flexible joint: robust backstepping, PD with gravity, computed torque.
+"""Controllers as declarations, and laws for the flexible joint.
+
+A controller is text expressions in states, reference and parameters. The reference and its
+derivatives are called ``qd``, ``qd_1``, ``qd_2`` and so on.
 
 Robust backstepping is Huang (2003), eq. (11). The feedback gains are ambiguous as printed. Here
 gain1 = k^a JlM/kem, gain2 = k^b, gain3 = k^c JrM with exponents (a, b, c); M marks the largest, m
