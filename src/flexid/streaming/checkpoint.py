@@ -2,6 +2,8 @@
 
 Arrays of floats stand as the bytes of their numbers, in base64, so that a session that goes on from
 a file does so bit for bit. Nothing in the file is executed, and every size is checked.
+
+What a session has read of a file that it follows is left out when the file is read again.
 """
 
 import base64
