@@ -22,7 +22,7 @@ from flexid.recording.names import (
     split_header,
     usual_channel,
 )
-from flexid.recording.recipes import MapSource, Recipe, made, read_map, recipe_of_column
+from flexid.recording.recipes import ColumnMap, MapSource, Recipe, made, read_map, recipe_of_column
 from flexid.recording.table import Table
 from flexid.recording.units import UnitError, is_relative, scale_to_si
 
@@ -40,6 +40,7 @@ _NEEDED = {
 _NANOSECONDS = re.compile(r"(.{0,200})(?:nano|n)(secs?|seconds)$")
 _MOST_CHANNELS = 64  # rows in which each channel of a log comes once, where a row holds one
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
+_NO_MAP = ColumnMap("", {}, None, frozenset())
 
 
 def read_channels(
@@ -109,12 +110,13 @@ class _Plan:
     def __init__(self, table: Table, columns: MapSource | None) -> None:
         self.table = table
         self.warnings: list[str] = []
-        self.map = None if columns is None else read_map(columns)
+        self.is_mapped = columns is not None
+        self.map = _NO_MAP if columns is None else read_map(columns)
         self.found: dict[str, Recipe] = {}  # by the names of columns
         self._add_canonical()
-        if self.map is None:
+        if not self.is_mapped:
             self._add_usual()
-        self.available = {*self.found, *(self.map.recipes if self.map else ())}
+        self.available = {*self.found, *self.map.recipes}
         self._require()
 
     def wanted(self) -> dict[str, Recipe]:
@@ -130,7 +132,7 @@ class _Plan:
         self.warnings += [f"{name} is not used, since {why}" for name, why in left_out.items()]
         return {
             name: self.map.recipe(self.table, name)
-            if self.map and name in self.map.recipes
+            if name in self.map.recipes
             else self.found[name]
             for name in SI_UNITS
             if name in wanted - {*left_out}
@@ -140,7 +142,7 @@ class _Plan:
         """Name columns that no channel is made of; a bag holds much that no joint needs."""
         taken = {header for recipe in self.found.values() for header in recipe.weights}
         unused = [name for name in self.table.names if name not in taken]
-        if self.map is None and unused and not self.table.kinds:
+        if unused and not (self.is_mapped or self.table.kinds):
             are = "is" if len(unused) == 1 else "are"
             what = f"{quoted(unused)} {are} not used"
             self.warnings.append(f"{what}: a column map may name what is needed")
@@ -150,7 +152,7 @@ class _Plan:
 
     def _add_canonical(self) -> None:
         """Add columns with canonical names, but for those that a column map is about."""
-        named = {*self.map.recipes, *self.map.unread} if self.map else set()
+        named = {*self.map.recipes, *self.map.unread}
         for header in self.table.names:
             name, unit = _canonical(self.table.short_name(header))
             if name is None or name in named:
@@ -161,7 +163,7 @@ class _Plan:
                     f"rename or remove one of them"
                 )
             recipe = recipe_of_column(self.table, header, unit)
-            self.found[name] = recipe._replace(gear=self.map.gear_ratio if self.map else None)
+            self.found[name] = recipe._replace(gear=self.map.gear_ratio)
 
     def _add_usual(self) -> None:
         """Add columns that have usual names where no column has the channel's own."""
@@ -252,16 +254,16 @@ class _Plan:
     def _require(self) -> None:
         """Raise unless there are time, motor position, and link position or input; warn of both."""
         missing = [label for label, names in _NEEDED.items() if not self.available & {*names}]
-        unread = self.map.unread if self.map else frozenset()
-        if not missing or (missing in ([_LINK], [_INPUT]) and unread & {*_NEEDED[missing[0]]}):
+        is_optional = missing in ([_LINK], [_INPUT])
+        if not missing or (is_optional and self.map.unread & {*_NEEDED[missing[0]]}):
             return
-        recipes = (*self.found.values(), *(self.map.recipes.values() if self.map else ()))
+        recipes = (*self.found.values(), *self.map.recipes.values())
         taken = {split_header(column)[0] for recipe in recipes for column in recipe.weights}
         bare = {h: name for h in self.table.names if (name := split_header(h)[0]) not in taken}
         hints = [did_you_mean(label.split(" ")[0], bare.values()) for label in missing]
         labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
         lacks = f"there is no {labels}"
-        what = "a column map" if self.map is None else self.map.described
+        what = self.map.described if self.is_mapped else "a column map"
         found = f"found {self.table.listing}"
         if missing == [_LINK]:
             self.warnings.append(
