@@ -86,11 +86,6 @@ class UnitError(Exception):
     """A unit cannot be read, or measures something else; the text says what to write instead."""
 
 
-def examples(si_unit: str) -> str:
-    """Units that may be written where `si_unit` is expected, as text."""
-    return ", ".join(f"[{unit}]" for unit in EXAMPLES[si_unit])
-
-
 def is_usual(text: str) -> bool:
     """Whether a text is a unit as loggers write them, of whatever quantity."""
     return text in _USUAL or (len(text) > 1 and _spelled(text) is not None)
@@ -164,7 +159,8 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
 
 
 def _accepted(si_units: tuple[str, ...]) -> str:
-    return " or ".join(examples(si_unit) for si_unit in si_units)
+    """Units that may be written, for a message."""
+    return " or ".join(", ".join(f"[{unit}]" for unit in EXAMPLES[si]) for si in si_units)
 
 
 def _plain(text: str) -> str:
