@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from numbers import Real
-from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 from flexid.errors import ArgumentError, did_you_mean
 from flexid.models.arm_file import refuse_arm_file
@@ -42,21 +42,6 @@ if TYPE_CHECKING:
     """How the input behaves between samples, or "auto"."""
     AutoNumber: TypeAlias = float | Literal["auto"]
     """A number, or "auto"."""
-
-    class JointOptions(TypedDict, total=False):
-        """Options of an identification, as `flexid.identify` takes them."""
-
-        known: Known | None
-        bounds: Bounds | None
-        model: AutoModel
-        terms: Terms
-        hold: AutoHold
-        input_delay: AutoNumber
-        link_delay: AutoNumber
-        coulomb_velocity: AutoNumber
-        filter_rate: AutoNumber
-        segment_duration: AutoNumber
-        validation_share: float
 
 
 P = ParamSpec("P")
@@ -177,13 +162,16 @@ _ENTRY = re.compile(r"^    (\w+) : .*\n(?:        .*\n?)*", re.MULTILINE)
 
 
 def options_of(
-    other: Callable[..., object], *left_out: str
-) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """A decorator that spells out ``**options`` with the parameters of another function."""
+    other: Callable[P, object], *left_out: str
+) -> Callable[[Callable[..., R]], Callable[P, R]]:
+    """A decorator that spells out ``**options`` with the parameters of another function.
+
+    Type checkers see those that are left out as well.
+    """
     shared = inspect.signature(other).parameters
     entries = _entries(other)
 
-    def spelt_out(function: Callable[P, R]) -> Callable[P, R]:
+    def spelt_out(function: Callable[..., R]) -> Callable[P, R]:
         signature, own = inspect.signature(function), _entries(function)
         names = [name for name in shared if name not in left_out]
         text = "\n".join(own.get(name, entries[name]).rstrip() for name in names)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flexid.experiment_design.advice import Advice
     from flexid.experiment_design.design import Design
     from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
-    from flexid.library.arguments import FilePath, JointOptions
+    from flexid.library.arguments import FilePath
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
 
@@ -75,7 +75,7 @@ def excitation(
     *,
     columns: Columns | None = None,
     progress: Progress = silent,
-    **options: Unpack[JointOptions],
+    **options: Any,
 ) -> LogExcitation:
     """Say what a log determines, and what motion to add.
 
