@@ -1,4 +1,4 @@
-"""What `import flexid` offers, for whatever checks types; `_HOMES` says the same at run time."""
+"""What `import flexid` offers: the one list of its names, which is read at run time too."""
 
 from flexid.errors import AccelerationError as AccelerationError
 from flexid.errors import ArgumentError as ArgumentError
