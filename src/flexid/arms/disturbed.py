@@ -27,7 +27,7 @@ from flexid.identification.estimation.band import (
     thinned,
     thinned_samples,
 )
-from flexid.identification.full_model.fitting import lengths, motion_at
+from flexid.identification.full_model.fitting import Steps, lengths, motion_at
 from flexid.identification.full_model.model import Data, Structure, encoder_noise
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.structure.validation import HORIZONS, validate_with
@@ -35,7 +35,8 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.models.torque_balance import TorqueBalance
 
-_MOST_SUBSTEPS = 9  # per sample: those of a resonance at the Nyquist frequency
+# Per sample: those of a resonance at the Nyquist frequency, at most.
+_INTEGRATION = Steps(coarser=COARSER, most_substeps=9)
 _STEPS = (4, 8)  # of values; friction that sticks makes the bottom rough, and further ones are idle
 _SEGMENT = 5.0  # s: long against what an observer remembers, and work for several cores
 _FAR_STEPS, NEAR_STEPS = 6, 3  # of values alone, from afar and from values nearly right
@@ -77,7 +78,7 @@ class Job:
         hold = "zero" if self.factor == 1 else "cubic"
         structure = self.structure.with_hold(hold)
         undirected = np.zeros((0, len(self.balance.rows)))
-        rest = self.slowest, own.noise, _SEGMENT, COARSER, _MOST_SUBSTEPS, _STEPS
+        rest = self.slowest, own.noise, _SEGMENT, _INTEGRATION, _STEPS
         return InBand(structure, own, undirected, *rest)
 
 
@@ -144,7 +145,7 @@ class DisturbedFit:
             values = begun.with_gains_of(fitted, fitted.by_name, NEAR_STEPS).by_name
             segments = lengths(job.data)[-1]
             problem, point = motion_at(job.structure, job.data, segments, values, None)
-            problem = replace(problem, substeps=min(problem.substeps, _MOST_SUBSTEPS))
+            problem = replace(_INTEGRATION, coarser=1.0).taken_by(problem)
             arm, rest = job.structure.joint, (job.data.samples, starts, (*HORIZONS, *periods))
             found = validate_with(arm, problem, point.values, *rest, follow)
         except (ConvergenceError, SettingError):

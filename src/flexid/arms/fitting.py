@@ -211,7 +211,7 @@ def _holds(one: FittedArm, found: Sequence[FittedArm]) -> bool:
 def begun(structure: Structure[ElasticArm], data: Data, segments: Segments) -> FittedArm:
     """The start that gets closest to the log within a few steps, and where these lead."""
     ways = starts(structure.joint.balance, data.samples, dict(structure.fixed))
-    for start in by_misfit(structure, data, segments, ways):
+    for start in by_misfit(structure, data, segments, ways, _BETWEEN):
         with suppress(ConvergenceError):
             return fit_segments(structure, data, segments, start, None, _BETWEEN)
     raise ConvergenceError(

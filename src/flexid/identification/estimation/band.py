@@ -23,7 +23,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import RESTING, Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide, first_states
 from flexid.estimators.steady_gains import Sizes
-from flexid.identification.full_model.fitting import motion_at
+from flexid.identification.full_model.fitting import USUAL, Steps, motion_at
 from flexid.identification.full_model.model import Data, Fitted, M, Structure
 from flexid.identification.structure.validation import Follower
 from flexid.recording.velocities import position_noise
@@ -220,9 +220,7 @@ class InBand(Generic[M]):
     slowest: float  # in 1/s, of a disturbance
     noise: FloatArray  # (n_rows,): standard deviation of each sensor's, to begin with
     segment: float  # in s: longer than what an observer remembers
-    # steps of integration, over those of a fit without disturbances, and their largest number
-    coarser: float = 1.0
-    most_substeps: float = np.inf  # per sample
+    integration: Steps = USUAL  # its steps, beside those of a fit without disturbances
     steps: tuple[int, int] = STEPS  # of values, each time before sizes are sought, and at last
 
     def fit(
@@ -255,8 +253,7 @@ class InBand(Generic[M]):
         segments = divide(self.data.samples, self.segment, margin=self.data.margin)
         states = None if near is None else _states_near(segments, near)
         problem, point = motion_at(self.structure, self.data, segments, start, states)
-        substeps = int(min(np.ceil(self.coarser * problem.substeps), self.most_substeps))
-        return replace(problem, weights=1.0 / self.noise, substeps=substeps), point
+        return replace(self.integration.taken_by(problem), weights=1.0 / self.noise), point
 
     def _fitted(self, problem: SegmentedMotion, minimum: Minimum) -> Fitted[M]:
         return Fitted(self.structure, self.data, problem, minimum, self.segment)

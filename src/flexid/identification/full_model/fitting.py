@@ -46,6 +46,15 @@ class Steps:
     coarser: float = 1.0  # steps of integration over the usual ones
     most_substeps: float = np.inf  # of these per sample
 
+    def taken_by(self, problem: SegmentedMotion) -> SegmentedMotion:
+        """A motion in steps of integration like that."""
+        substeps = min(np.ceil(self.coarser * problem.substeps), self.most_substeps)
+        return replace(problem, substeps=int(substeps))
+
+
+USUAL = Steps()
+"""Steps that insist on convergence, as short as the motion wants them."""
+
 
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
     """The data cut into segments of growing length, each of two of the length before."""
@@ -291,8 +300,7 @@ def fit_segments(
     """Fit over given segments, without bounds."""
     finer = data.refinement if steps.tolerance <= FINE else 1
     problem, point = motion_at(structure, data, segments, start, states, finer)
-    substeps = int(min(np.ceil(steps.coarser * problem.substeps), steps.most_substeps))
-    problem = replace(problem, substeps=substeps)
+    problem = steps.taken_by(problem)
     found = minimise(
         problem,
         point,

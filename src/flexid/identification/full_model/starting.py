@@ -24,7 +24,7 @@ from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
-from flexid.identification.full_model.fitting import fit_by_length, motion_at
+from flexid.identification.full_model.fitting import USUAL, Steps, fit_by_length, motion_at
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, data_of
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, SQUARES
 from flexid.recording.recording import Recording
@@ -67,11 +67,12 @@ def by_misfit(
     data: Data,
     segments: Segments,
     ways: Iterable[dict[str, float]],
+    steps: Steps = USUAL,
 ) -> list[dict[str, float]]:
     """Values that a fit may begin with, the one first that leaves least in some segments."""
     some = segments.some(_COMPARED)
     states = first_states(some)
-    return sorted(ways, key=lambda way: _misfit(structure, data, some, way, states))
+    return sorted(ways, key=lambda way: _misfit(structure, data, some, way, states, steps))
 
 
 def _misfit(
@@ -80,6 +81,7 @@ def _misfit(
     segments: Segments,
     way: Mapping[str, float],
     states: FloatArray,
+    steps: Steps,
 ) -> float:
     """Mean logarithm of what a start leaves in the segments, once each begins where that suits it.
 
@@ -87,6 +89,7 @@ def _misfit(
     heed nothing else.
     """
     problem, point = motion_at(structure, data, segments, way, states)
+    problem = steps.taken_by(problem)
     equations = problem.equations(point, "states")
     if not np.isfinite(equations.cost):
         return np.inf
