@@ -16,6 +16,7 @@ from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed
 from flexid.arms.doubts import (
     changes_by_play,
     input_noise,
+    looks_like_the_acceleration,
     noise_of_the_inputs,
     other_minima,
     with_doubts,
@@ -90,6 +91,17 @@ def test_noise_of_the_inputs_makes_inertias_look_larger():
     made = disturbed()
     moved = dict(zip(made.fitted.names, noise_of_the_inputs(made)[:, 0], strict=True))
     assert moved["motor_inertia_2"] > 0.0
+
+
+def test_what_is_unexplained_makes_inertias_heavier_or_lighter():
+    """Assert that an inertia is off by the square of its own balance's share, and nothing else."""
+    fitted, shares = disturbed().fitted, disturbed().shares()
+    errors = dict(
+        zip(fitted.names, looks_like_the_acceleration(disturbed()).sum(axis=1), strict=True)
+    )
+    inertia = fitted.by_name["motor_inertia_2"]
+    assert errors["motor_inertia_2"] == pytest.approx(shares["motor_2"] ** 2 * inertia)
+    assert errors["joint_stiffness_2"] == errors["rotor_coupling_2"] == 0.0
 
 
 def test_a_rival_as_likely_is_doubted_and_one_less_likely_is_not():

@@ -22,8 +22,10 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.threads import cores
 from flexid.identification.estimation.doubts import (
     CALIBRATION,
+    HEAVIER,
     LIKE_A_TERM,
     LIKE_PLAY,
+    LIKE_THE_ACCELERATION,
     OF_A_BAND,
     OF_A_HALF,
     Repeat,
@@ -42,11 +44,10 @@ from flexid.recording.velocities import position_noise
 
 _SEED = 1  # of the noise that is added to inputs
 _NEVER_NEGATIVE = ("friction", "damping", "coupling")  # but as a sign of something else
-
-
-Doubt = Callable[[DisturbedFit], FloatArray]
 _GAPS = np.geomspace(0.02, 1.0, 25)  # halves of them, over the deflection's standard deviation
 _CHANCE = 0.005  # of what is left, that is chance: a dozen of some 2400 independent rows
+
+Doubt = Callable[[DisturbedFit], FloatArray]
 
 
 def white_noise(found: DisturbedFit) -> FloatArray:
@@ -171,6 +172,14 @@ def looks_like_a_term(found: DisturbedFit) -> FloatArray:
     return np.diag([deviations.get(name, 0.0) for name in found.fitted.names])
 
 
+def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
+    """What a balance leaves unexplained makes its inertia look heavier or lighter in part."""
+    sides = ((*row.split("_"), share) for row, share in found.shares().items())
+    shares = {f"{side}_inertia_{joint}": share for side, joint, share in sides}
+    named = found.fitted.by_name.items()
+    return np.diag([LIKE_THE_ACCELERATION * shares.get(n, 0.0) ** 2 * value for n, value in named])
+
+
 def play(found: DisturbedFit) -> FloatArray:
     """A spring with play looks like one that hardens, and softer than it is."""
     changes = changes_by_play(found.job.balance, found.values, timely(found))
@@ -188,6 +197,7 @@ DOUBTS: Mapping[Doubt, str] = {
     negative_values: "a friction or damping came out negative",
     play: LIKE_PLAY,
     looks_like_a_term: LIKE_A_TERM,
+    looks_like_the_acceleration: HEAVIER,
 }
 """Each doubt, and what is said where it makes most of an interval."""
 

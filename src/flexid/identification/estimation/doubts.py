@@ -33,7 +33,7 @@ _LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like th
 # The same of the acceleration itself, by which all of a balance looks lighter or heavier. Errors of
 # inertias were 0.8 of the share's square on 24 elastic drives with one encoder, and 1.3 and 2 times
 # on motors whose share was 0.05 to 0.1 and 0.1 to 0.2, among them those with other reasons.
-_LIKE_THE_ACCELERATION = 1.0
+LIKE_THE_ACCELERATION = 1.0
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
 _SPRINGS = frozenset({"theta2", "alpha1"})
@@ -189,7 +189,7 @@ def looks_like_the_acceleration(doubted: Doubted) -> FloatArray:
     """What a balance leaves unexplained makes all of it look heavier or lighter in part."""
     shares = doubted.shares.items()
     return np.hstack(
-        [doubted.common(_LIKE_THE_ACCELERATION * share**2, balance) for balance, share in shares]
+        [doubted.common(LIKE_THE_ACCELERATION * share**2, balance) for balance, share in shares]
     )
 
 
@@ -199,6 +199,7 @@ def like_a_term(share: float, *, friction: bool) -> float:
 
 
 LIKE_PLAY = "its spring looks like one with play"
+HEAVIER = "what no term describes makes its balance heavier or lighter"
 LIKE_A_TERM = "what no term describes may look like it"
 OF_A_BAND = "it depends on the band of the log that is fitted"
 HIDDEN = "a term that the model does without may hide behind it"
@@ -216,7 +217,7 @@ DOUBTS: Mapping[Doubt, str] = {
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
     looks_like_a_term: LIKE_A_TERM,
-    looks_like_the_acceleration: "what no term describes makes its balance heavier or lighter",
+    looks_like_the_acceleration: HEAVIER,
 }
 """Of a fit with disturbances, and what is said where one makes most of an interval."""
 
