@@ -1,15 +1,43 @@
-"""What an arm may have beyond the usual, and what one pass over its log promises of that."""
+"""Where the fit of an arm begins; what it may have beyond the usual, and what that promises."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
 from test_disturbed_arm import CURVED, STRUCTURE, moved
 
+import flexid.arms.fitting as fitting
 from flexid.arms.fitting import begun
 from flexid.arms.log import arm_data
 from flexid.arms.unusual import FittedArm, promises, unusual_parts
+from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
+from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide
 from flexid.identification.full_model.fitting import Steps, fit_segments
+
+
+def test_each_start_is_tried_over_few_segments_first(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a start that diverges there is left out, and the next leads from there to all."""
+    still = Samples(np.zeros((1000, 4)), None, np.zeros((1000, 2)), 2e-3)
+    segments, asked = divide([still], 0.02), []
+
+    def fit_segments(structure: Any, data: Any, segments: Any, start: Any, *_: Any) -> Any:
+        asked.append((len(segments), start["number"]))
+        if start["number"] == 1:
+            raise ConvergenceError("prediction error", "diverges")
+        return SimpleNamespace(by_name={"number": 10 * start["number"]})
+
+    monkeypatch.setattr(fitting, "starts", lambda *_: [{"number": n} for n in (1, 2, 3)])
+    monkeypatch.setattr(fitting, "by_misfit", lambda *given: given[3])
+    monkeypatch.setattr(fitting, "fit_segments", fit_segments)
+    assert fitting.begun(STRUCTURE, arm_data([still]), segments).by_name == {"number": 200}
+    few = asked[0][0]
+    assert few < len(segments)
+    assert asked == [(few, 1), (few, 2), (len(segments), 20)]
 
 
 def fitted_without() -> FittedArm:

@@ -45,6 +45,7 @@ It is 1e-4 of the phase: another fit follows, or an observer corrects the motion
 # the right one.
 _ROUGHLY = Steps(0.1, insist=False, iterations=8, coarser=COARSER, most_substeps=8)
 _BETWEEN = replace(_ROUGHLY, iterations=5)  # between the first segments and those that count
+_FIRST_SEGMENTS = 40  # over which each start is tried
 _FINE = Steps(1e-3, insist=False, iterations=8, most_substeps=30)
 _FEW = replace(
     _FINE, tolerance=0.1, iterations=6
@@ -211,9 +212,11 @@ def _holds(one: FittedArm, found: Sequence[FittedArm]) -> bool:
 def begun(structure: Structure[ElasticArm], data: Data, segments: Segments) -> FittedArm:
     """The start that gets closest to the log within a few steps, and where these lead."""
     ways = starts(structure.joint.balance, data.samples, dict(structure.fixed))
+    few = segments.some(_FIRST_SEGMENTS)  # of all some may diverge from where least squares is
     for start in by_misfit(structure, data, segments, ways, _BETWEEN):
         with suppress(ConvergenceError):
-            return fit_segments(structure, data, segments, start, None, _BETWEEN)
+            near = fit_segments(structure, data, few, start, None, _BETWEEN)
+            return fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
     raise ConvergenceError(
         "arm",
         "the model cannot follow the log from any start: check the signs and units of the "
