@@ -23,7 +23,6 @@ SIGNALS = without(COLUMNS, "time")
 STAMPS = [1_700_000_000_000_000_000 + 5_000_000 * index for index in range(100)]
 STATE = "sensor_msgs/msg/JointState"
 STORE1, STORE2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
-Map = dict[str, object] | None
 Message = tuple[str, int, dict[str, Any]]
 
 
@@ -161,73 +160,55 @@ def measured(delay: int = 0) -> list[Message]:
 
 
 MATRIX = np.column_stack([*COLUMNS.values()])
-TORQUE: dict[str, object] = {"motor_torque": "/tau.data"}
-FIELDS: dict[str, object] = {
-    name: f"/drive.joints[0].{name}" for name in ("motor_position", "link_position")
-}
+Q = pl.concat_list("link_position", "motor_position").alias("q")
 RECORDS = np.rec.fromarrays([*COLUMNS.values()], names=",".join(COLUMNS))  # pyright: ignore[reportArgumentType, reportCallIssue]
 OWN_TIMES = {name: {"Time": COLUMNS["time"], "Data": values} for name, values in SIGNALS.items()}
 NAMED = np.array([{"Name": n, "Data": v} for n, v in COLUMNS.items()], dtype=object)
-WRITERS: dict[str, tuple[Callable[[Path], Path], Map]] = {
-    "Parquet": (lambda f: parquet(f / "log.parquet", pl.all()), None),
-    "Parquet, records": (
-        lambda f: parquet(f / "a.parquet", "time", pl.struct(*SIGNALS).alias("joint")),
-        None,
-    ),
-    "Parquet, lists": (
-        lambda f: parquet(
-            f / "log.parquet",
-            "time",
-            pl.concat_list("link_position", "motor_position").alias("q"),
-            "motor_torque",
-        ),
-        {"link_position": "q[0]", "motor_position": "q[1]"},
-    ),
-    "NumPy, one of objects": (
-        lambda f: numpy_archive(f / "log.npz", **COLUMNS, note=np.array([{}], dtype=object)),
-        None,
-    ),
-    "NumPy, records": (lambda f: numpy_archive(f / "log.npz", run=RECORDS), None),
-    "NumPy, matrix": (
-        lambda f: (np.save(f / "log.npy", MATRIX), f / "log.npy")[1],
-        {name: f"log[:,{place}]" for place, name in enumerate(COLUMNS)},
-    ),
-    "MATLAB 4": (lambda f: matlab(f / "log.mat", {**COLUMNS, "note": "hello"}, format="4"), None),
-    "MATLAB 5, rows": (
-        lambda f: matlab(f / "a.mat", dict(COLUMNS), do_compression=True, oned_as="row"),
-        None,
-    ),
-    "MATLAB, struct": (lambda f: matlab(f / "log.mat", {"run": COLUMNS, "gain": 3.0}), None),
-    "MATLAB, own times": (lambda f: matlab(f / "log.mat", {"out": OWN_TIMES}), None),
-    "MATLAB, structs with names": (lambda f: matlab(f / "a.mat", {"run": {"Y": NAMED}}), None),
-    "MATLAB 7.3": (lambda f: matlab_73(f / "log.mat", COLUMNS), None),
-    "HDF5": (lambda f: hdf5(f / "log.h5", {f"run/1/{n}": v for n, v in COLUMNS.items()}), None),
-    "HDF5, matrix with names": (
-        lambda f: hdf5(f / "log.h5", {"run": MATRIX}, columns=[*COLUMNS]),
-        None,
-    ),
-    "HDF5, matrix of pandas": (
-        lambda f: hdf5(
-            f / "log.h5",
-            {"df/block0_values": MATRIX, "df/block0_items": [name.encode() for name in COLUMNS]},
-        ),
-        None,
-    ),
-    "MDF 4": (lambda f: mdf(f / "log.mf4", *in_groups()), None),
-    "MDF 3": (lambda f: mdf(f / "log.mdf", *in_groups(), version="3.30"), None),
-    "ROS 1": (lambda f: bag1(f / "log.bag"), None),
-    "ROS 1, bz2": (lambda f: bag1(f / "log.bag", Writer1.CompressionFormat.BZ2), None),
-    "ROS 1, lz4": (lambda f: bag1(f / "log.bag", Writer1.CompressionFormat.LZ4), None),
-    "ROS 2, folder": (lambda f: bag2(f / "log"), None),
-    "ROS 2, database": (lambda f: bag2(f / "log") / "log.db3", None),
-    "ROS 2, MCAP in a folder": (lambda f: bag2(f / "log", StoragePlugin.MCAP), None),
-    "ROS 2, MCAP": (lambda f: bag2(f / "log", StoragePlugin.MCAP) / "log.mcap", None),
+OBJECTS = np.array([{}], dtype=object)
+GROUP = {f"run/1/{name}": values for name, values in COLUMNS.items()}
+OF_PANDAS = {"df/block0_values": MATRIX, "df/block0_items": [*map(str.encode, COLUMNS)]}
+WRITERS: dict[str, tuple[str, Callable[[Path], Path]]] = {
+    "Parquet": ("a.parquet", lambda p: parquet(p, pl.all())),
+    "Parquet, records": ("a.pq", lambda p: parquet(p, "time", pl.struct(*SIGNALS).alias("joint"))),
+    "Parquet, lists": ("a.parquet", lambda p: parquet(p, "time", Q, "motor_torque")),
+    "NumPy, one of objects": ("a.npz", lambda p: numpy_archive(p, **COLUMNS, note=OBJECTS)),
+    "NumPy, records": ("a.npz", lambda p: numpy_archive(p, run=RECORDS)),
+    "NumPy, matrix": ("log.npy", lambda p: (np.save(p, MATRIX), p)[1]),
+    "MATLAB 4": ("a.mat", lambda p: matlab(p, {**COLUMNS, "note": "hello"}, format="4")),
+    "MATLAB 5": ("a.mat", lambda p: matlab(p, COLUMNS, do_compression=True, oned_as="row")),
+    "MATLAB, struct": ("a.mat", lambda p: matlab(p, {"run": COLUMNS, "gain": 3.0})),
+    "MATLAB, own times": ("a.mat", lambda p: matlab(p, {"out": OWN_TIMES})),
+    "MATLAB, structs with names": ("a.mat", lambda p: matlab(p, {"run": {"Y": NAMED}})),
+    "MATLAB 7.3": ("a.mat", lambda p: matlab_73(p, COLUMNS)),
+    "HDF5": ("a.h5", lambda p: hdf5(p, GROUP)),
+    "HDF5, matrix with names": ("a.h5", lambda p: hdf5(p, {"run": MATRIX}, columns=[*COLUMNS])),
+    "HDF5, matrix of pandas": ("a.h5", lambda p: hdf5(p, OF_PANDAS)),
+    "MDF 4": ("a.mf4", lambda p: mdf(p, *in_groups())),
+    "MDF 3": ("a.mdf", lambda p: mdf(p, *in_groups(), version="3.30")),
+    "ROS 1": ("a.bag", bag1),
+    "ROS 1, bz2": ("a.bag", lambda p: bag1(p, Writer1.CompressionFormat.BZ2)),
+    "ROS 1, lz4": ("a.bag", lambda p: bag1(p, Writer1.CompressionFormat.LZ4)),
+    "ROS 2, folder": ("log", bag2),
+    "ROS 2, database": ("log", lambda p: bag2(p) / "log.db3"),
+    "ROS 2, MCAP in a folder": ("log", lambda p: bag2(p, StoragePlugin.MCAP)),
+    "ROS 2, MCAP": ("log", lambda p: bag2(p, StoragePlugin.MCAP) / "log.mcap"),
     **{
-        f"MCAP, {one.name}": (
-            lambda f, one=one: mcap(f / "log.mcap", measured(), one),
-            FIELDS | TORQUE,
-        )
+        f"MCAP, {one.name}": ("a.mcap", lambda p, one=one: mcap(p, measured(), one))
         for one in CompressionType
     },
 }
-"""By format, what writes the log, and the column map by which it is read."""
+"""By format, the name of a file, and what writes the log into it."""
+TORQUE: dict[str, object] = {"motor_torque": "/tau.data"}
+FIELDS = {f"{side}_position": f"/drive.joints[0].{side}_position" for side in ("motor", "link")}
+MAPS: dict[str, dict[str, object]] = {
+    "Parquet, lists": {"link_position": "q[0]", "motor_position": "q[1]"},
+    "NumPy, matrix": {name: f"log[:,{place}]" for place, name in enumerate(COLUMNS)},
+    **{f"MCAP, {one.name}": FIELDS | TORQUE for one in CompressionType},
+}
+"""The column maps by which some are read."""
+
+
+def log_file(folder: Path, form: str) -> Path:
+    """The log in a format."""
+    name, write = WRITERS[form]
+    return write(folder / name)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joint_log import assert_words, refused
-from log_files import COLUMNS, STAMPS, TORQUE, WRITERS, mcap, measured
+from log_files import COLUMNS, STAMPS, TORQUE, log_file, mcap, measured
 from mcap.writer import CompressionType
 from rosbags.typesys.store import Typestore
 
@@ -104,7 +104,7 @@ def test_a_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize(("way", "place", "size"), [("ROS 2, MCAP", 9, 8), ("ROS 1", 13, 4)])
 def test_a_damaged_length(tmp_path: Path, way: str, place: int, size: int):
     """Assert that a first record of 900 MB, by what the file says, is refused."""
-    path = WRITERS[way][0](tmp_path)
+    path = log_file(tmp_path, way)
     raw = path.read_bytes()
     path.write_bytes(raw[:place] + (900_000_000).to_bytes(size, "little") + raw[place + size :])
     assert "that can be read" in refused(read_log, path)
