@@ -13,8 +13,9 @@ from flexid.kernels.store import load_kernel, template
 # As every lane of the explicit integrator wants rates; nothing is measured.
 LANES = """
 LANES = 2
-N_PARAMETERS = 1
-N_MEASURES = N_OBSERVED = 0
+N_PARAMETERS = N_OBSERVED = 1
+N_INPUTS = N_COEFFICIENTS = 0
+ROW_STARTS = (0,)
 
 
 @njit(cache=True, error_model="numpy")
@@ -32,11 +33,6 @@ def lane_rates(w):
 @njit(cache=True, error_model="numpy")
 def lane_rates_and_outputs(w):
     lane_rates(w)
-
-
-@njit(cache=True, error_model="numpy")
-def lane_measures(w):
-    pass
 """
 
 Problem = tuple[str, ...]
@@ -84,7 +80,7 @@ def integrator(problem: Problem, method: str = "rodas5p") -> ModuleType:
             "observe(t, weight, z, p, totals)", "A mean.", "    totals[0] += weight * z[0]**2"
         ),
     ]
-    lanes = [LANES, template("lanes")] if method == "dopri5" else []
+    lanes = [LANES, template("loop_measures")] if method == "dopri5" else []
     text = "\n\n".join((*source, template("run_status"), *lanes, template(method)))
     return load_kernel("test_problem", [text], lambda: text)
 

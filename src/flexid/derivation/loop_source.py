@@ -141,7 +141,7 @@ _FUSED = 'njit(cache=True, error_model="numpy", fastmath={"contract"})'
 
 
 def lane_loop_source(loop: SymbolicLoop, lanes: int) -> str:
-    """Print what an explicit integrator of several runs needs; see the template ``lanes``."""
+    """Print what an explicit integrator of several runs needs; see the template ``dopri5``."""
     observed = [*loop.inputs, *loop.errors, loop.tracking_error, *loop.regressors]
     rates = _targets("RATES", loop.rates)
     return "\n\n".join(

@@ -2,6 +2,11 @@
 
 For problems that are not stiff. J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta
 formulae", Journal of Computational and Applied Mathematics 6 (1980) 19-26.
+
+The runs lie in one flat array w: number `slot` of run `lane` is w[at(slot, lane)]. A loop over
+lanes that has neither branch nor call becomes vector instructions. It would not with an array of
+two dimensions, or one for each kind of number, because then LLVM cannot tell that slots do not
+overlap. A run's numbers do not depend on LANES.
 """
 
 from math import sqrt
@@ -12,11 +17,41 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import *
-    from flexid.kernels.templates.lane_measures import *
-    from flexid.kernels.templates.lanes import *
     from flexid.kernels.templates.loop_measures import *
     from flexid.kernels.templates.loop_outputs import *
     from flexid.kernels.templates.run_status import *
+
+
+TIME = 0  # of the state
+STEP = 1  # length of the step that is tried
+END = 2  # time at its end
+STAGE_TIME = 3
+BEFORE = 4  # length of the step that led to the state
+ERROR = 5  # mean square of the estimated errors over what is allowed
+REJECTED = 6  # 1 where the last step was, or else 0
+RUN = 7  # its number, or -1 where there is none
+ACCEPTED_STEPS = 8
+REJECTED_STEPS = 9
+STATUS = 10  # what became of the run, or GOES_ON
+GROWTH = 11  # of the next step over this one
+WEIGHT = 12  # of the state in means over time
+STATE = 13
+STAGE = STATE + SIZE  # state of a stage, at last the new one
+PARAMETERS = STAGE + SIZE
+EARLIER = PARAMETERS + N_PARAMETERS  # rates of six earlier stages
+RATES = EARLIER + 6 * SIZE  # at STAGE
+OBSERVED = RATES + SIZE  # what measures are taken of, at STATE
+NEXT_OBSERVED = OBSERVED + N_OBSERVED  # and at STAGE
+TOTALS = NEXT_OBSERVED + N_OBSERVED
+SLOTS = TOTALS + N_MEASURES
+
+GOES_ON = -1
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def at(slot, lane):
+    """Where number `slot` of run `lane` is."""
+    return slot * LANES + lane
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -150,6 +185,53 @@ def end_step(w, stop, limit, most_steps):
             w[at(OBSERVED + i, lane)] = (
                 w[at(NEXT_OBSERVED + i, lane)] if accepted else w[at(OBSERVED + i, lane)]
             )
+
+
+OBSERVED_ERRORS = OBSERVED + N_INPUTS
+OBSERVED_TRACKING = OBSERVED_ERRORS + N_COEFFICIENTS
+OBSERVED_REGRESSORS = OBSERVED_TRACKING + 1
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def raise_peak(w, peak, of, lane):
+    """Keep the largest magnitude of a number of a lane."""
+    size = abs(w[at(of, lane)])
+    highest = w[at(peak, lane)]
+    w[at(peak, lane)] = size if size > highest else highest
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def lane_measures(w):
+    """Take the state of each run whose step is accepted into its totals.
+
+    Peaks and settling do not ask whether it is, because the state counts anyhow; and products of
+    regressors are of all pairs, not of each row's alone: loops without conditions are faster.
+    """
+    for lane in range(LANES):
+        weight = (
+            0.5 * (w[at(BEFORE, lane)] + w[at(STEP, lane)]) if w[at(ERROR, lane)] <= 1.0 else 0.0
+        )
+        w[at(WEIGHT, lane)] = weight
+        tracking = w[at(OBSERVED_TRACKING, lane)]
+        w[at(TOTALS, lane)] += weight * tracking * tracking
+    for lane in range(LANES):
+        raise_peak(w, TOTALS + 1, OBSERVED_TRACKING, lane)
+        for i in range(N_INPUTS):
+            raise_peak(w, TOTALS + PEAKS + i, OBSERVED + i, lane)
+    for lane in range(LANES):
+        for i in range(N_COEFFICIENTS):
+            settled = abs(w[at(OBSERVED_ERRORS + i, lane)]) <= SETTLED * abs(
+                w[at(PARAMETERS + i, lane)]
+            )
+            unsettled = w[at(TOTALS + UNSETTLED + i, lane)]
+            w[at(TOTALS + UNSETTLED + i, lane)] = unsettled if settled else w[at(TIME, lane)]
+    for lane in range(LANES):
+        for i in range(N_COEFFICIENTS):
+            weighted = w[at(WEIGHT, lane)] * w[at(OBSERVED_REGRESSORS + i, lane)]
+            for j in range(i + 1):
+                w[at(TOTALS + GRAM + i * N_COEFFICIENTS + j, lane)] += (
+                    weighted * w[at(OBSERVED_REGRESSORS + j, lane)]
+                )
 
 
 @njit(cache=True, error_model="numpy")
