@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from flexid.analysis.excitation import excitation
-from flexid.analysis.information import information_at
-from flexid.analysis.persistence import contraction, decay_rate, persistence
+from flexid.analysis.excitation import (
+    contraction,
+    decay_rate,
+    excitation,
+    information_at,
+    persistence,
+)
 from flexid.errors import SettingError, SimulationError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples

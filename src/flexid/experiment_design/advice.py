@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.analysis.information import information_at
+from flexid.analysis.excitation import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import INPUT

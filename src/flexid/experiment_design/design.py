@@ -7,7 +7,7 @@ from operator import attrgetter
 import numpy as np
 
 import flexid
-from flexid.analysis.information import information_at
+from flexid.analysis.excitation import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.experiment_design.drive import (

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import minimize
 
-from flexid.analysis.information import information_at
+from flexid.analysis.excitation import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.segmented_motion import Point, SegmentedMotion

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.analysis.excitation import Excitation, excitation
+from flexid.analysis.excitation import Excitation, decay_rate, excitation, persistence
 from flexid.analysis.lyapunov import Limit, LyapunovMonitor, monitor_run, row_histories
-from flexid.analysis.persistence import decay_rate, persistence
 from flexid.simulation.closed_loop import simulate
 from flexid.studies.readings import (
     AMPLITUDE,
