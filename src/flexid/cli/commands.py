@@ -163,15 +163,8 @@ def studio(command: Command, options: Options, _flags: Options) -> None:
     command.function(**options)
 
 
-_RUN = {
-    "identify": identify,
-    "derive": derive,
-    "export": export,
-    "watch": watch,
-    "studio": studio,
-    "simulate": simulate,
-    "campaign": campaign,
-}
+_OWN = (identify, derive, export, watch, studio, simulate, campaign)
+_RUN = {function.__name__: function for function in _OWN}
 """Commands that check options of their own, or print something else than an answer."""
 
 _DONE = {

@@ -305,7 +305,8 @@ def _parameters(command: Command) -> Mapping[str, inspect.Parameter]:
 
 def _option_of(parameter: inspect.Parameter) -> Option:
     named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    return (OPTIONS if named else ARGUMENTS)[parameter.name]
+    usual = Option(bool if isinstance(parameter.default, bool) else str)
+    return (OPTIONS if named else ARGUMENTS).get(parameter.name, usual)
 
 
 def _from_library(command: Command, documented: str) -> Iterator[click.Parameter]:

@@ -124,11 +124,9 @@ OPTIONS = {
         parse_bounds,
         "Such as joint_stiffness=50:200 or motor_viscous_friction=0:.",
     ),
-    "browser": Option(bool),
     "checkpoint": _FILE._replace(note="Saved into each minute, at the end, and on Ctrl-C."),
     "columns": _FILE,
     "coulomb_velocity": Option(str, "RAD/S", parse_number),
-    "criterion": Option(str),
     "duration": _SECONDS,
     "estimate": Option(Path, "FILE"),
     "every": _SECONDS,
@@ -139,17 +137,14 @@ OPTIONS = {
         "NAMES",
         note="Such as 'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.",
     ),
-    "hold": Option(str),
     "host": Option(str, "ADDRESS"),
     "input_delay": _DELAY,
-    "kind": Option(str),
     "known": _pairs(
         "NAME=VALUE", parse_known, "Such as motor_inertia=0.3 or joint_stiffness=100+-5."
     ),
     "link_delay": _DELAY,
     "log": _FILE,
     "memory": _SECONDS,
-    "model": Option(str),
     "out": Option(str, "DIR", parse_directory),
     "port": _NUMBER,
     "sample_time": _SECONDS,
@@ -157,19 +152,14 @@ OPTIONS = {
     "seed": _NUMBER,
     "segment_duration": _DELAY,
     "set": _pairs("PATH=VALUE", parse_values, "Such as controller.k=30."),
-    "stop_at_end": Option(bool),
-    "stream": Option(bool),
     "summary": Option(Path, "DIR"),
     "terms": Option(
         str, "NAMES", note=f"Names between commas: {_NAMES}; of a rigid joint {_RIGID_NAMES}."
     ),
-    "to": Option(str),
-    "unknown_input_gain": Option(bool),
     "validation_share": Option(float, "SHARE"),
-    "velocities": Option(bool),
     "workers": _NUMBER,
 }
-"""What has a name, by parameter of the library."""
+"""What has a name, by parameter of the library, but for flags and for what has a few values."""
 
 FLAGS = {
     "strict": Option(bool, note="Exit with status 1 where something is weak, too."),

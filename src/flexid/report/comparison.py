@@ -125,12 +125,8 @@ def shortened(text: str) -> str:
 
 
 _COLUMNS = 2
+_DRAWN: dict[str, Colour] = {"green": "green", "yellow": "orange", "red": "red"}
 _MARGIN = 0.06  # of what is shown, to either side
-_COLOURS: dict[Outcome, Colour] = {
-    "changed": "red",
-    "contradictory": "red",
-    "perhaps changed": "orange",
-}
 
 
 def charts(comparison: Comparison) -> tuple[Chart]:
@@ -153,7 +149,7 @@ def _panel(d: Difference) -> Panel | None:
     assert d.a is not None
     assert d.b is not None
     relative = isfinite(d.percent)
-    of_b = _COLOURS.get(d.outcome, "green")
+    of_b: Colour = _DRAWN[OUTCOME_COLOURS[d.outcome]]
     marks: list[Mark] = [Level("", 0.0, "x", "grey", "dotted")] if relative else []
     of_a, of_other = (_numbers(value, d.a if relative else None) for value in (d.a, d.b))
     marks += [*_interval(0.0, "blue", *of_a), *_interval(1.0, of_b, *of_other)]

@@ -33,11 +33,7 @@ _COLOURS: dict[Verdict, str] = {
     "does not hold": "red",
     "depends on the reading": "yellow",
 }
-_SHORT: dict[Verdict, str] = {
-    "holds": "holds",
-    "does not hold": "does not hold",
-    "depends on the reading": "depends",
-}
+_SHORT = {"depends on the reading": "depends"}
 
 
 def parts(result: Reproduction) -> Iterator[Part]:
@@ -117,7 +113,7 @@ def _claims(claims: tuple[Claim, ...]) -> Table:
     columns = (Column("claim, and what decides it", wraps=True), *numbers("value", "wanted"))
     table = Table("Claims of the paper", (*columns, Column("", right=True)))
     for claim in claims:
-        verdict = Cell((_SHORT[claim.verdict],), _COLOURS[claim.verdict])
+        verdict = Cell((_SHORT.get(claim.verdict, claim.verdict),), _COLOURS[claim.verdict])
         table.add(f"{claim.statement} [{claim.source}]", "", "", verdict)
         for finding in claim.findings:
             relation = {"<=": "≤", ">=": "≥"}[finding.relation]
