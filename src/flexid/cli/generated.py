@@ -304,9 +304,10 @@ def _parameters(command: Command) -> Mapping[str, inspect.Parameter]:
 
 
 def _option_of(parameter: inspect.Parameter) -> Option:
-    named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    usual = Option(bool if isinstance(parameter.default, bool) else str)
-    return (OPTIONS if named else ARGUMENTS).get(parameter.name, usual)
+    if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
+        flag = isinstance(parameter.default, bool)
+        return OPTIONS.get(parameter.name, Option(bool if flag else str))
+    return ARGUMENTS.get(parameter.name, Option(str, parameter.name.upper()))
 
 
 def _from_library(command: Command, documented: str) -> Iterator[click.Parameter]:

@@ -99,24 +99,17 @@ _FILE = Option(Path, "FILE")
 _SECONDS = Option(float, "SECONDS")
 _DELAY = Option(str, "SECONDS", parse_number)
 _NUMBER = Option(int, "NUMBER")
-_LOGS = Option(Path, "LOG", note=f"Files: {kinds()}; - for CSV from standard input.", several=True)
-_ESTIMATE = Option(str, "ESTIMATE")
 _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
 _RIGID_NAMES = ", ".join(name for name in RIGID_TERMS if name not in TERMS)
 
 ARGUMENTS = {
     "log": Option(Path, "LOG"),
-    "logs": _LOGS,
-    "estimate": _ESTIMATE,
-    "a": Option(str, "A"),
-    "b": Option(str, "B"),
-    "drive": Option(Path, "DRIVE"),
-    "model": Option(str, "MODEL"),
+    "logs": Option(
+        Path, "LOG", note=f"Files: {kinds()}; - for CSV from standard input.", several=True
+    ),
     "what": Option(str, "ESTIMATE|MODEL"),
-    "experiment": Option(Path, "EXPERIMENT"),
-    "source": Option(str, "SOURCE"),
 }
-"""What stands without a name, by parameter of the library."""
+"""What stands without a name, by parameter of the library, but for texts."""
 
 OPTIONS = {
     "bounds": _pairs(
