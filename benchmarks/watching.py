@@ -22,8 +22,8 @@ from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import HEADER, Trial, make_trial
 from benchmarks.trials.score import CORE
 from flexid.arrays import FloatArray
-from flexid.streaming.findings import departures
 from flexid.streaming.health import LIMITS, Health
+from flexid.streaming.learner import departures
 from flexid.streaming.options import USUAL_TERMS, WatchOptions
 from flexid.streaming.session import Session
 from flexid.streaming.text_stream import TextStream

@@ -1,4 +1,4 @@
-"""PD with gravity, computed torque, and the robust law of Huang (2003), eq. (11)."""
+"""Control laws, references, and loops whose parts fit together."""
 
 from itertools import pairwise
 from typing import Any
@@ -8,11 +8,13 @@ import pytest
 import sympy as sp
 from scipy.linalg import expm
 
-from flexid.control.laws import REFERENCE_NAMES, computed_torque, pd_gravity, robust_law
-from flexid.control.references import constant, sinusoid
+from flexid.control.laws import REFERENCE_NAMES, Controller, computed_torque, pd_gravity, robust_law
+from flexid.control.loop import LoopDeclaration
+from flexid.control.references import Multisine, constant, sinusoid
 from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.errors import ExpressionError, ModelError, SettingError
 from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.simulation.closed_loop import ClosedLoop, simulate
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
@@ -131,3 +133,67 @@ def test_gains_without_value_are_refused() -> None:
     """Assert that a gain that overflows names the values that it follows from."""
     with pytest.raises(ExpressionError, match=r"gain2.*no finite value for .*k = 1e\+200"):
         robust_law(k=1e200).values  # noqa: B018
+
+
+TIMES = np.linspace(0.0, 2.0, 41)
+TWO_TONES = Multisine([3.0, 0.5], [5.0, 13.2], [0.3, -1.1], 0.7)
+
+
+@pytest.mark.parametrize("reference", [sinusoid(3.0, 5.0), TWO_TONES, constant(1.2)])
+@pytest.mark.parametrize("order", range(6))
+def test_evaluation_is_derivative_of_text(reference: Multisine, order: int) -> None:
+    """Assert that NumPy's value of every derivative is that of the text, differentiated."""
+    text = to_sympy(reference.expression, {"t", *reference.parameters})
+    values = [(symbol(name), value) for name, value in reference.parameters.items()]
+    derivative = sp.diff(text, symbol("t"), order).subs(values)
+    expected = sp.lambdify(symbol("t"), derivative)(TIMES)
+    scale = 1.0 + np.max(np.abs(expected))
+    assert np.max(np.abs(reference.evaluate(TIMES, order) - expected)) < 1e-13 * scale
+
+
+def test_uneven_lists_are_refused() -> None:
+    """Assert that lists of different length are an error that counts them."""
+    with pytest.raises(ModelError, match="2 amplitudes, 1 angular"):
+        Multisine([1.0, 2.0], [3.0])
+
+
+ARM = ParametricSystem("arm", (Row("arm", "q", "v", {"gravity": "-sin(q)"}, known="u"),))
+
+
+CLASHES = ("q", "gravity", "qd_2", "t", "sin", "qd_offset")
+
+REFUSED = {
+    "not in the whitelist": ({"u": "__import__('os')"}, {}, ExpressionError, "not allowed"),
+    "undeclared name": ({"u": "gain*(qd - q)"}, {}, ExpressionError, "gain"),
+    "missing input": ({"torque": "-v"}, {}, ModelError, "gives the inputs torque"),
+    "word of Python": (
+        {"u": "-v"},
+        {"lambda": 1.0},
+        ModelError,
+        r"'lambda' is a word of Python.*: write lambda_$",
+    ),
+    "tracked": ({"u": "-v"}, {}, ModelError, "tracks 'x1'"),
+    **{name: ({"u": "-v"}, {name: 1.0}, ModelError, "another meaning") for name in CLASHES},
+}
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_laws_that_do_not_fit_are_refused(fault: str) -> None:
+    """Assert that a law with a wrong expression, input or name is refused by what is wrong."""
+    inputs, parameters, error, message = REFUSED[fault]
+    tracked = "x1" if fault == "tracked" else "q"
+    with pytest.raises(error, match=message):
+        LoopDeclaration(ARM, Controller("law", tracked, inputs, parameters), constant(1.0))
+
+
+def test_unknown_parameter_is_refused() -> None:
+    """Assert that only existing parameters take new values."""
+    with pytest.raises(ModelError, match="no parameter 'gain4'"):
+        robust_law().with_parameters(gain4=1.0)
+
+
+def test_values_do_not_change_the_digest() -> None:
+    """Assert that a law with other values is the same derivation, another expression is not."""
+    law = robust_law()
+    assert law.with_parameters(k=10.0).digest == law.digest
+    assert Controller("law", "q", {"u": "-v"}).digest != Controller("law", "q", {"u": "-q"}).digest

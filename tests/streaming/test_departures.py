@@ -15,8 +15,8 @@ from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.streaming.checkpoint import opened_session, read_session, save_session
-from flexid.streaming.findings import departures
 from flexid.streaming.health import Health
+from flexid.streaming.learner import departures
 from flexid.streaming.options import (
     StreamChannels,
     WatchOptions,

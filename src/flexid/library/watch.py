@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from flexid.library.arguments import FilePath, Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
-    from flexid.streaming.findings import Departure
     from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
+    from flexid.streaming.learner import Departure
     from flexid.streaming.session import Change, Session
 
 

@@ -4,20 +4,34 @@ The intervals of one filter cover correlated noise and nothing else. A model tha
 out gives another answer to another filter, since each sees another part of the motion. So a slow
 and a fast filter run beside the one that is asked, where the hold of the input is not known also
 one with the other hold, and twice the largest difference counts as a standard deviation.
+
+What the estimators say at a moment are findings: values, intervals, and what contradicts them.
+Whether a drive has changed since an estimate was made is a comparison of both with each other.
 """
 
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
-from math import ceil, floor
+from math import ceil, floor, isfinite, nan
 
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.online import History
 from flexid.estimators.recursive_least_squares import recursive_least_squares
+from flexid.identification.estimation.knowledge import Joined, with_prior_knowledge
+from flexid.identification.judgement.estimates import coefficient_estimates, parameter_estimates
+from flexid.identification.preparation.stated import Stated
 from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+from flexid.identification.vocabulary.intervals import POSITIVE, quantile
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.parameter_kinds import ANGLES, difference
 from flexid.recording.recording import Hold
 from flexid.recording.shift import ORDER, all_pass, spoilt
+from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.options import RATES, WatchOptions
 
 WORTH = 2.0
@@ -187,3 +201,121 @@ class Delays:
             memory = lfilter_zi(numerator, self._filter) * values[0]
         found, memory = lfilter(numerator, self._filter, values, zi=memory)
         return np.asarray(found), np.asarray(memory)
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A physical parameter that differs from what it was."""
+
+    name: str  # of the parameter
+    unit: str  # of the parameter
+    was: float  # in the estimate, and by the stream
+    now: float  # in the estimate, and by the stream
+    excess: float  # their difference, over the least that counts as one
+
+    @property
+    def change(self) -> float:
+        """Relative; NaN of an angle, which has none."""
+        return nan if self.name in ANGLES else self.now / self.was - 1.0
+
+    @property
+    def sentence(self) -> str:
+        """By how much, for a report."""
+        unit = f" {self.unit}" if self.unit else ""
+        values = f"{self.now:.4g}{unit} where it was {self.was:.4g}"
+        if self.name in ANGLES:
+            turned = abs(difference(self.name, self.was, self.now))
+            return f"{self.name} is {turned:.2g}{unit} from that of the estimate, {values}"
+        if self.now * self.was < 0.0:
+            return f"{self.name} has the other sign: {values}"
+        amount = f"{abs(self.change):.2g}" if abs(self.change) > 9.995 else ""
+        share = f"{amount} times" if amount else f"{abs(self.change):.0%}"
+        way = "higher" if abs(self.now) > abs(self.was) else "lower"
+        return f"{self.name} is {share} {way} than in the estimate, {values}"
+
+
+def departures(
+    reference: Mapping[str, tuple[float, float]],
+    parameters: Mapping[str, ParameterEstimate],
+    *,
+    widths: float,
+    least: float,
+) -> tuple[Departure, ...]:
+    """Parameters that differ from an estimate, the clearest first."""
+    found = []
+    for name, (was, half_was) in reference.items():
+        now = parameters.get(name)
+        if now is None or not isfinite(now.std):
+            continue
+        whole = 1.0 if name in ANGLES else abs(was)
+        allowed = max(widths * (now.half_width**2 + half_was**2) ** 0.5, least * whole)
+        excess = abs(difference(name, was, now.value)) / allowed if allowed > 0.0 else 0.0
+        if excess > 1.0:
+            found.append(Departure(name, now.unit, was, now.value, excess))
+    return tuple(sorted(found, key=lambda departure: -departure.excess))
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What is known at a moment."""
+
+    estimate: Estimate  # of the coefficients that are sought, with what is known joined
+    coefficients: dict[str, CoefficientEstimate]
+    parameters: dict[str, ParameterEstimate]  # physical ones that the coefficients determine
+    widths: list[Width]  # of spring and inertias
+    departures: tuple[Departure, ...]  # what differs from an estimate made before
+    contradicted: tuple[str, ...]  # a sentence on each value taken as exact that is another
+    against: tuple[str, ...]  # the same of values that are known with a deviation
+
+
+def findings(learner: Learner, states: States, estimate: Estimate, stated: Stated) -> Findings:
+    """What an estimate made of states says, with what the user states joined to it."""
+    options = learner.options
+    joint, unknowns, unit = options.joint, options.unknowns, options.input_unit
+    with np.errstate(all="ignore"):  # of numbers that no drive has
+        joined = _joined(options, estimate, stated)
+        fixed = {name: (value, "given") for name, value in options.given.items()}
+        sizes = regressor_sizes(learner, states)
+        coefficients = coefficient_estimates(joined.estimate, joint, unknowns, sizes, fixed, unit)
+        parameters = parameter_estimates(
+            joint, joined.estimate, unknowns, coefficients, unit, exact=joined.exact
+        )
+    departed = departures(
+        options.reference, parameters, widths=LIMITS.departure, least=LIMITS.least_departure
+    )
+    found, apart = joined.estimate, learner.disagreement(states).tolist()
+    halves = [
+        quantile(freedom) * deviation if freedom > 0.0 else np.inf
+        for freedom, deviation in zip(
+            found.degrees_of_freedom, found.deviations.tolist(), strict=True
+        )
+    ]
+    numbers = zip(found.names, found.values.tolist(), halves, apart, strict=True)
+    widths = [Width(*each) for each in numbers if each[0] in POSITIVE]
+    widths += [Width(n, value, 0.0, 0.0) for n, value in options.given.items() if n in POSITIVE]
+    return Findings(
+        found, coefficients, parameters, widths, departed, joined.contradicted, joined.against
+    )
+
+
+def _joined(options: WatchOptions, estimate: Estimate, stated: Stated) -> Joined:
+    """The estimate with what is known joined; as it is, while what that concerns is open."""
+    try:
+        return with_prior_knowledge(
+            options.joint, estimate, options.given, stated, options.input_unit, THRESHOLDS
+        )
+    except (SettingError, ConvergenceError):
+        return Joined(estimate)
+
+
+def regressor_sizes(learner: Learner, states: States) -> dict[str, float]:
+    """Root mean square of each regressor over that of its row's left-hand side."""
+    main, state = learner.main, states[0]
+    power, _ = main.powers(state)
+    return {
+        name: float(np.sqrt(np.divide(max(square, 0.0), power[j])))
+        for j, (row, gram) in enumerate(
+            zip(learner.system.rows, main.information(state), strict=True)
+        )
+        for name, square in zip(row.coefficients, np.diag(gram), strict=True)
+    }

@@ -13,10 +13,9 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.online import Status
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
-from flexid.streaming.findings import Departure, Findings, findings
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contradicts, judge
-from flexid.streaming.learner import Learner, States
+from flexid.streaming.learner import Departure, Findings, Learner, States, findings
 from flexid.streaming.options import WatchOptions
 
 CAUSES = {

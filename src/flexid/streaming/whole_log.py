@@ -43,8 +43,8 @@ from flexid.recording.recording import Log
 from flexid.recording.sampling import EVEN, GAP
 from flexid.recording.series import names_of, tables_of
 from flexid.recording.velocities import with_velocities
-from flexid.streaming.findings import findings, regressor_sizes
 from flexid.streaming.incoming import Replay
+from flexid.streaming.learner import findings, regressor_sizes
 from flexid.streaming.options import WatchOptions, options_of_stream, stream_terms
 from flexid.streaming.session import Session
 
