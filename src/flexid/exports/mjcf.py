@@ -109,6 +109,13 @@ def rotor(name: str, side: Side, turning: float = 0.0, **more: float | Shape | N
     return Body(name, side, little, turning or little, armature=armature, **more)  # pyright: ignore[reportArgumentType]
 
 
+def possible(value: float, name: str, notes: list[str], owner: str = "hinge") -> float:
+    """The value, or zero, with a note, where it is negative."""
+    if value < 0.0:
+        notes.append(f"{name} is negative, which no {owner} has: it is left out")
+    return max(value, 0.0)
+
+
 def timestep(fastest: float, *, dry: bool) -> float:
     """Step in s for a resonance in rad/s: a millisecond, halved until it is short enough."""
     most, steps = (_DRY_STEP, _DRY_STEPS_PER_RADIAN) if dry else (_STEP, _STEPS_PER_RADIAN)
@@ -226,8 +233,9 @@ def mjcf_scene(
         spring = _spring(values, stiffness, inertia, link.inertia, notes)
     notes += _shapes(coefficients, coulomb_velocity, values)
     notes += _left_out(values)
-    link = None if link is None else _possible(link, "link", notes)
-    motor = _possible(motor, "motor", notes)
+    if link is not None:
+        link = link._replace(coulomb=possible(link.coulomb, "the link's Coulomb friction", notes))
+    motor = motor._replace(coulomb=possible(motor.coulomb, "the motor's Coulomb friction", notes))
     notes += _delays(kind, delays)
     dry = any(side is not None and side.coulomb > 0.0 for side in (link, motor))
     dry |= spring is not None and spring.hysteresis > 0.0
@@ -302,25 +310,16 @@ def _spring(
         return there
 
     half_gap, hysteresis = torque("backlash") / stiffness, torque("hysteresis")
-    for name, value in (("backlash", half_gap), ("spring_hysteresis", hysteresis)):
-        if value < 0.0:
-            notes.append(f"{name} is negative, which no tendon has: it is left out")
+    half_gap = possible(half_gap, "backlash", notes, "tendon")
+    hysteresis = possible(hysteresis, "spring_hysteresis", notes, "tendon")
     return Spring(
         stiffness,
         torque("lopsided"),
         torque("cubic"),
         torque("damping"),
-        max(hysteresis, 0.0),
-        max(half_gap, 0.0),
+        hysteresis,
+        half_gap,
     )
-
-
-def _possible(side: Side, name: str, notes: list[str]) -> Side:
-    """The side without a dry friction that drives, which the engine takes for none."""
-    if side.coulomb >= 0.0:
-        return side
-    notes.append(f"the {name}'s Coulomb friction is negative, which no hinge has: it is left out")
-    return side._replace(coulomb=0.0)
 
 
 def _shapes(

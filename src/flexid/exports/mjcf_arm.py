@@ -22,6 +22,7 @@ from flexid.exports.mjcf import (
     Scene,
     Side,
     Spring,
+    possible,
     rotor,
     scene,
     timestep,
@@ -163,25 +164,19 @@ def _rotor(values: Mapping[str, float], joint: int, notes: list[str]) -> float:
             f"is {motor:g} in this estimate, and every inertia is positive: identify a log that "
             f"determines it",
         )
-    if coupling < 0.0:
-        notes.append(f"rotor_coupling_{joint} is negative, which no rotor has: it is left out")
+    coupling = possible(coupling, f"rotor_coupling_{joint}", notes, "rotor")
     if coupling > motor:
         notes.append(
             f"rotor_coupling_{joint} is {coupling:.4g} and above the motor's inertia, which no "
             f"gear makes it: {motor:.4g} is taken"
         )
-    return min(max(coupling, 0.0), motor)
+    return min(coupling, motor)
 
 
 def _side(values: Mapping[str, float], side: str, joint: int, notes: list[str]) -> Side:
     """What brakes one side alone."""
-    found = {}
-    for word in ("viscous", "coulomb"):
-        name = f"{side}_{word}_friction_{joint}"
-        found[word] = values[name]
-        if found[word] < 0.0:
-            notes.append(f"{name} is negative, which no hinge has: it is left out")
-            found[word] = 0.0
+    names = {word: f"{side}_{word}_friction_{joint}" for word in ("viscous", "coulomb")}
+    found = {word: possible(values[name], name, notes) for word, name in names.items()}
     inertia = values[f"{side}_inertia_{joint}"]
     return Side(inertia, offset=-values.get(f"{side}_offset_{joint}", 0.0), **found)
 
@@ -194,10 +189,9 @@ def _spring(values: Mapping[str, float], joint: int, notes: list[str]) -> Spring
             f"is {stiffness:g} in this estimate, and every spring's is positive: identify a log "
             f"that determines it",
         )
-    if damping < 0.0:
-        notes.append(f"joint_damping_{joint} is negative, which no tendon has: it is left out")
+    damping = possible(damping, f"joint_damping_{joint}", notes, "tendon")
     cubic = values[f"cubic_joint_stiffness_{joint}"]
     # Where the encoders agree, the tendon's torque is the offset.
     roots = np.roots([cubic, 0.0, stiffness, -values[f"joint_offset_{joint}"]])
     rest = float(min(roots[np.isreal(roots)].real, key=abs))
-    return Spring(stiffness, cubic=cubic, damping=max(damping, 0.0), rest=rest)
+    return Spring(stiffness, cubic=cubic, damping=damping, rest=rest)
