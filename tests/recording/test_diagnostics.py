@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
-from joint_log import refused
+from joint_log import assert_words, refused
 
 from flexid.arrays import FloatArray
 from flexid.identification.preparation.recordings import prepare
@@ -55,13 +55,18 @@ POSITIONS = ("time [s]", LINK, MOTOR, TORQUE)
 Change = Callable[[FloatArray], FloatArray]
 
 
-def changed(**changes: Change) -> Log:
+def with_changes(columns: Columns = CLEAN, **changes: Change) -> Columns:
     """The log without velocities, some of its channels changed."""
-    columns = {name: CLEAN[name].copy() for name in POSITIONS}
+    columns = {name: columns[name].copy() for name in POSITIONS}
     for name, change in changes.items():
         column = {"link": LINK, "motor": MOTOR, "torque": TORQUE}[name]
         columns[column] = change(columns[column])
-    return read_log(columns)
+    return columns
+
+
+def changed(**changes: Change) -> Log:
+    """The same, read."""
+    return read_log(with_changes(**changes))
 
 
 def times(factor: float) -> Change:
@@ -79,24 +84,66 @@ def spiked(places: list[int], size: float) -> Change:
     return lambda values: values + size * np.isin(np.arange(COUNT), places)
 
 
-def test_a_right_log_has_no_warning():
-    """Assert that nothing is found in a log that is right, with and without velocities."""
-    assert changed().warnings == ()
-    assert read_log(dict(CLEAN)).warnings == ()
+CONTROLLED = -30.0 * CLEAN[MOTOR] - 2.0 * CLEAN[MOTOR_SPEED]
+SWAPPED = {LINK_SPEED: CLEAN[MOTOR_SPEED], MOTOR_SPEED: CLEAN[LINK_SPEED]}
+OTHER_SIDE = "follows the other side of the joint: it is not used"
+SAID: dict[str, tuple[Columns, list[str]]] = {
+    "a right log": (with_changes(), []),
+    "one with velocities": (CLEAN, []),
+    "a link that moves 0.5 % more": (
+        with_changes(link=times(1.005)),
+        ["the link moves 1.004.*gear ratio"],
+    ),
+    "0.2 %": (with_changes(link=times(1.002)), []),
+    "a motor that moves 2 % more": (with_changes(motor=times(1.02)), ["the link moves 0.980"]),
+    "2 % less": (with_changes(motor=times(1.0 / 1.02)), ["the link moves 1.02"]),
+    # The angle is too much like its sine.
+    "2 % of a small motion": (with_changes(simulated(0.1), motor=times(1.02)), []),
+    # In proportion to angle and velocity, it is no gravity in degrees.
+    "a controller": (with_changes(torque=lambda _: CONTROLLED), []),
+    "a spike in noise": (with_changes(link=spiked([900], 40.0 * NOISE)), ["1 sample is off"]),
+    "what noise may have moved": (with_changes(link=spiked([900], 10.0 * NOISE)), []),
+    # A side that rests to the end may have met a brake.
+    "a sensor that dies": (
+        with_changes(motor=held(5000, COUNT)),
+        ["motor_position does not change from 10 s to 11.998 s"],
+    ),
+    "velocities of the other sides": (CLEAN | SWAPPED, [OTHER_SIDE, OTHER_SIDE]),
+    "a velocity that is scaled": (
+        CLEAN | {LINK_SPEED: 1.28 * CLEAN[LINK_SPEED]},
+        ["28 % RMS, as if it were scaled by 1.28: it is not used"],
+    ),
+    "a velocity that is late": (
+        CLEAN | {MOTOR_SPEED: np.roll(CLEAN[MOTOR_SPEED], 10)},
+        ["ms late: it is not used"],
+    ),
+    "a velocity that is 2 ms late": (
+        CLEAN | {MOTOR_SPEED: np.roll(CLEAN[MOTOR_SPEED], 1)},
+        [],
+    ),
+    "a velocity of noise": (
+        CLEAN | {LINK_SPEED: np.random.default_rng(8).standard_normal(COUNT)},
+        ["differs from the derivative of its position by .*: it is not used"],
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    ("link", "motor", "said"),
-    [(1.005, 1.0, "1.004"), (1.0, 1.02, "0.980"), (1.0, 1.0 / 1.02, "1.02"), (1.002, 1.0, "")],
-)
-def test_a_scale_that_is_wrong(link: float, motor: float, said: str):
-    """Assert that a scale off by 0.5 % is named with its factor, and one off by 0.2 % is not."""
-    found = changed(link=times(link), motor=times(motor)).warnings
-    assert len(found) == bool(said)
-    for warning in found:
-        assert f"the link moves {said}" in warning
-        assert "gear ratio" in warning
-        assert rank_of(warning) == Rank.SCALE
+@pytest.mark.parametrize("name", SAID)
+def test_what_is_said(name: str):
+    """Assert that each fault is named once, and that a velocity is used unless it is wrong."""
+    columns, words = SAID[name]
+    log = read_log(dict(columns))
+    assert len(log.warnings) == len(words)
+    for warning, pattern in zip(log.warnings, words, strict=True):
+        assert_words(pattern, warning)
+        is_data = "sample" in pattern or "change" in pattern
+        assert rank_of(warning) == (Rank.DATA if is_data else Rank.SCALE)
+    (recording,) = log.recordings
+    assert len(recording) == COUNT
+    for speed in {LINK_SPEED, MOTOR_SPEED} & {*columns}:
+        channel = speed.partition(" ")[0]
+        is_wrong = any(f"{channel} differs" in warning for warning in log.warnings)
+        assert (getattr(recording, channel) is None) == is_wrong
 
 
 @pytest.mark.parametrize(("samples", "said"), [(25, "-0.05"), (-51, "0.102"), (10, "")])
@@ -125,13 +172,6 @@ def test_one_missing_sample_is_no_rounded_clock():
         assert recording.sample_time == pytest.approx(STEP, 1e-9)
 
 
-def test_a_scale_in_a_small_motion_is_left_open():
-    """Assert that nothing is said where the angle is too much like its sine."""
-    small = simulated(0.1)
-    small[MOTOR] = 1.02 * small[MOTOR]
-    assert read_log({name: small[name] for name in POSITIONS}).warnings == ()
-
-
 @pytest.mark.parametrize(
     ("factor", "said"),
     [
@@ -145,12 +185,6 @@ def test_an_angle_in_another_unit(factor: float, said: str):
     found = [w for w in changed(link=times(factor), motor=times(factor)).warnings if "load" in w]
     assert len(found) == 1
     assert said in found[0]
-
-
-def test_a_controller_is_no_gravity_in_degrees():
-    """Assert that a torque in proportion to angle and velocity does not pass for gravity."""
-    torque = -30.0 * CLEAN[MOTOR] - 2.0 * CLEAN[MOTOR_SPEED]
-    assert changed(torque=lambda _: torque).warnings == ()
 
 
 @pytest.mark.parametrize(("every", "said"), [(33, True), (2500, False)])
@@ -196,12 +230,6 @@ def test_spikes_are_replaced():
     np.testing.assert_allclose(recording.motor_position, CLEAN[MOTOR], atol=10 * NOISE)
 
 
-@pytest.mark.parametrize(("size", "count"), [(40.0, 1), (10.0, 0)])
-def test_a_spike_in_noise_is_left(size: float, count: int):
-    """Assert that a sample is left that noise may have moved."""
-    assert len(changed(link=spiked([900], size * NOISE)).warnings) == count
-
-
 @pytest.mark.parametrize("power", [0, 1, 2])
 @pytest.mark.parametrize("part", [0.0, 0.5])
 def test_a_stop_is_no_spike(power: int, part: float):
@@ -224,14 +252,6 @@ def test_a_sensor_that_is_stuck_for_a_while(side: str, first: int):
     assert rank_of(log.warnings[0]) == Rank.DATA
 
 
-def test_a_sensor_that_dies_is_kept():
-    """Assert that a side that rests to the end is only named: it may have met a brake."""
-    log = changed(motor=held(5000, COUNT))
-    (warning,) = log.warnings
-    assert "motor_position does not change from 10 s to 11.998 s" in warning
-    assert sum(map(len, log.recordings)) == COUNT
-
-
 def test_a_link_that_sticks_is_no_fault():
     """Assert that a side that rests and goes on smoothly while the other one winds up is kept."""
     link = CLEAN[LINK].copy()
@@ -243,35 +263,6 @@ def test_a_link_that_sticks_is_no_fault():
     columns = {"time [s]": CLEAN["time [s]"], LINK: stuck, MOTOR: motor, TORQUE: CLEAN[TORQUE]}
     columns[LINK][at + 200 :] = link[at] + 0.5 * (STEP * np.arange(COUNT - at - 200)) ** 2
     assert sum(map(len, read_log(columns).recordings)) == COUNT
-
-
-VELOCITIES = {
-    "follows the other side": {LINK_SPEED: CLEAN[MOTOR_SPEED], MOTOR_SPEED: CLEAN[LINK_SPEED]},
-    "28 % RMS, as if it were scaled by 1.28": {LINK_SPEED: 1.28 * CLEAN[LINK_SPEED]},
-    "ms late": {MOTOR_SPEED: np.roll(CLEAN[MOTOR_SPEED], 10)},
-    "differs from the derivative of its position": {
-        LINK_SPEED: np.random.default_rng(8).standard_normal(COUNT)
-    },
-}
-
-
-@pytest.mark.parametrize("words", VELOCITIES)
-def test_a_velocity_that_is_wrong_is_not_used(words: str):
-    """Assert that it is named with its cause, and that the position takes its place."""
-    columns = VELOCITIES[words]
-    log = read_log(CLEAN | columns)
-    assert len(log.warnings) == len(columns)
-    assert all(words in warning and "it is not used" in warning for warning in log.warnings)
-    (recording,) = log.recordings
-    assert (recording.link_velocity is None) == (LINK_SPEED in columns)
-    assert (recording.motor_velocity is None) == (MOTOR_SPEED in columns)
-
-
-@pytest.mark.parametrize("late", [0, 1])
-def test_a_velocity_that_is_slightly_late_is_used(late: int):
-    """Assert that 2 ms are no reason to leave a velocity out."""
-    log = read_log(CLEAN | {MOTOR_SPEED: np.roll(CLEAN[MOTOR_SPEED], late)})
-    assert log.recordings[0].motor_velocity is not None
 
 
 def noise(_: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from flexid.errors import RecordingError
 from flexid.readers.contents import STAMPS, Series
@@ -100,123 +100,133 @@ def names_of(reading: Reading) -> Table:
     return Table(file, frame, reading.sha256, short=short, kinds=kinds | reading.others)
 
 
-def tables_of(opened: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
+def tables_of(reading: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
     """Tables of about so many rows of the signals that a log needs; without a size, one of all."""
-    reading = with_own_times(opened, columns)
-    file, wanted = reading.file, _wanted(reading, columns)
-    lengths = {one.path: one.length for one in wanted.chosen.values()}
-    empty = [path for path, length in lengths.items() if not length]
-    if empty or not lengths:
-        raise RecordingError(file, "", f"the signals {quoted(empty)} hold no samples: {_EXPORT}")
-    longest = max(lengths.values())
-    is_clocked = _is_clocked(reading)
-    held = longest if size is None or is_clocked else min(size, longest)
-    check_cells(file, held, len(wanted.chosen))
-    if size is None and longest > MOST_ROWS:
-        remedy = "identify it with --stream, or " if reading.format is PARQUET else ""
-        raise RecordingError(
-            file,
-            "",
-            f"it has {longest} rows, more than the {MOST_ROWS} that are read at once: "
-            f"{remedy}cut the log into shorter files",
-        )
-    names = wanted.names
-    short = {header: names.short[header] for header in wanted.chosen if names.short}
-    row = 1
-    for frame, found in (_clocked if is_clocked else _together)(reading, wanted, size):
-        warnings = (*wanted.warnings, *found)
-        yield replace(names, frame=frame, first_row=row, short=short, warnings=warnings)
-        row += frame.height
-
-
-class _Wanted(NamedTuple):
-    """The signals that a log needs, of those that a file holds."""
-
-    names: Table  # see `names_of`
-    headers: dict[str, list[str]]  # by channel, those that it is made of
-    chosen: dict[str, Series]  # by header
-    warnings: tuple[str, ...]
-
-
-def _wanted(reading: Reading, columns: MapSource | None) -> _Wanted:
-    names = names_of(reading)
-    recipes, warnings = recipes_of(names, columns)
-    time = TIME if _is_clocked(reading) else None
-    headers = {
-        channel: [header for header in recipe.weights if header != time]
-        for channel, recipe in recipes.items()
-    }
-    used = {header for of in headers.values() for header in of}
-    chosen = {_header_of(one): one for one in reading.series if _header_of(one) in used}
-    return _Wanted(names, headers, chosen, warnings)
-
-
-def _is_clocked(reading: Reading) -> bool:
-    """Whether signals have time stamps of their own."""
-    return any(one.clock for one in reading.series)
+    return _Wanted(with_own_times(reading, columns), columns).tables(size)
 
 
 Part = tuple["polars.DataFrame", tuple[str, ...]]  # with warnings
 
 
-def _together(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
-    """Columns of a table, or arrays of one length and of one time."""
-    paths = {one.path: header for header, one in wanted.chosen.items()}
-    times = wanted.headers["time"] or [*wanted.chosen]  # where they are counted, as many as any
-    time = wanted.chosen[times[0]]
-    clocks = {} if reading.is_table else _own_times(reading, wanted, time)
-    clocks = clocks if wanted.headers["time"] else {}
-    for _, frame in reading.frames({**paths, **dict.fromkeys(clocks)}, size or MOST_ROWS):
-        for clock, path in clocks.items():
-            if not frame[clock].equals(frame[time.path]):
-                raise _other_times(reading.file, path, clock, time)
-        yield frame.select([*paths]).rename(paths), ()
+class _Wanted:
+    """The signals that a log needs, of those that a file holds."""
+
+    def __init__(self, reading: Reading, columns: MapSource | None) -> None:
+        self.reading, self.file, self.names = reading, reading.file, names_of(reading)
+        recipes, self.warnings = recipes_of(self.names, columns)
+        self.is_clocked = _is_clocked(reading)
+        self.headers = {  # by channel, those that it is made of
+            channel: [one for one in recipe.weights if one != TIME or not self.is_clocked]
+            for channel, recipe in recipes.items()
+        }
+        used = {header for of in self.headers.values() for header in of}
+        every = {_header_of(one): one for one in reading.series}
+        self.chosen = {header: one for header, one in every.items() if header in used}
+        self.paths = {one.path: header for header, one in self.chosen.items()}
+
+    def tables(self, size: int | None) -> Iterator[Table]:
+        """Its rows, about so many at a time."""
+        lengths = {one.path: one.length for one in self.chosen.values()}
+        empty = [path for path, length in lengths.items() if not length]
+        if empty or not lengths:
+            reason = f"the signals {quoted(empty)} hold no samples: {_EXPORT}"
+            raise RecordingError(self.file, "", reason)
+        longest = max(lengths.values())
+        held = longest if size is None or self.is_clocked else min(size, longest)
+        check_cells(self.file, held, len(self.chosen))
+        if size is None and longest > MOST_ROWS:
+            is_parquet = self.reading.format is PARQUET
+            remedy = "identify it with --stream, or " if is_parquet else ""
+            raise RecordingError(
+                self.file,
+                "",
+                f"it has {longest} rows, more than the {MOST_ROWS} that are read at once: "
+                f"{remedy}cut the log into shorter files",
+            )
+        short = {header: self.names.short[header] for header in self.chosen if self.names.short}
+        row = 1
+        for frame, found in (self._clocked if self.is_clocked else self._together)(size):
+            warnings = (*self.warnings, *found)
+            yield replace(self.names, frame=frame, first_row=row, short=short, warnings=warnings)
+            row += frame.height
+
+    def _together(self, size: int | None) -> Iterator[Part]:
+        """Columns of a table, or arrays of one length and of one time."""
+        times = self.headers["time"] or [*self.chosen]  # where they are counted, as many as any
+        time = self.chosen[times[0]]
+        clocks = {} if self.reading.is_table else self._own_times(time)
+        clocks = clocks if self.headers["time"] else {}
+        asked = {**self.paths, **dict.fromkeys(clocks)}
+        for _, frame in self.reading.frames(asked, size or MOST_ROWS):
+            for clock, path in clocks.items():
+                if not frame[clock].equals(frame[time.path]):
+                    raise self._other_times(path, clock, time)
+            yield frame.select([*self.paths]).rename(self.paths), ()
+
+    def _own_times(self, time: Series) -> dict[str, str]:
+        """Arrays of times that stand nearer to a chosen one than the chosen time, and whose."""
+        lengths = {one.path: one.length for one in self.reading.series}
+        beside = _times_beside(self.reading.series)
+        found = {}
+        for one in self.chosen.values():
+            _check_length(self.file, one, time)
+            clock = _nearest(one.path, beside)
+            if clock and clock != time.path:
+                if lengths[clock] != time.length:
+                    raise self._other_times(one.path, clock, time)
+                found[clock] = one.path
+        return found
+
+    def _other_times(self, path: str, clock: str, time: Series) -> RecordingError:
+        return RecordingError(
+            self.file,
+            f"{path!r}",
+            f"its times stand in {clock!r} and differ from those in {time.path!r}: bring the two "
+            f"to one clock, and save them with one time",
+        )
+
+    def _clocked(self, size: int | None) -> Iterator[Part]:
+        """Signals with clocks of their own, brought to one; with a size, damage comes last."""
+        first = [self.chosen[header] for header in self.headers.get("motor_position", ())]
+        clocks = list(dict.fromkeys(one.clock for one in (*first, *self.chosen.values())))
+        notes = [note for one in clocks if (note := self.reading.notes.get(one))]
+        held: dict[str, list[polars.DataFrame]] = {clock: [] for clock in clocks}
+        damage = None
+        try:
+            for clock, frame in self.reading.frames(self.paths, size or MOST_ROWS):
+                held[clock].append(frame)
+        except RecordingError as error:
+            damage = error
+            if size is None or not all(held.values()):
+                raise
+        whole, warnings = self._of_one_clock(_stamped(held))
+        for part in whole.iter_slices(size or MOST_ROWS):
+            yield part, (*(f"{self.file}: {note}" for note in notes), *warnings)
+        if damage is not None:
+            raise damage
+
+    def _of_one_clock(self, stamped: dict[str, tuple[Any, polars.DataFrame]]) -> Part:
+        """The chosen signals at common times."""
+        import polars as pl
+
+        if len(stamped) == 1:
+            ((times, frame),) = stamped.values()
+            columns = frame.select([*self.paths]).rename(self.paths)
+            return columns.insert_column(0, pl.Series(TIME, times)), ()
+        inputs = {header for name in INPUTS for header in self.headers.get(name, ())}
+        signals = []
+        for header, one in self.chosen.items():
+            column = stamped[one.clock][1].select(pl.col(one.path).alias(header))
+            values = Table(self.file, column).numbers(header)
+            signals.append(Signal(header, one.clock, values, header in inputs))
+        clocks = {clock: times for clock, (times, _) in stamped.items()}
+        times, found, warnings = on_one_clock(self.file, clocks, signals)
+        return pl.DataFrame({TIME: times, **found}), warnings
 
 
-def _own_times(reading: Reading, wanted: _Wanted, time: Series) -> dict[str, str]:
-    """Arrays of times that stand nearer to a chosen one than the chosen time, which it names."""
-    lengths = {one.path: one.length for one in reading.series}
-    beside = _times_beside(reading.series)
-    found = {}
-    for one in wanted.chosen.values():
-        _check_length(reading.file, one, time)
-        clock = _nearest(one.path, beside)
-        if clock and clock != time.path:
-            if lengths[clock] != time.length:
-                raise _other_times(reading.file, one.path, clock, time)
-            found[clock] = one.path
-    return found
-
-
-def _other_times(file: str, path: str, clock: str, time: Series) -> RecordingError:
-    return RecordingError(
-        file,
-        f"{path!r}",
-        f"its times stand in {clock!r} and differ from those in {time.path!r}: bring the two to "
-        f"one clock, and save them with one time",
-    )
-
-
-def _clocked(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
-    """Signals with clocks of their own, brought to one; with a size, damage comes last."""
-    first = [wanted.chosen[header] for header in wanted.headers.get("motor_position", ())]
-    clocks = list(dict.fromkeys(one.clock for one in (*first, *wanted.chosen.values())))
-    notes = tuple(f"{reading.file}: {reading.notes[one]}" for one in clocks if one in reading.notes)
-    held: dict[str, list[polars.DataFrame]] = {clock: [] for clock in clocks}
-    paths = [one.path for one in wanted.chosen.values()]
-    damage = None
-    try:
-        for clock, frame in reading.frames(paths, size or MOST_ROWS):
-            held[clock].append(frame)
-    except RecordingError as error:
-        damage = error
-        if size is None or not all(held.values()):
-            raise
-    whole, warnings = _of_one_clock(reading.file, wanted, _stamped(held))
-    for part in whole.iter_slices(size or MOST_ROWS):
-        yield part, (*notes, *warnings)
-    if damage is not None:
-        raise damage
+def _is_clocked(reading: Reading) -> bool:
+    """Whether signals have time stamps of their own."""
+    return any(one.clock for one in reading.series)
 
 
 def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, polars.DataFrame]]:
@@ -235,27 +245,6 @@ def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, po
         clock: (1e-9 * (stamps - origin) if clock in whole else stamps, frame)
         for clock, (stamps, frame) in found.items()
     }
-
-
-def _of_one_clock(
-    file: str, wanted: _Wanted, stamped: dict[str, tuple[Any, polars.DataFrame]]
-) -> Part:
-    """The chosen signals at common times."""
-    import polars as pl
-
-    if len(stamped) == 1:
-        ((times, frame),) = stamped.values()
-        names = {one.path: header for header, one in wanted.chosen.items()}
-        return frame.select([*names]).rename(names).insert_column(0, pl.Series(TIME, times)), ()
-    inputs = {header for name in INPUTS for header in wanted.headers.get(name, ())}
-    signals = []
-    for header, one in wanted.chosen.items():
-        column = stamped[one.clock][1].select(pl.col(one.path).alias(header))
-        values = Table(file, column).numbers(header)
-        signals.append(Signal(header, one.clock, values, header in inputs))
-    clocks = {clock: times for clock, (times, _) in stamped.items()}
-    times, columns, warnings = on_one_clock(file, clocks, signals)
-    return pl.DataFrame({TIME: times, **columns}), warnings
 
 
 class OwnTimes(Reading):
