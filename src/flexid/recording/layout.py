@@ -25,6 +25,7 @@ _MORE_ROWS = 3  # of numbers after the first: fewer may be lines of a preamble
 LONGEST_LINE = 1_000_000  # bytes
 _DATE_AND_BLANKS = re.compile(r"\s*[\d./-]{8,10} \d\d?:\d\d:[\d.,]{2,20}\S{0,9}\s+[+-]?[\d.]")
 _KEYED = re.compile(r"\s*(?:\{|\[\{|---\s*$|[\w./]{1,99}:(?:\s*$|\s*[+-]?\d))")  # JSON, YAML
+_NO_HEADER = "the file begins with numbers: write a header with the column names first"
 _LABEL = re.compile(r"(?i)(type|units?|interp|blockpath|portindex|name): ?")
 
 
@@ -68,6 +69,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class _Line:
+    file: str
     number: int
     begin: int  # of the line, in bytes
     end: int  # behind its line feed
@@ -81,6 +83,10 @@ class _Line:
     def bare(self) -> str:
         """The line without what makes it a comment, as which NumPy writes a header."""
         return self.text.lstrip(" #%/") if self.is_comment else self.text
+
+    def refusal(self, reason: str) -> RecordingError:
+        """The error by which a text is refused for this line."""
+        return RecordingError(self.file, f"line {self.number}", reason)
 
     def cells(self, separator: str) -> list[str]:
         return split(self.bare, separator)
@@ -106,43 +112,37 @@ def layout_of(file: str, text: bytes) -> Layout:
     found = _first_row(plain)
     if found is None:  # no row of numbers: the first line is taken for the header, and rows follow
         header = plain[0]
-        _check_form(file, plain)
+        _check_form(plain)
         after = (header.number + 1, header.end)
-        return _layout(file, lines, header, None, header_separator(header.text), after)
+        return _layout(lines, header, None, header_separator(header.text), after)
     first, separator, width = found
     if not split(first.text, separator)[-1]:
         lines = [_ended(line, separator, width) for line in lines]
         plain = [line for line in lines if not line.is_comment]
-    header, units = _above(file, lines[: lines.index(first)], first, separator, width)
+    header, units = _above(lines[: lines.index(first)], first, separator, width)
     # A row before it may have another length, and is refused later.
     below = (line for line in plain if line.number > header.number and line is not units)
     first = next(line for line in below if not line.label(separator))
     if len(header.cells(separator)) == width and not _is_row(split(first.text, separator)):
-        raise RecordingError(
-            file,
-            f"line {first.number}",
+        raise first.refusal(
             f"the line stands between the column names and the numbers, and is neither a row of "
-            f"{width} values nor of units: mend or remove it",
+            f"{width} values nor of units: mend or remove it"
         )
-    return _layout(file, lines, header, units, separator, (first.number, first.begin))
+    return _layout(lines, header, units, separator, (first.number, first.begin))
 
 
-def _check_form(file: str, plain: list[_Line]) -> None:
+def _check_form(plain: list[_Line]) -> None:
     """Raise where a text without a row of numbers is of a form that has them in other places."""
     if _KEYED.match(plain[0].text):
-        raise RecordingError(
-            file,
-            f"line {plain[0].number}",
+        raise plain[0].refusal(
             "a name stands before each value, as in JSON or YAML: write a header with the column "
-            "names, and a line of numbers for each sample",
+            "names, and a line of numbers for each sample"
         )
     for line in plain:
         if _DATE_AND_BLANKS.match(line.text):
-            raise RecordingError(
-                file,
-                f"line {line.number}",
+            raise line.refusal(
                 f"blanks stand between date and time as between columns: write a T there, as in "
-                f"{EXAMPLE}",
+                f"{EXAMPLE}"
             )
 
 
@@ -153,7 +153,7 @@ def _ended(line: _Line, separator: str, width: int) -> _Line:
 
 
 def _above(
-    file: str, above: list[_Line], first: _Line, separator: str, width: int
+    above: list[_Line], first: _Line, separator: str, width: int
 ) -> tuple[_Line, _Line | None]:
     """The lines of the names and of the units, if there is one, above the first row."""
     cells = {line.number: line.cells(separator) for line in above}
@@ -166,8 +166,8 @@ def _above(
     if not named:  # the rows differ in length from any header, and are refused for that
         named = [line for line in above if not line.is_comment]
         if not named:
-            raise _no_header(file, first.number)
-        _check_quotes(file, named[0])
+            raise first.refusal(_NO_HEADER)
+        _check_quotes(named[0])
         several = [
             line
             for line in named
@@ -192,19 +192,12 @@ def _repeats(cells: list[str]) -> bool:
     return len({*cells}) < len(cells)
 
 
-def _check_quotes(file: str, header: _Line) -> None:
+def _check_quotes(header: _Line) -> None:
     if header.bare.count('"') % 2:
-        raise RecordingError(
-            file,
-            f"line {header.number}",
+        raise header.refusal(
             "a quotation mark opens in the header and does not close on this line: write all "
-            "column names in one line",
+            "column names in one line"
         )
-
-
-def _no_header(file: str, line: int) -> RecordingError:
-    reason = "the file begins with numbers: write a header with the column names first"
-    return RecordingError(file, f"line {line}", reason)
 
 
 def _head(file: str, text: bytes) -> list[_Line]:
@@ -222,7 +215,7 @@ def _head(file: str, text: bytes) -> list[_Line]:
             raise RecordingError(file, f"line {number}", reason)
         line = text[position:end].decode("utf-8", errors="replace").rstrip("\r\n")
         if line.strip():
-            lines.append(_Line(number, position, end, line))
+            lines.append(_Line(file, number, position, end, line))
         position = end
     return lines
 
@@ -279,7 +272,6 @@ def header_separator(header: str) -> str:
 
 
 def _layout(
-    file: str,
     lines: list[_Line],
     header: _Line,
     units: _Line | None,
@@ -287,17 +279,16 @@ def _layout(
     first_row: tuple[int, int],  # its line, and where that begins
 ) -> Layout:
     """The layout with these parts, whose names are checked."""
-    place = f"line {header.number}"
-    _check_quotes(file, header)
+    _check_quotes(header)
     names = header.cells(separator)
     if not names:  # the csv module gives up
-        raise RecordingError(file, place, "the header cannot be read: write shorter column names")
+        raise header.refusal("the header cannot be read: write shorter column names")
     names = [name or f"unnamed {number}" for number, name in enumerate(names, start=1)]
     if all(map(is_number, names)):
-        raise _no_header(file, header.number)
+        raise header.refusal(_NO_HEADER)
     if units is not None:
         below = zip(names, units.cells(separator), strict=True)
-        names = [_with_unit(file, units.number, name, unit) for name, unit in below]
+        names = [_with_unit(units, name, unit) for name, unit in below]
     if len({*names}) < len(names):
         names = _grouped(lines, header, names, separator)
     twins = tuple(
@@ -326,7 +317,7 @@ def _grouped(lines: list[_Line], header: _Line, names: list[str], separator: str
     return names if _repeats(found) else found
 
 
-def _with_unit(file: str, line: int, name: str, unit: str) -> str:
+def _with_unit(line: _Line, name: str, unit: str) -> str:
     """A name with the unit that stands below it."""
     unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", _LABEL.sub("", unit)).strip()
     if unit in ("", "-"):
@@ -336,5 +327,5 @@ def _with_unit(file: str, line: int, name: str, unit: str) -> str:
         return f"{name} [{unit}]"
     if own != unit:
         reason = f"the unit below the name is [{unit}]: let the two agree, or remove one"
-        raise RecordingError(file, f"line {line}, column {name!r}", reason)
+        raise RecordingError(line.file, f"line {line.number}, column {name!r}", reason)
     return f"{bare} [{unit}]"
