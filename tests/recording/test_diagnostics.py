@@ -55,9 +55,9 @@ POSITIONS = ("time [s]", LINK, MOTOR, TORQUE)
 Change = Callable[[FloatArray], FloatArray]
 
 
-def with_changes(columns: Columns = CLEAN, **changes: Change) -> Columns:
+def with_changes(**changes: Change) -> Columns:
     """The log without velocities, some of its channels changed."""
-    columns = {name: columns[name].copy() for name in POSITIONS}
+    columns = {name: CLEAN[name].copy() for name in POSITIONS}
     for name, change in changes.items():
         column = {"link": LINK, "motor": MOTOR, "torque": TORQUE}[name]
         columns[column] = change(columns[column])
@@ -84,6 +84,7 @@ def spiked(places: list[int], size: float) -> Change:
     return lambda values: values + size * np.isin(np.arange(COUNT), places)
 
 
+SMALL = simulated(0.1)
 CONTROLLED = -30.0 * CLEAN[MOTOR] - 2.0 * CLEAN[MOTOR_SPEED]
 SWAPPED = {LINK_SPEED: CLEAN[MOTOR_SPEED], MOTOR_SPEED: CLEAN[LINK_SPEED]}
 OTHER_SIDE = "follows the other side of the joint: it is not used"
@@ -98,7 +99,10 @@ SAID: dict[str, tuple[Columns, list[str]]] = {
     "a motor that moves 2 % more": (with_changes(motor=times(1.02)), ["the link moves 0.980"]),
     "2 % less": (with_changes(motor=times(1.0 / 1.02)), ["the link moves 1.02"]),
     # The angle is too much like its sine.
-    "2 % of a small motion": (with_changes(simulated(0.1), motor=times(1.02)), []),
+    "2 % of a small motion": (
+        {name: SMALL[name] * (1.02 if name == MOTOR else 1.0) for name in POSITIONS},
+        [],
+    ),
     # In proportion to angle and velocity, it is no gravity in degrees.
     "a controller": (with_changes(torque=lambda _: CONTROLLED), []),
     "a spike in noise": (with_changes(link=spiked([900], 40.0 * NOISE)), ["1 sample is off"]),
