@@ -47,11 +47,14 @@ def drive(
     gravity: float = 0.0,
     stiffer: Callable[[float], float] = lambda _: 1.0,
     rigid: bool = False,
+    half_gap: float = 0.0,
+    hardening: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, positions of link and motor, shape (n, 2), and torque, every 2 ms.
 
     The size is that of each tone of the torque. Pushes are disturbances, RMS in rad/s²,
     forgotten within 0.1 s; the stiffness may change with time, or the link be fixed to the motor.
+    The joint may have play, in rad, or harden, in 1/rad².
     """
     rng = np.random.default_rng(seed)
     n = round(duration / _STEP)
@@ -62,7 +65,9 @@ def drive(
 
     def rates(x: np.ndarray, i: int, half: int) -> np.ndarray:
         factor = 0.0 if rigid else stiffer(i * _STEP)
-        twist = factor * (x[0] - x[2])
+        twist = x[0] - x[2]
+        twist -= min(max(twist, -half_gap), half_gap)
+        twist *= factor * (1.0 + hardening * twist**2)
         link = -gravity * np.sin(x[0]) - theta2 * twist + pushes[0][i]
         motor = alpha1 * twist - alpha2 * x[3] + beta1 * inputs[2 * i + half] + pushes[1][i]
         return np.array([x[1], link, x[3], motor])

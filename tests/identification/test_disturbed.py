@@ -17,6 +17,7 @@ from flexid.identification.estimation.band import FitInBand
 from flexid.identification.estimation.disturbed import Disturbed, disturbed_estimate, fit_disturbed
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import flexible
+from flexid.identification.structure import gap
 from flexid.identification.structure.link_delay import skew
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
@@ -29,7 +30,7 @@ def fitted(log: Data, *terms: str) -> Disturbed:
     """A log fitted with viscous friction of the motor, and more terms to be considered."""
     on = {c for term in ("motor_viscous", *terms) for c in JOINT.terms[term]}
     structure = Structure(JOINT, frozenset(JOINT.optional - on), Timing("cubic"))
-    return fit_disturbed(structure, log, (), ("cubic",), THRESHOLDS)
+    return fit_disturbed(structure, log, (), ("cubic",), THRESHOLDS, with_play=False)
 
 
 @cache
@@ -61,7 +62,7 @@ def stopped() -> tuple[Disturbed, Estimate]:
     log = data(recording(*stopping(1)))
     on = {c for term in ("motor_viscous", "motor_coulomb") for c in JOINT.terms[term]}
     structure = Structure(JOINT, frozenset(JOINT.optional - on), Timing("zero"))
-    found = fit_disturbed(structure, log, (), ("zero",), THRESHOLDS)
+    found = fit_disturbed(structure, log, (), ("zero",), THRESHOLDS, with_play=False)
     return found, disturbed_estimate(found, log, "N m")[0]
 
 
@@ -154,6 +155,39 @@ def test_halves_of_two_drives_widen_the_interval():
     assert value + half >= 1.1 * TRUTH["theta2"]
 
 
+@cache
+def loose(half_gap: float, hardening: float) -> tuple[Disturbed, Estimate]:
+    """A pushed drive whose joint has play or hardens, fitted with either considered."""
+    log = data(recording(*drive(7, link_push=0.3, half_gap=half_gap, hardening=hardening)))
+    on = {c for term in ("motor_viscous", "cubic_stiffness") for c in JOINT.terms[term]}
+    joint = JOINT.scaled(log.samples)
+    structure = Structure(joint, frozenset(joint.optional - on), Timing("cubic"))
+    found = fit_disturbed(structure, log, (), ("cubic",), THRESHOLDS, with_play=True)
+    found = disturbed.fit_disturbed_to(found, log)
+    return found, disturbed_estimate(found, log, "N m")[0]
+
+
+@pytest.mark.parametrize("half_gap", [0.02, 0.08])
+def test_play_is_found_beside_disturbances(half_gap: float):
+    """Assert that gap and spring are known, where a curved spring would be far too soft."""
+    found, estimate = loose(half_gap, 0.0)
+    assert gap.is_dead_zone(found.fitted)
+    assert gap.half_gap(found.fitted) == pytest.approx(half_gap, rel=0.1)
+    for name in CORE:
+        half = half_widths(estimate)[name]
+        assert abs(estimate.by_name[name] - TRUTH[name]) <= half
+        assert half < 0.1 * TRUTH[name]
+
+
+def test_a_spring_that_hardens_is_no_play():
+    """Assert that a curved spring stays one, and is known."""
+    found, estimate = loose(0.0, 20.0)
+    assert gap.half_gap(found.fitted) == 0.0
+    assert "alpha_cubic" in found.fitted.names
+    half = half_widths(estimate)["theta2"]
+    assert abs(estimate.by_name["theta2"] - TRUTH["theta2"]) <= half < 0.1 * TRUTH["theta2"]
+
+
 def test_what_a_balance_cannot_do_without_stays(monkeypatch: pytest.MonkeyPatch):
     """Assert that a friction stays, though few blocks let chance explain it."""
     eliminate = disturbed.eliminate
@@ -166,7 +200,7 @@ def test_what_a_balance_cannot_do_without_stays(monkeypatch: pytest.MonkeyPatch)
     on = {c for term in ("motor_viscous", "motor_coulomb") for c in JOINT.terms[term]}
     structure = Structure(JOINT, frozenset(JOINT.optional - on), Timing("zero"))
     monkeypatch.setattr(disturbed, "eliminate", too_much)
-    found = fit_disturbed(structure, log, (), ("zero",), THRESHOLDS)
+    found = fit_disturbed(structure, log, (), ("zero",), THRESHOLDS, with_play=False)
     assert "alpha_coulomb" in found.fitted.names
 
 

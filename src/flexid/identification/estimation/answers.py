@@ -140,7 +140,14 @@ def _disturbed(job: Job) -> Answer:
     """The fit with disturbances."""
     training, whole = job.training, job.whole
     holds = job.holds if job.joint.kind == "link" else (MEASURED_HOLD, "zero")
-    fitted = fit_disturbed(job.structure, training, job.kept, holds, job.thresholds)
+    fitted = fit_disturbed(
+        job.structure,
+        training,
+        job.kept,
+        holds,
+        job.thresholds,
+        with_play=job.settings.terms == "auto" and job.joint.kind != "rigid",
+    )
     undisturbed = _undisturbed(fitted.fitted, training)
     follow = follower(fitted, whole)
     validation = validate(undisturbed, whole, job.recordings.starts, follow=follow)

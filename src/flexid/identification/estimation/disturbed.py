@@ -45,7 +45,15 @@ from flexid.identification.full_model.fitting import lengths, within_bounds
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
-from flexid.identification.structure.gap import stiffer_with_play
+from flexid.identification.structure.gap import (
+    LIKELIER,
+    PLAY,
+    as_wide,
+    half_gap,
+    is_dead_zone,
+    likely_play,
+    with_free_width,
+)
 from flexid.identification.structure.link_delay import is_damping, shifted, skew
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
@@ -59,6 +67,10 @@ _ROUNDS = 3  # of taking terms away
 # Of what both balances left unexplained before: leaner structures of 15 logs left up to 1.2 times
 # as much, and those of two short ones that had lost a friction or the spring 2.1 and 4.5 times.
 _NO_MORE = 1.5
+# What a spring does to the link, and the same to the motor.
+_OF_LINK = {"theta2": "alpha1", "theta_cubic": "alpha_cubic", "theta_backlash": "alpha_backlash"}
+_CHANCE = 9.0  # fall of the cost that is chance, three standard deviations of one width
+_WIDTHS = 5  # of play, until it is as wide as its gap
 _BANDS = (0.5, 2.0)  # of the usual number of samples per period
 _LEAST_TURN = 0.5  # rad, below which gravity is as straight as a spring, within 1 %
 _GRAVITY = frozenset({"theta1", "theta_cosine", "gamma1", "gamma_cosine"})
@@ -85,8 +97,10 @@ def fit_disturbed(
     kept: Collection[str],
     holds: Sequence[Hold],
     thresholds: Thresholds,
+    *,
+    with_play: bool,
 ) -> Disturbed:
-    """Fit all usual terms, and take away what the log does not show."""
+    """Fit all usual terms, and play if it is likely; take away what the log does not show."""
     if _turned(data) < _LEAST_TURN:
         structure = structure.without(_GRAVITY - {*kept})
     factor = thinning(data, _start(structure, data))
@@ -105,7 +119,8 @@ def fit_disturbed(
                 found.append(_fit(held, data, factor, start))
     if not found:
         raise no_start()
-    full = best = min(found, key=_cost)
+    full = min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
+    best = full = _with_play(full, data, factor) if with_play else full
     evidence = ()
     strict = replace(thresholds, friction_sign=np.inf)
     for _ in range(_ROUNDS):
@@ -119,9 +134,49 @@ def fit_disturbed(
             break
         best = other
     if is_damping(best.fitted.by_name):  # which one coefficient says as well as two
-        return fit_disturbed(structure.without({LINK}), data, kept, holds, thresholds)
+        without = structure.without({LINK})
+        return fit_disturbed(without, data, kept, holds, thresholds, with_play=with_play)
+    best = _as_wide_as_its_gap(best, data, factor)
     shares = _shares(best.fitted, best.sizes)
     return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, factor)
+
+
+def _with_play(fit: FitInBand, data: Data, factor: int) -> FitInBand:
+    """A fit with play, where the log finds it likelier, or as it is."""
+    found = likely_play(fit.fitted.structure, data)
+    if found is None:
+        return fit
+    likelier = fit.cost - _CHANCE
+    try:
+        start = _stiffer(fit.fitted.by_name, found.start)
+        played = _fit(found.structure, data, factor, start)
+        if played.cost < likelier:
+            played = _as_wide_as_its_gap(played, data, factor)
+    except ConvergenceError:
+        return fit
+    is_play = is_dead_zone(played.fitted) and played.fitted.has_partners
+    return played if is_play and played.cost < likelier else fit
+
+
+def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:
+    """Values with the spring that least squares finds for the link, in both balances."""
+    own = {name: link[name] for name in _OF_LINK if name in link}
+    if "alpha1" not in values:
+        return {**values, **own}
+    motor = {alpha: own[theta] for theta, alpha in _OF_LINK.items() if theta in own}
+    share = values["alpha1"] / values["theta2"]
+    return {**values, **own, **{name: share * value for name, value in motor.items()}}
+
+
+def _as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
+    """The same with play that has the width of its own gap, if it has some."""
+    for _ in range(_WIDTHS):
+        gap = half_gap(fit.fitted)
+        if gap <= 0.0 or is_dead_zone(fit.fitted):
+            break
+        structure = as_wide(fit.fitted.structure, gap)
+        fit = _fit(structure, data, factor, fit.fitted.by_name, fit.sizes)
+    return fit
 
 
 def _cost(fit: FitInBand) -> float:
@@ -146,6 +201,7 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     """The same structures fitted to other data of the same drive."""
     structure, factor = found.fitted.structure, found.factor
     own = _fit(structure, data, factor, found.fitted.by_name, found.sizes)
+    own = _as_wide_as_its_gap(own, data, factor)
     full = found.full  # which says what may hide, with two thirds of the data if need be
     with suppress(ConvergenceError):
         fuller = _fit(full.structure, data, factor, full.by_name, own.sizes)
@@ -174,6 +230,7 @@ def disturbed_estimate(
     """
     fitted = found.fitted
     estimate = fitted.fit.at_least(fitted.unit_deviations)
+    estimate = with_free_width(estimate, fitted)
     doubted = Doubted(
         fitted,
         row_sizes(_squares(fitted).rows),
@@ -206,9 +263,10 @@ def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
 
 def _by_play(fitted: Fitted, data: Data) -> float:
     """Share by which its spring is stiffer if what was taken for a hardening one has play."""
-    if HARDENING.isdisjoint(fitted.names):
+    if HARDENING.isdisjoint(fitted.names) or not PLAY.isdisjoint(fitted.names):
         return 0.0
-    return stiffer_with_play(fitted.structure, data)
+    likely = likely_play(fitted.structure, data, LIKELIER)
+    return likely.stiffer if likely else 0.0
 
 
 def _rescaled(data: Data, scale: float) -> Data:

@@ -9,6 +9,7 @@ has a start of its own, by least squares, whose width settles on positions alone
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -87,7 +88,7 @@ def _met(trail: list[tuple[float, float]]) -> float:
 
 def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
     """A fit with another width; None if its first steps do not lead below the sum of squares."""
-    structure = _as_wide(fitted.structure, width)
+    structure = as_wide(fitted.structure, width)
     first = led_from(fitted, structure, insist=False, iterations=FIRST_ITERATIONS)
     if first is None or not _no_worse(first, fitted):
         return None
@@ -114,7 +115,8 @@ def is_dead_zone(fitted: Fitted) -> bool:
     return half_gap(fitted) > 0.0 and abs(_apart(fitted)) <= _NEAR
 
 
-def _as_wide(structure: Structure, width: float) -> Structure:
+def as_wide(structure: Structure, width: float) -> Structure:
+    """The same with another width of its play's shape, in rad."""
     return replace(structure, joint=structure.joint.with_widths({BACKLASH_WIDTH: width}))
 
 
@@ -158,10 +160,12 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     deviation = _deviation(fitted)
     if not is_dead_zone(fitted) or not 0.0 < deviation < half_gap(fitted):
         return estimate
-    wider = _as_wide(fitted.ended, width_of(fitted.structure) + deviation)
+    wider = as_wide(fitted.ended, width_of(fitted.structure) + deviation)
     segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
     rest = (segments, fitted.by_name, states, fitted.data.refinement)
     problem, point = motion_at(wider, fitted.data, *rest)
+    own = fitted.problem
+    problem = replace(problem, observer=own.observer, weights=own.weights, substeps=own.substeps)
     step = problem.solve(problem.equations(point)).values_step
     moved = (step - fitted.minimum.reduced.values_step) / deviation
     gradient = _gradient(fitted)
@@ -208,19 +212,29 @@ def fit_with_play(
     return with_best_hold(found, divisions, by_length.holds, by_length.free_length, thresholds)
 
 
-def stiffer_with_play(structure: Structure, data: Data) -> float:
-    """By what share a spring that hardens is stiffer if it has play, too or instead; 0 if none.
+class LikelyPlay(NamedTuple):
+    """Play as least squares of the link's row finds it, whatever moves the motor."""
 
-    Least squares of the link's row tells them apart, whatever moves the motor.
+    structure: Structure  # with play of its width, beside a spring that hardens or instead
+    start: dict[str, float]  # where a fit of it may begin
+    stiffer: float  # share by which its spring is stiffer than one without play
+
+
+def likely_play(structure: Structure, data: Data, least: float = 1.0) -> LikelyPlay | None:
+    """The play that leaves least of the link's balance; None if none leaves less than some share.
+
+    The share is that of what a spring without play leaves.
     """
     play = PLAY & structure.joint.shapes
-    found, least = 0.0, LIKELIER
+    found = None
     for spring in (structure.without(HARDENING), structure):
         wide = replace(spring, absent=spring.absent - play)
-        for (_, start, fit), (hard, other) in _by_rate(wide, structure, data):
-            left, its = (_of_link(each) for each in (fit, other))
-            if left < least * its and hard["theta2"] > 0.0:
-                found, least = abs(start["theta2"] / hard["theta2"] - 1.0), left / its
+        for (own, start, fit), (other, its_fit) in _by_rate(wide, structure, data):
+            left, its = (_of_link(each) for each in (fit, its_fit))
+            if left < least * its and other["theta2"] > 0.0:
+                stiffer = abs(start["theta2"] / other["theta2"] - 1.0)
+                found, least = LikelyPlay(own, start, stiffer), left / its
+        least *= LIKELIER if found else 1.0  # with hardening, too, any play leaves a little less
     return found
 
 
@@ -263,7 +277,7 @@ def _settled(
         gap, width, tried = _gap_of(start), width_of(own), tried + 1
         if gap <= 0.0 or abs(gap / width - 1.0) <= _NEAR or tried == _MOST_WIDTHS:
             return own, start, fit
-        own = _as_wide(own, gap)
+        own = as_wide(own, gap)
 
 
 def _gap_of(values: Mapping[str, float]) -> float:
