@@ -129,7 +129,7 @@ class Job:
     def exact(self) -> bool:
         """Whether no fit with disturbances is asked for.
 
-        Innovations know neither smoothed friction, nor segments, nor terms with a shape.
+        Innovations know neither smoothed friction, nor segments, nor what is kept of a shape.
         """
         settings = self.settings
         automatic = settings.coulomb_velocity == settings.segment_duration == "auto"
