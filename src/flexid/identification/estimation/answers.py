@@ -60,7 +60,7 @@ SPRINGS = frozenset({"theta2", "alpha1", "beta1"})
 """What is not known without the spring: of the motor, as the link may be part of it, all."""
 
 PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
-UNEXPLAINED = 0.25  # of a balance's acceleration: with less, its spring is there all the same
+UNEXPLAINED = 0.1  # of a balance's acceleration: with less, its spring is there all the same
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold can be told"
 

@@ -70,6 +70,8 @@ _NO_MORE = 1.5
 # What a spring does to the link, and the same to the motor.
 _OF_LINK = {"theta2": "alpha1", "theta_cubic": "alpha_cubic", "theta_backlash": "alpha_backlash"}
 _CHANCE = 9.0  # fall of the cost that is chance, three standard deviations of one width
+# Share by which play makes the spring stiffer: with less it is no more than an encoder's steps.
+_LEAST_STIFFER = 0.02
 _WIDTHS = 5  # of play, until it is as wide as its gap
 _BANDS = (0.5, 2.0)  # of the usual number of samples per period
 _LEAST_TURN = 0.5  # rad, below which gravity is as straight as a spring, within 1 %
@@ -144,7 +146,7 @@ def fit_disturbed(
 def _with_play(fit: FitInBand, data: Data, factor: int) -> FitInBand:
     """A fit with play, where the log finds it likelier, or as it is."""
     found = likely_play(fit.fitted.structure, data)
-    if found is None:
+    if found is None or found.stiffer < _LEAST_STIFFER:
         return fit
     likelier = fit.cost - _CHANCE
     try:
