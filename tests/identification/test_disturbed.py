@@ -243,3 +243,18 @@ def test_a_full_model_without_a_fit_stays_that_of_the_training_data(
     again = disturbed.fit_disturbed_to(found, log)
     assert again.full is found.full
     assert again.fitted is not found.fitted
+
+
+def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch):
+    """Assert that play keeps the width that it has where a fit with that of its gap fails."""
+    found, _ = loose(0.02, 0.0)
+    structure = gap.as_wide(found.fitted.structure, 0.015)
+    log = data(recording(*drive(7, link_push=0.3, half_gap=0.02)))
+    begun = disturbed._fit(structure, log, found.factor, found.fitted.by_name, found.sizes)
+
+    def diverging(_: FitInBand) -> FitInBand:
+        raise ConvergenceError("prediction error", "the motion diverges")
+
+    assert not gap.is_dead_zone(begun.fitted)
+    nth_fit(monkeypatch, 1, diverging)
+    assert disturbed._as_wide_as_its_gap(begun, log, found.factor) is begun

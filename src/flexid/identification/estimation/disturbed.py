@@ -171,13 +171,14 @@ def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str
 
 
 def _as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
-    """The same with play that has the width of its own gap, if it has some."""
-    for _ in range(_WIDTHS):
-        gap = half_gap(fit.fitted)
-        if gap <= 0.0 or is_dead_zone(fit.fitted):
-            break
-        structure = as_wide(fit.fitted.structure, gap)
-        fit = _fit(structure, data, factor, fit.fitted.by_name, fit.sizes)
+    """The same with play that has the width of its own gap, if it has some that leads there."""
+    with suppress(ConvergenceError):
+        for _ in range(_WIDTHS):
+            gap = half_gap(fit.fitted)
+            if gap <= 0.0 or is_dead_zone(fit.fitted):
+                break
+            structure = as_wide(fit.fitted.structure, gap)
+            fit = _fit(structure, data, factor, fit.fitted.by_name, fit.sizes)
     return fit
 
 
