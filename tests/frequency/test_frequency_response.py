@@ -11,6 +11,7 @@ from flexid.errors import SettingError
 from flexid.frequency.frequency_response import frequency_response, spectra, spectral_estimates
 from flexid.frequency.linear_joint import linear_joint, response_band
 from flexid.identification.vocabulary.intervals import quantile
+from flexid.models.flexible_joint import BACKLASH_WIDTH
 from flexid.report.chart import Line
 from flexid.report.figure import draw
 from flexid.report.response_charts import bode_chart
@@ -18,17 +19,23 @@ from flexid.simulation.free_run import free_run
 from joint_logs import DAMPED as TRUE
 
 STEP = 1e-3
+TERMS = ("gravity", "motor_viscous", "joint_damping")
+HALF_GAP = 2e-3  # rad
 
 
-def broad(samples, seed):
+def broad(samples, seed, play=()):
     """A torque with all frequencies from 0.05 to 20 Hz, and the motion of the joint under it."""
     generator = np.random.default_rng(seed)
     hertz = np.arange(1, 400) / (samples * STEP)
     time = STEP * np.arange(samples)
     waves = np.cos(2 * np.pi * np.outer(time, hertz) + generator.uniform(0, 6.28, len(hertz)))
     torque = 0.25 * waves.sum(axis=1)
-    system = flexid.flexible_joint(("gravity", "motor_viscous", "joint_damping"))
-    states = free_run(system, TRUE, np.zeros(4), torque, STEP, "zero")
+    system, values = flexid.flexible_joint((*TERMS, *play)), TRUE
+    if play:
+        system = system.with_constants({BACKLASH_WIDTH: HALF_GAP})
+        gaps = {"theta_backlash": "theta2", "alpha_backlash": "alpha1"}
+        values = TRUE | {gap: HALF_GAP * TRUE[spring] for gap, spring in gaps.items()}
+    states = free_run(system, values, np.zeros(4), torque, STEP, "zero")
     noise = 1e-4 * generator.standard_normal((samples, 2))
     link, motor = (states[:, ::2] + noise).T
     return {
@@ -48,8 +55,7 @@ def log():
 @pytest.fixture(scope="module")
 def estimate(log):
     """What is found in it."""
-    terms = ("gravity", "motor_viscous", "joint_damping")
-    return flexid.identify(log, terms=terms, hold="zero", segment_duration=1.0)
+    return flexid.identify(log, terms=TERMS, hold="zero", segment_duration=1.0)
 
 
 def two_masses(c, omega):
@@ -76,6 +82,18 @@ def test_it_is_that_of_the_two_mass_drive(estimate):
     assert repr(found) == (
         "<FrequencyResponse: link velocity, motor velocity; 50 frequencies, 0.01 to 300 Hz>"
     )
+
+
+def test_of_play_it_is_that_of_the_joint_in_contact():
+    """Assert that a spring with play has the stiffness that it has beyond its gap."""
+    logged = broad(10_000, seed=4, play=("backlash",))
+    found = flexid.identify(logged, terms=(*TERMS, "backlash"), hold="zero", segment_duration=1.0)
+    values = {name: c.value for name, c in found.coefficients.items()}
+    assert found.parameters["half_backlash"].value == pytest.approx(HALF_GAP, rel=0.2)
+    hertz = np.geomspace(0.1, 20, 20)
+    motor, _ = two_masses(values, 2 * np.pi * hertz)
+    responses = found.frequency_response(frequency=hertz).responses
+    np.testing.assert_allclose(responses[1].values, motor, rtol=1e-9)
 
 
 def test_gravity_counts_where_the_link_hangs(estimate):

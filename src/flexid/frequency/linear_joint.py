@@ -26,6 +26,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.result.identification import Identification
+from flexid.identification.structure.gap import PLAY
 from flexid.identification.vocabulary.evidence import slopes_of
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.models.parametric_system import ParametricSystem
@@ -113,9 +114,9 @@ class LinearJoint:
 def linear_joint(result: Identification, position: float | None = None) -> LinearJoint:
     """Linearise an identified joint."""
     # Friction is dry here even where it was smoothed: sliding, it is constant.
-    # A friction that remembers its path is constant along it, too.
-    remembered = joint_of(result.model).remembered
-    lasting = {c: value for c, value in values_of(result, 0).items() if c not in remembered}
+    # So is one that remembers its path, along it, and what play takes off a spring in contact.
+    constant = joint_of(result.model).remembered | PLAY
+    lasting = {c: value for c, value in values_of(result, 0).items() if c not in constant}
     system = structure_of(result, lasting, smooth=False).unknowns(()).system
     given = {name: lasting.get(name, 0.0) for name in system.coefficients}
     lost = np.array([not np.isfinite(value) for value in given.values()])
