@@ -46,6 +46,7 @@ from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import (
+    CHANCE,
     LIKELIER,
     PLAY,
     as_wide,
@@ -69,7 +70,6 @@ _ROUNDS = 3  # of taking terms away
 _NO_MORE = 1.5
 # What a spring does to the link, and the same to the motor.
 _OF_LINK = {"theta2": "alpha1", "theta_cubic": "alpha_cubic", "theta_backlash": "alpha_backlash"}
-_CHANCE = 9.0  # fall of the cost that is chance, three standard deviations of one width
 # Share by which play makes the spring stiffer: with less it is no more than an encoder's steps.
 _LEAST_STIFFER = 0.02
 _WIDTHS = 5  # of play, until it is as wide as its gap
@@ -148,7 +148,7 @@ def _with_play(fit: FitInBand, data: Data, factor: int) -> FitInBand:
     found = likely_play(fit.fitted.structure, data)
     if found is None or found.stiffer < _LEAST_STIFFER:
         return fit
-    likelier = fit.cost - _CHANCE
+    likelier = fit.cost - CHANCE
     try:
         start = _stiffer(fit.fitted.by_name, found.start)
         played = _fit(found.structure, data, factor, start)

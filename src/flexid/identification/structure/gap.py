@@ -43,13 +43,15 @@ PLAY = frozenset(play for play, _ in _GAPS)
 LIKELIER = 0.9
 """Of what a spring without play leaves of a link's balance, what one with play leaves at most."""
 
+CHANCE = 9.0
+"""Change of a weighted sum of squares, or of a cost, that is chance: three standard deviations."""
+
 _MOST_FITS = 8
 _SETTLED = 0.1  # standard deviations of the gap, by which its width may differ
 _STEEPEST = 0.9  # change of the gap with the width, beyond which it settles nowhere
 _MOST_WIDTHS = 15  # in least squares: from a tenth to within a hundredth takes up to eight
 _NEAR = 0.01  # of the width, up to which it is that of its gap
 _NEARER = 0.5  # of what was between width and gap
-_CHANCE = 9.0  # rise of the weighted sum of squares that is chance
 _PROMISED = 0.5  # of a row's residuals in least squares that play has to explain, to be tried
 _SHORT = 0.5  # s of segments over which a start is tried
 
@@ -103,7 +105,7 @@ def _no_worse(found: Fitted, fitted: Fitted) -> bool:
     """
     fall = fitted.minimum.equations.cost - found.minimum.equations.cost
     nearer = abs(_apart(found)) < _NEARER * abs(_apart(fitted))
-    return fall > 0.0 or (nearer and fall > -_CHANCE * max(fitted.excess, 1.0))
+    return fall > 0.0 or (nearer and fall > -CHANCE * max(fitted.excess, 1.0))
 
 
 def _apart(fitted: Fitted) -> float:
