@@ -32,11 +32,7 @@ from flexid.library.identify import load as load
 from flexid.library.joint_estimate import JointEstimate as JointEstimate
 from flexid.library.logs import read_log as read_log
 from flexid.library.logs import samples as samples
-from flexid.library.python_control import controller_io_system as controller_io_system
-from flexid.library.python_control import estimator_io_system as estimator_io_system
-from flexid.library.python_control import loop_io_system as loop_io_system
 from flexid.library.python_control import mujoco_log as mujoco_log
-from flexid.library.python_control import observer_io_system as observer_io_system
 from flexid.library.python_control import plant_io_system as plant_io_system
 from flexid.library.simulate import CampaignResult as CampaignResult
 from flexid.library.simulate import PaperReproduction as PaperReproduction
