@@ -231,7 +231,7 @@ def test_parquet_of_more_than_memory_holds(
     pl.DataFrame({**joint_columns(50), **more}).write_parquet(path)
     words = f"there are {columns} columns of {rows} rows, more than are read at once"
     assert words in refused(read_log, path)
-    assert words in refused(lambda: Replay(path, None, at_once=True))
+    assert words in refused(lambda: Replay(path, None))
     text = path.with_suffix(".csv")
     pl.read_parquet(path).write_csv(text)
     assert f"there are {columns} columns of 50 rows, more than are read" in refused(read_log, text)
@@ -255,9 +255,7 @@ def test_a_page_that_promises_too_much(count: int, tmp_path: Path) -> None:
     other = bytes([value & 127 | 128, value >> 7 & 127])
     path.write_bytes(path.read_bytes().replace(bytes([0xC8, 0x01]), other, 1))
     assert "the file cannot be read on from there" in refused(read_log, path)
-    assert "the file cannot be read on from there" in refused(
-        lambda: Replay(path, None, at_once=True)
-    )
+    assert "the file cannot be read on from there" in refused(lambda: Replay(path, None))
 
 
 def test_parquet_types(tmp_path: Path) -> None:

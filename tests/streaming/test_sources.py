@@ -5,22 +5,20 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from moving_joint import CHOSEN, same, stream, watched
 
 from flexid.errors import RecordingError, SettingError
 from flexid.streaming import sources
+from flexid.streaming.checkpoint import save_session
 from flexid.streaming.follower import Follower
 from flexid.streaming.sources import Datagrams, Source, open_source
 
 LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]
-
-
-@pytest.fixture
-def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave a file that was replaced at once."""
-    monkeypatch.setattr(sources, "LINGER", 0.0)
 
 
 def collected(source: Source, wanted: int) -> bytes:
@@ -45,92 +43,47 @@ def test_a_file_that_grows(tmp_path: Path):
     with path.open("ab") as file:
         file.write(LINES[1])
     assert source.read() == LINES[1]
-    path.write_bytes(b"x\n")  # the recorder began again
-    assert collected(source, 2) == b"x\n"
     source.close()
 
 
-def test_a_file_that_is_cut_and_has_grown_again(tmp_path: Path):
-    """Assert that a file is read from its beginning that is as long as before, but another."""
+def replaced(path: Path) -> None:
+    """Put another file in the place of one, as logs are rotated."""
+    path.rename(path.with_suffix(".1"))
+    path.touch()
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda path: path.write_bytes(b"x\n"),
+        lambda path: path.write_bytes(b"time,a\n0.1,4\n0.2,5\n0.3,6\n"),
+        replaced,
+    ],
+    ids=["cut", "written again", "replaced"],
+)
+def test_a_file_that_is_another_is_refused(tmp_path: Path, act: Callable[[Path], None]):
+    """Assert that what is written after a log was cut, also beyond its end, is not read on with."""
     path = tmp_path / "log.csv"
     path.write_bytes(b"".join(LINES))
     source = open_source(str(path))
-    assert (source.read(), source.begins) == (b"".join(LINES), False)
-    path.write_bytes(b"time,a\n0.1,4\n0.2,5\n0.3,6\n")
-    assert (source.read(), source.begins) == (b"time,a\n0.1,4\n0.2,5\n0.3,6\n", True)
-    assert (source.read(), source.begins) == (b"", False)
+    assert source.read() == b"".join(LINES)
+    act(path)
+    with pytest.raises(RecordingError, match=r"cut, rewritten or replaced .*: watch it once more"):
+        source.read()
     source.close()
 
 
-def renamed(folder: Path) -> tuple[Path, Source]:
-    """The path of a log that was read and then renamed, and who reads it."""
-    path = folder / "log.csv"
+def test_a_renamed_file_is_read_on(tmp_path: Path):
+    """Assert that nothing is lost of a log that is renamed while nothing stands in its place."""
+    path = tmp_path / "log.csv"
     path.write_bytes(LINES[0])
     source = open_source(str(path))
     assert source.read() == LINES[0]
-    path.rename(folder / "log.1")
-    return path, source
-
-
-@pytest.mark.usefixtures("at_once")
-def test_a_file_that_is_replaced(tmp_path: Path):
-    """Assert that a log that is renamed is read to its end, and then the one that took its name."""
-    path, source = renamed(tmp_path)
-    assert source.read() == b""  # there is none yet
-    path.touch()
-    assert (source.read(), source.begins) == (b"", False)  # nor anything in it
+    path.rename(tmp_path / "log.1")
+    assert source.read() == b""
     with (tmp_path / "log.1").open("ab") as file:
         file.write(LINES[1])
-    assert (source.read(), source.begins) == (LINES[1], False)
-    path.write_bytes(LINES[0])
-    assert (source.read(), source.begins) == (LINES[0], True)
-    with path.open("ab") as file:
-        file.write(LINES[2])
-    assert (source.read(), source.begins) == (LINES[2], False)
-    source.close()
-
-
-@pytest.mark.usefixtures("at_once")
-def test_what_came_between_two_looks_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that the file of before is read once more when the new one has something."""
-    path, source = renamed(tmp_path)
-    path.write_bytes(LINES[2])
-    real = os.path.samestat
-
-    def late(*stats: os.stat_result) -> bool:
-        with (tmp_path / "log.1").open("ab") as file:
-            file.write(LINES[1])
-        monkeypatch.setattr(os.path, "samestat", real)
-        return real(*stats)
-
-    monkeypatch.setattr(os.path, "samestat", late)
-    assert (source.read(), source.begins) == (LINES[1], False)
-    assert (source.read(), source.begins) == (LINES[2], True)
-    source.close()
-
-
-def test_a_recorder_that_is_slow_to_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that what comes into a renamed file after the new one has begun is read first.
-
-    The new one is renamed too meanwhile, and is not lost.
-    """
-    clock = [0.0]
-    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
-    path, source = renamed(tmp_path)
-    path.write_bytes(b"time,a\n0.3,4\n")
-    for line in LINES[1:]:
-        assert source.read() == b""
-        clock[0] += 0.9 * sources.LINGER
-        with (tmp_path / "log.1").open("ab") as file:
-            file.write(line)
-        assert (source.read(), source.begins) == (line, False)
-    path.rename(tmp_path / "log.2")
-    path.write_bytes(b"time,a\n0.4,5\n")
-    clock[0] += 1.1 * sources.LINGER
-    assert (source.read(), source.begins) == (b"time,a\n0.3,4\n", True)
-    assert source.read() == b""
-    clock[0] += 1.1 * sources.LINGER
-    assert (source.read(), source.begins) == (b"time,a\n0.4,5\n", True)
+    assert source.read() == LINES[1]
     source.close()
 
 
@@ -141,6 +94,37 @@ def test_a_file_that_ends(tmp_path: Path):
     source = open_source(str(path), stop_at_end=True)
     assert (source.read(), source.read()) == (LINES[0], None)
     source.close()
+
+
+def text(samples: np.ndarray) -> str:
+    """A log of samples; numbers come back as they were."""
+    rows = [",".join(map(repr, row)) for row in samples.tolist()]
+    return "\n".join(["time,link_position,motor_position,motor_torque", *rows, ""])
+
+
+def followed(path: Path, checkpoint: Path | None = None) -> Follower:
+    """A follower that has read a file to its end."""
+    follower = Follower(str(path), CHOSEN, stop_at_end=True, checkpoint=checkpoint)
+    list(follower.turns(1.0))
+    return follower
+
+
+@pytest.mark.parametrize("cut", [1, 1500])
+def test_a_checkpoint_knows_the_file_that_was_read_last(tmp_path: Path, cut: int):
+    """Assert that what a file has grown by is learnt from, and another file whole."""
+    log, state = tmp_path / "log.csv", tmp_path / "state.json"
+    samples = stream(6.0)
+    log.write_text(text(samples[:1500])[:-9])
+    first = followed(log)
+    assert first.session is not None
+    assert same(first.session, watched(samples[:1499]))
+    assert "half a sample" in first.warnings[-1]
+    save_session(first.session, state)
+    log.write_text(text(samples if cut == 1 else samples[1499:]))
+    second = followed(log, state)
+    assert second.session is not None
+    assert same(second.session, watched(samples))
+    assert second.warnings == ()
 
 
 def test_standard_input(monkeypatch: pytest.MonkeyPatch):

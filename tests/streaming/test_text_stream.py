@@ -111,18 +111,6 @@ def test_a_stream_that_begins_without_time(cell: str, parts: int):
     np.testing.assert_allclose(samples[90:, 0], 75600 + 2e-3 * np.arange(90, 300), rtol=1e-12)
 
 
-def test_a_clock_goes_on():
-    """Assert that a text is read on from another one's time of day."""
-    stream = TextStream("stream", fewest=4)
-    begun = stream.samples(b"time,motor_position,motor_torque\n" + 3 * b"23:00:00,1,2\n")
-    assert begun is not None
-    assert begun[:, 0].tolist() == 3 * [82_800]
-    stream.begin_again()
-    later = stream.samples(b"07:00:00,1,2\n15:00:00,1,2\n23:00:00,1,2\n", ended=True)
-    assert later is not None
-    assert later[:, 0].tolist() == [111_600, 140_400, 169_200]
-
-
 def test_a_stamp_is_no_number():
     """Assert that a stream with too many stamps where numbers should be is refused as a log is."""
     bad = ["10:00:00.5"] * 80 + ["fault"] * 30

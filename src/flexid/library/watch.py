@@ -289,8 +289,7 @@ def watch(
     ----------
     source : str or path, optional
         A text file that may grow, - for standard input, udp://127.0.0.1:PORT,
-        serial:///dev/PORT?baud=RATE, or a log of another format such as MCAP, which is played at
-        its own pace.
+        serial:///dev/PORT?baud=RATE, or a log of another format such as MCAP.
     columns : path or mapping, optional
         A column map, as for logs.
     header : str, optional
@@ -325,8 +324,7 @@ def watch(
     every : float, optional
         Seconds of the stream between two reports.
     stop_at_end : bool, optional
-        Stop at the end of a file, rather than wait for it to grow; play a log of another format as
-        fast as it can be.
+        Stop at the end of a file, rather than wait for it to grow.
     duration : float, optional
         Seconds after which to stop.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -108,16 +107,9 @@ class Clock:
         self._origins: dict[str, Any] = {}  # by column, the number from which others are counted
         self._form: _Form | None = None
         self._is_known = False  # whether the time is stamps of this form, or no stamps
-        self._keeps_form = False
         self._rows = 0  # that were counted
         self._last: int | None = None  # tick of the last time of day
         self._days = 0  # midnights since the first one
-
-    def again(self, *, is_same: bool = False) -> Clock:
-        """A clock that goes on in another text; in one without a header its form is the same."""
-        found = copy(self)
-        found._is_known, found._keeps_form = is_same and self._form is None, is_same
-        return found
 
     def stamped(self, table: Table, header: str) -> FloatArray | None:
         """Seconds of a column of time stamps; None where it holds anything else."""
@@ -151,11 +143,7 @@ class Clock:
         else:
             filled = (cell.strip() for cell in column.head(100) if cell and cell.strip())
             found = _Form.of(next(filled, ""))
-        if found is None and self._keeps_form:
-            return
-        if found != self._form:
-            self._form, self._last, self._days = found, None, 0
-        self._is_known = found is not None or is_stream
+        self._form, self._is_known = found, found is not None or is_stream
 
     def counted(self, rows: int) -> FloatArray:
         """Numbers of the next so many rows, from 0."""

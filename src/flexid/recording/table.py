@@ -46,29 +46,17 @@ def is_number(cell: str) -> bool:
 
 def decimal_mark(frame: polars.DataFrame) -> str:
     """The decimal mark of cells that are text, a point before any comma; empty if none shows it."""
-    points, commas = _marks(frame)
-    return "." if points.any() else "," if commas.any() else ""
-
-
-def first_mark(frame: polars.DataFrame) -> int:
-    """The first row whose numbers show their decimal mark; the number of rows if none does."""
-    shown = np.logical_or(*_marks(frame))
-    return int(np.argmax(shown)) if shown.any() else frame.height
-
-
-def _marks(frame: polars.DataFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """In which rows a number has a decimal point, and a comma that is surely a decimal's."""
     import polars as pl
 
-    points, commas = np.zeros((2, frame.height), dtype=np.bool_)
+    mark = ""
     for column in frame:
         if column.dtype == pl.String:
-            text = column.str.strip_chars().fill_null("")
-            points |= text.str.contains(DECIMAL_POINT).to_numpy()
-            if text.str.contains(",", literal=True).any():
-                comma = text.str.contains(DECIMAL_COMMA) & ~text.str.contains(THOUSANDS)
-                commas |= comma.to_numpy()
-    return points, commas
+            text = column.str.strip_chars()
+            if text.str.contains(DECIMAL_POINT).any():
+                return "."
+            is_comma = text.str.contains(DECIMAL_COMMA) & ~text.str.contains(THOUSANDS)
+            mark = "," if is_comma.any() else mark
+    return mark
 
 
 def line_of(first: int, index: int, left_out: Collection[int]) -> int:
@@ -92,7 +80,7 @@ class Table:
     warnings: tuple[str, ...] = ()  # what was not read of it
     short: Mapping[str, str] = field(default_factory=dict)  # ends of paths that name a channel
     kinds: Mapping[str, str] = field(default_factory=dict)  # type and length of what it holds
-    # of a part of a stream, whose cells may be no numbers: its decimal mark, as far as it is known
+    # of a part of a stream, whose cells may be no numbers: its decimal mark
     mark: str | None = None
     left_out: Collection[int] = ()  # lines of a text between its rows that hold no sample
 

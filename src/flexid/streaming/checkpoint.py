@@ -171,31 +171,29 @@ class ReadBefore:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._held = session.first_read[:0]
+        self._held: FloatArray | None = session.first_read[:0]  # None once it is compared
         self._left = session.n_read
-        self._compared = session.n_read == 0
 
     def new(self, samples: FloatArray, *, last: bool) -> FloatArray:
         """Those of the samples that the session has not read."""
-        if not self._compared:
-            samples = self._held = np.vstack((self._held, samples))
+        if self._held is not None:
             known = self._session.first_read
-            if len(samples) < len(known) and not last:
-                return samples[:0]
-            self._compared = True
+            samples = np.vstack((self._held, samples))
             count = min(len(samples), len(known))
+            if count < len(known) and not last:
+                self._held = samples
+                return samples[:0]
+            self._held = None
             if not np.array_equal(samples[:count], known[:count], equal_nan=True):
-                self.begin_anew()
+                self._begin_anew()
         left_out = min(self._left, len(samples))
         self._left -= left_out
         return samples[left_out:]
 
-    def begin_anew(self) -> None:
-        """Expect another file, of which nothing was read."""
+    def _begin_anew(self) -> None:
+        """Another file stands there, of which nothing was read."""
         self._session.n_read = self._left = 0
         self._session.first_read = self._session.first_read[:0]
-        self._held = self._session.first_read
-        self._compared = True
 
     def note(self, samples: FloatArray) -> None:
         """Count samples that the session was fed."""

@@ -128,9 +128,7 @@ class Follower:
         if is_whole_log(self.source):
             if self.header is not None:
                 raise SettingError("header", "is for lines of text: leave it out for such a log")
-            return Replay(
-                Path(self.source), self.column_map, at_once=self.stop_at_end, model=self._kind
-            )
+            return Replay(Path(self.source), self.column_map, self._kind)
         source = open_source(self.source, stop_at_end=self.stop_at_end)
         if isinstance(source, Datagrams) and source.is_open_to_others:
             self.warnings += (
@@ -154,8 +152,6 @@ class Follower:
                 samples = incoming.read(last=late)
                 ended = late or samples is None
                 self.warnings = tuple(dict.fromkeys(self.warnings + incoming.warnings))
-                if incoming.begins and self._read_before is not None:
-                    self._read_before.begin_anew()
                 if self.session is None and samples is not None and len(samples):
                     self.session = self._begun(incoming, samples)
                     self._read_before = ReadBefore(self.session) if self._is_file else None

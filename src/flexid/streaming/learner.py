@@ -30,7 +30,7 @@ from flexid.identification.vocabulary.intervals import POSITIVE, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.parameter_kinds import ANGLES, difference
 from flexid.recording.recording import Hold
-from flexid.recording.shift import ORDER, all_pass, spoilt
+from flexid.recording.shift import response, spoilt
 from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.options import RATES, WatchOptions
 
@@ -133,27 +133,25 @@ def _driven(rows: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray,
 
 
 class Delays:
-    """Rows of positions and inputs without the delays of the options."""
+    """Rows of positions and inputs without the delays of the options: sums over nearby rows."""
 
     def __init__(self, options: WatchOptions) -> None:
         drive = options.input_delay / options.sample_time
         link = -options.link_delay / options.sample_time
-        whole = round(link)
-        self._filter = None if link == whole else all_pass(link - whole)
-        self._shift = whole if self._filter is None else whole - ORDER  # of the link, samples
-        self._lag = floor(drive)  # of the input, samples
-        self._part = drive - self._lag
+        lag = floor(drive)
+        self._drive = lag, np.array([1.0 - (drive - lag), drive - lag])  # a straight line
+        self._link = response(link)
+        first, last = zip(*((f, f + len(w) - 1) for f, w in (self._drive, self._link)), strict=True)
+        self._ahead = max(0, -min(first))  # samples that are waited for
+        self._span = max(0, *last) + self._ahead
+        self._skipped = max(0, spoilt(link)[0], ceil(drive))  # rows of a run, at its beginning
         self._from_deflection = options.from_deflection
         self._has_input = options.n_inputs > 0
         self._width = options.n_encoders + options.n_inputs
-        behind = max(0, self._shift, self._lag + 1)
-        self._ahead = max(0, -self._shift, -self._lag)  # samples that are waited for
-        self._span = behind + self._ahead
-        self._skipped = max(behind, spoilt(link)[0], ceil(drive))  # rows of a run, at its beginning
 
     def first_state(self) -> FloatArray:
-        """State before a run: rows so far, the filter's memory, and the latest rows."""
-        return np.zeros(1 + ORDER + self._span * self._width)
+        """State before a run: rows so far, and the latest of them."""
+        return np.zeros(1 + self._span * self._width)
 
     def undone(self, state: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """New state, and the rows that can be known by now; a row of NaN ends a run."""
@@ -169,38 +167,27 @@ class Delays:
         return state, np.concatenate(found)
 
     def _go_on(self, state: FloatArray, run: FloatArray) -> tuple[FloatArray, FloatArray]:
-        count, memory = int(state[0]), state[1 : 1 + ORDER]
-        kept = state[1 + ORDER :].reshape(self._span, self._width)
-        new = run.copy()
-        if self._from_deflection:  # the deflection alone is late
-            new[:, 0] -= run[:, 1]
-        if self._filter is not None:
-            new[:, 0], memory = self._filtered(new[:, 0], memory, begins=count == 0)
-        rows = np.vstack((kept, new))
+        count, kept = int(state[0]), state[1:].reshape(self._span, self._width)
+        if not count:  # as if it had been at rest before, so that little is left to settle
+            kept = np.repeat(run[:1], self._span, axis=0)
+        rows = np.vstack((kept, run))
         first = max(count - self._ahead, self._skipped)
         last = max(first, count + len(run) - self._ahead)
         places = np.arange(first, last) - (count - self._span)
         known = rows[places]
-        known[:, 0] = rows[places - self._shift, 0]
-        if self._from_deflection:
-            known[:, 0] += known[:, 1]
+        if self._from_deflection:  # the deflection alone is late
+            known[:, 0] = known[:, 1] + _shifted(rows[:, 0] - rows[:, 1], *self._link)[places]
+        else:
+            known[:, 0] = _shifted(rows[:, 0], *self._link)[places]
         if self._has_input:
-            at = places - self._lag
-            known[:, -1] = (1.0 - self._part) * rows[at, -1] + self._part * rows[at - 1, -1]
+            known[:, -1] = _shifted(rows[:, -1], *self._drive)[places]
         latest = rows[len(rows) - self._span :].ravel()
-        return np.concatenate(([count + len(run)], memory, latest)), known
+        return np.concatenate(([count + len(run)], latest)), known
 
-    def _filtered(
-        self, values: FloatArray, memory: FloatArray, *, begins: bool
-    ) -> tuple[FloatArray, FloatArray]:
-        from scipy.signal import lfilter, lfilter_zi  # takes half a second, and few need it
 
-        assert self._filter is not None
-        numerator = self._filter[::-1]
-        if begins:
-            memory = lfilter_zi(numerator, self._filter) * values[0]
-        found, memory = lfilter(numerator, self._filter, values, zi=memory)
-        return np.asarray(found), np.asarray(memory)
+def _shifted(values: FloatArray, first: int, weights: FloatArray) -> FloatArray:
+    """Weighted sums of values, the first weight for that so many samples before; known inside."""
+    return np.roll(np.convolve(values, weights)[: len(values)], first)
 
 
 @dataclass(frozen=True)

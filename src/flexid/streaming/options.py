@@ -45,13 +45,6 @@ class StreamChannels:
     # by name and in a sample's order, with the values of the first samples
     sampled: Mapping[str, Channel] = field(default_factory=dict, compare=False)
 
-    @property
-    def words(self) -> str:
-        """The channels, for a message."""
-        link = "deflection, " if self.from_deflection else "link position, "
-        positions = (link if self.kind != "rigid" else "") + "motor position"
-        return positions + (f" and an input in {self.input_unit}" if self.input_unit else "")
-
 
 def chosen_channels(
     source: str, channels: Mapping[str, Channel], warnings: tuple[str, ...], model: str = "auto"

@@ -8,14 +8,13 @@ import io
 import os
 import select
 import socket
-import stat
 import sys
 import threading
 import time
 from collections import deque
 from ipaddress import ip_address
 from pathlib import Path
-from typing import BinaryIO, TypeAlias
+from typing import TypeAlias
 from urllib.parse import parse_qs, urlsplit
 
 from flexid.errors import RecordingError, SettingError
@@ -23,7 +22,6 @@ from flexid.files import check_file, shown
 
 WAIT = 0.1  # seconds after which a source says that nothing has come
 MOST = 1 << 20  # bytes that are handed over at once
-LINGER = 1.0  # seconds for which a file that was replaced has got nothing before it is left
 
 _BUFFER = 4 << 20  # bytes that the system keeps of datagrams, if it lets us have so many
 _MOST_WAITING = 1 << 17  # datagrams; beyond it the oldest are lost: their clock shows it
@@ -52,22 +50,18 @@ def open_source(text: str, *, stop_at_end: bool = False) -> "Source":
 
 
 class GrowingFile:
-    """A text file that a recorder is still writing, and may cut, write again or replace.
+    """A text file that a recorder is still writing.
 
-    Before it is read on, its last bytes are compared with those that were read: a file that was cut
-    and has grown beyond that place again is found so too. One that was replaced, as rotated logs
-    are, is read to its end first.
+    Before it is read on, its last bytes are compared with those that were read: so one that was
+    cut or written again is found, even where it has grown beyond that place.
     """
 
     def __init__(self, path: Path, *, stop_at_end: bool) -> None:
         self.name = shown(path)
-        self.begins = False
         check_file(path, "a log as text", lambda reason: RecordingError(self.name, "", reason))
         self._path = path
         self._stop_at_end = stop_at_end
         self._last = b""  # of what was read
-        self._next: BinaryIO | None = None  # what took its place
-        self._quiet = 0.0  # since when nothing has come of what was replaced
         try:
             self._file = path.open("rb", buffering=0)
         except OSError as error:
@@ -76,76 +70,40 @@ class GrowingFile:
             ) from None
 
     def read(self) -> bytes | None:
-        """What was written since."""
-        self.begins = False
-        found = self._read_on()
-        if not found and not self._stop_at_end:
-            found = self._read_next()
-        if found:
-            self._last = (self._last + found)[-_COMPARED:]
-            self._quiet = time.monotonic()
-            return found
-        if self._stop_at_end:
-            return None
+        """What was written since; raise where another text stands there now."""
+        self._file.seek(-len(self._last), os.SEEK_CUR)
+        found = self._file.read(len(self._last) + MOST)
+        new = found.removeprefix(self._last)
+        is_other = not found.startswith(self._last) or (not new and self._is_replaced())
+        if is_other:
+            raise RecordingError(
+                self.name,
+                "",
+                "it was cut, rewritten or replaced while it was watched: watch it once more; a "
+                "checkpoint keeps what was learnt",
+            )
+        self._last = found[-_COMPARED:]
+        if new or self._stop_at_end:
+            return new or None
         time.sleep(WAIT)
         return b""
 
-    def _read_on(self) -> bytes:
-        place = self._file.tell()
-        self._file.seek(place - len(self._last))
-        found = self._file.read(len(self._last) + MOST)
-        if found.startswith(self._last):
-            self._file.seek(place + len(found) - len(self._last))
-            return found[len(self._last) :]
-        self._begin()
-        return self._file.read(MOST)
-
-    def _begin(self) -> None:
-        self._file.seek(0)
-        self._last = b""
-        self.begins = True
-
-    def _read_next(self) -> bytes:
-        """What another file holds that stands there now, once our own has been read to its end.
-
-        A recorder writes into a renamed file for a while, and logrotate makes an empty one in its
-        place at once: when that has something, and ours has been quiet, ours gets no more.
-        """
-        if self._next is None:
-            self._next = self._replacement()
-            self._quiet = time.monotonic()
-        if self._next is None or time.monotonic() - self._quiet < LINGER:
-            return b""
-        last = self._read_on()
-        if last:
-            return last
-        self._file.close()
-        self._file, self._next = self._next, None
-        self._begin()
-        return self._read_on()
-
-    def _replacement(self) -> BinaryIO | None:
-        """Another file that stands there now and is not empty."""
+    def _is_replaced(self) -> bool:
+        """Whether another file stands there now, as where logs are rotated."""
         try:
-            there, ours = self._path.stat(), os.fstat(self._file.fileno())
-            if os.path.samestat(there, ours) or not stat.S_ISREG(there.st_mode):
-                return None
-            return self._path.open("rb", buffering=0) if there.st_size else None
+            return not os.path.samestat(self._path.stat(), os.fstat(self._file.fileno()))
         except OSError:  # it is not there yet
-            return None
+            return False
 
     def close(self) -> None:
         """Close it."""
         self._file.close()
-        if self._next is not None:
-            self._next.close()
 
 
 class StandardInput:
     """What another program writes into this one."""
 
     name = "standard input"
-    begins = False
 
     def __init__(self) -> None:
         try:
@@ -165,8 +123,6 @@ class StandardInput:
 
 class Datagrams:
     """Lines in UDP datagrams, which a thread takes from the system, whose room is small."""
-
-    begins = False
 
     def __init__(self, text: str) -> None:
         self.name = text
@@ -225,8 +181,6 @@ class Datagrams:
 class SerialPort:
     """Lines from a serial port; needs pyserial."""
 
-    begins = False
-
     def __init__(self, text: str) -> None:
         self.name = text
         address, _, query = text.removeprefix("serial://").partition("?")
@@ -262,7 +216,4 @@ class SerialPort:
 
 
 Source: TypeAlias = GrowingFile | StandardInput | Datagrams | SerialPort
-"""Bytes as they come: `read` returns none if nothing has come for a while, None at the end.
-
-`begins` says whether what was read last begins another text: a file that was written again.
-"""
+"""Bytes as they come: `read` returns none if nothing has come for a while, None at the end."""

@@ -7,9 +7,7 @@ is counted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from copy import copy
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +27,7 @@ from flexid.recording.layout import (
 )
 from flexid.recording.recipes import Recipe
 from flexid.recording.sampling import GAP, check_typical
-from flexid.recording.table import HOLE, decimal_mark, first_mark, is_number
+from flexid.recording.table import HOLE, decimal_mark, is_number
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels
 
@@ -44,92 +42,8 @@ FEWEST_LINES = 4  # the fewest of them: a header and three samples, where the st
 _COMMENTS = tuple(mark.encode() for mark in COMMENTS)
 
 
-class _Rows:
-    """Lines of numbers as samples, by what the columns are; another text may go on so."""
-
-    def __init__(self, source: str, layout: Layout, clock: Clock) -> None:
-        self._source, self._layout, self._clock = source, layout, clock
-        self._mark = ""  # of decimals; empty until a number shows it, and then of what follows
-        self._recipes: dict[str, Recipe] = {}  # of the channels of a sample, in its order
-
-    def begin(
-        self, lines: list[bytes], column_map: MapSource | None, model: str
-    ) -> tuple[StreamChannels, FloatArray, bool]:
-        """What the columns are by the first lines, the samples of these, and if most are such."""
-        frame = self._layout.without_twins(self._source, self._frame(lines))
-        self._mark = decimal_mark(frame)
-        table = self._layout.table(self._source, frame, self._mark)
-        recipes, warnings = recipes_of(table, column_map)
-        channels = channels_of(table, recipes, self._clock)
-        meant = chosen_channels(self._source, channels, warnings, model)
-        self._recipes = {name: recipes[name] for name in meant.sampled}
-        samples = np.column_stack([channel.values for channel in meant.sampled.values()])
-        return meant, samples, self._most_are_rows(frame, samples)
-
-    def again(self) -> _Rows:
-        """What reads another text that is written in the same way."""
-        rows = copy(self)
-        rows._clock = self._clock.again(is_same=True)
-        return rows
-
-    @property
-    def clock(self) -> Clock:
-        """A clock that goes on in another text, with a header of its own."""
-        return self._clock.again()
-
-    def samples(self, lines: list[bytes]) -> FloatArray:
-        """Samples of lines that are not empty nor comments, shape (n, n_channels)."""
-        frame = self._frame(lines)
-        may_show = not self._mark and any(
-            c and ("." in c or "," in c) for col in frame for c in col
-        )
-        row = first_mark(frame) if may_show else frame.height
-        before = self._stacked(frame[:row])
-        if row == frame.height:
-            return before
-        self._mark = decimal_mark(frame[row : row + 1])
-        return np.concatenate((before, self._stacked(frame[row:])))
-
-    def _stacked(self, frame: polars.DataFrame) -> FloatArray:
-        """Samples of cells; NaN where a cell is no number."""
-        if not frame.height:
-            return np.empty((0, len(self._recipes)))
-        table = self._layout.table(self._source, frame, self._mark)
-        channels = channels_of(table, self._recipes, self._clock)
-        return np.column_stack([channel.values for channel in channels.values()])
-
-    def _frame(self, lines: list[bytes]) -> polars.DataFrame:
-        """Cells of lines that are not empty nor comments; a line that is no row has none."""
-        import polars as pl
-
-        names = self._layout.names
-        rows = [self._cells(line) for line in lines if _may_be_row(line)]
-        columns = zip(*rows, strict=True) if rows else [()] * len(names)
-        return pl.DataFrame(
-            [pl.Series(name, cells, pl.String) for name, cells in zip(names, columns, strict=True)]
-        )
-
-    def _cells(self, line: bytes) -> Sequence[str | None]:
-        separator, count = self._layout.separator, len(self._layout.names)
-        text = line.decode("utf-8", "replace").rstrip("\r\n").replace("\N{MINUS SIGN}", "-")
-        if '"' in text:
-            cells = [cell.strip('"') for cell in split(text, separator)]
-        else:
-            cells = text.split(None if separator == BLANK else separator)
-        return cells if len(cells) == count else [None] * count
-
-    def _most_are_rows(self, frame: polars.DataFrame, samples: FloatArray) -> bool:
-        """Whether half of some lines or more have numbers, finite or not, or nothing in each."""
-        fitting = ~np.isnan(samples)
-        for place, recipe in enumerate(self._recipes.values()):
-            for header in recipe.weights:
-                is_empty = frame[header].str.contains(HOLE).fill_null(False).to_numpy()
-                fitting[:, place] |= is_empty
-        return bool(2 * np.count_nonzero(fitting.all(axis=1)) >= len(fitting))
-
-
 class TextStream:
-    """Samples from bytes as they come, of one text after the other."""
+    """Samples from bytes as they come."""
 
     def __init__(
         self,
@@ -137,24 +51,18 @@ class TextStream:
         column_map: MapSource | None = None,
         *,
         model: str = "auto",  # of the joint
-        header: str | None = None,  # names of columns, where no text begins with them
+        header: str | None = None,  # names of columns, where the text does not begin with them
         fewest: int = HEAD_LINES,  # lines that are waited for before the layout is decided
     ) -> None:
         self.name, self._column_map, self._model, self._header = name, column_map, model, header
         self._fewest = fewest
-        self._before: _Rows | None = None  # what reads the text that this one follows
-        self._rows: _Rows | None = None  # what reads the rows, as soon as it is known
-        self.channels: StreamChannels | None = None  # what a sample's values are, likewise
-        self.begin_again()
-
-    def begin_again(self) -> None:
-        """Read a text that follows this one, with a header or without."""
-        if self._rows is not None:
-            self._before, self._fewest = self._rows, min(self._fewest, LINES_FOR_LAYOUT)
-        self._rows = None
-        self._first = [] if self._header is None else [self._header.strip(" \r\n").encode()]
+        self._first = [] if header is None else [header.strip(" \r\n").encode()]
         self.rest = b""  # the line that has not ended yet
-        self.left_out = 0  # lines at the end, too few to say what they are
+        self.channels: StreamChannels | None = None  # what a sample's values are, once it is known
+        self._layout: Layout | None = None
+        self._recipes: Mapping[str, Recipe] = {}  # of the channels of a sample, in its order
+        self._mark = "."  # of decimals
+        self._clock = Clock(since_1970=True)
 
     def samples(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
         """Samples of complete lines, shape (n, n_values); None until the columns are known."""
@@ -168,24 +76,16 @@ class TextStream:
         if ended and self.rest.endswith(b"\r"):
             lines.append(self.rest)
             self.rest = b""
-        if self._rows is not None:
-            return self._rows.samples(lines)
+        if self._layout is not None:
+            return self._samples(self._layout, lines)
         self._first += lines
         if len(self._first) < self._fewest and not ended:
             return None
-        if self._before is not None:  # it goes on where it begins with a row: with no names
-            first = self._before.again().samples(self._first[: self._fewest])[:1]
-            if first.size and np.isfinite(first).all():
-                self._rows = self._before.again()
-                return self._rows.samples(self._first)
-        if len(self._first) >= FEWEST_LINES:
-            return self._begun(self._first)
-        if self._before is None:
+        if len(self._first) < FEWEST_LINES:
             raise RecordingError(
                 self.name, "", "it ended before a header and three samples had come"
             )
-        self.left_out = len(self._first)
-        return None
+        return self._begun(self._first)
 
     def _begun(self, lines: list[bytes]) -> FloatArray:
         """Decide by the first lines what the columns are, and read the samples among them."""
@@ -197,19 +97,39 @@ class TextStream:
         if text.startswith(UTF_16):
             raise RecordingError(self.name, "", "the text is in UTF-16: send it in UTF-8")
         text = as_utf_8(self.name, text)
-        layout = layout_of(self.name, text)
+        self._layout = layout = layout_of(self.name, text)
         # The rest of them may come now or later: nothing may depend on that.
         head = b"\n".join(text.split(b"\n")[: self._fewest]) + b"\n"
-        clock = Clock(since_1970=True) if self._before is None else self._before.clock
-        self._rows = _Rows(self.name, layout, clock)
-        meant, samples, are_rows = self._rows.begin(
-            head[layout.start :].split(b"\n"), self._column_map, self._model
-        )
-        self._check_same(meant)
-        self.channels = meant
-        if not are_rows:  # as a log it is refused for the first that is none
+        frame = layout.without_twins(self.name, _frame(layout, head[layout.start :].split(b"\n")))
+        self._mark = decimal_mark(frame) or "."
+        table = layout.table(self.name, frame, self._mark)
+        recipes, warnings = recipes_of(table, self._column_map)
+        channels = channels_of(table, recipes, self._clock)
+        self.channels = chosen_channels(self.name, channels, warnings, self._model)
+        self._recipes = {name: recipes[name] for name in self.channels.sampled}
+        samples = np.column_stack([channel.values for channel in self.channels.sampled.values()])
+        if not self._most_are_rows(frame, samples):  # as a log it is refused for the first
             read_channels(read_text(self.name, head), self._column_map)
-        return np.concatenate((samples, self._rows.samples(text[len(head) :].split(b"\n"))))
+        rest = text[len(head) :].split(b"\n")
+        return np.concatenate((samples, self._samples(layout, rest)))
+
+    def _samples(self, layout: Layout, lines: list[bytes]) -> FloatArray:
+        """Samples of lines that are not empty nor comments; NaN where a cell is no number."""
+        frame = _frame(layout, lines)
+        if not frame.height:
+            return np.empty((0, len(self._recipes)))
+        table = layout.table(self.name, frame, self._mark)
+        channels = channels_of(table, self._recipes, self._clock)
+        return np.column_stack([channel.values for channel in channels.values()])
+
+    def _most_are_rows(self, frame: polars.DataFrame, samples: FloatArray) -> bool:
+        """Whether half of some lines or more have numbers, finite or not, or nothing in each."""
+        fitting = ~np.isnan(samples)
+        for place, recipe in enumerate(self._recipes.values()):
+            for header in recipe.weights:
+                is_empty = frame[header].str.contains(HOLE).fill_null(False).to_numpy()
+                fitting[:, place] |= is_empty
+        return bool(2 * np.count_nonzero(fitting.all(axis=1)) >= len(fitting))
 
     def _check_own_header(self, header: str, first: bytes) -> None:
         """Raise where the stream begins with names, though others are given."""
@@ -224,16 +144,25 @@ class TextStream:
                 f"as its header: leave the header out, or give the names in a column map",
             )
 
-    def _check_same(self, now: StreamChannels) -> None:
-        """Raise where the text before of the same source holds something else."""
-        was = self.channels
-        if was is not None and replace(was, warnings=()) != replace(now, warnings=()):
-            raise RecordingError(
-                self.name,
-                "",
-                f"it was rewritten with {now.words} where there was {was.words}: watch it as "
-                f"another stream",
-            )
+
+def _frame(layout: Layout, lines: list[bytes]) -> polars.DataFrame:
+    """Cells of lines that are not empty nor comments; a line that is no row has none."""
+    import polars as pl
+
+    rows = [_cells(layout, line) for line in lines if _may_be_row(line)]
+    columns = zip(*rows, strict=True) if rows else [()] * len(layout.names)
+    return pl.DataFrame(
+        [pl.Series(name, own, pl.String) for name, own in zip(layout.names, columns, strict=True)]
+    )
+
+
+def _cells(layout: Layout, line: bytes) -> Sequence[str | None]:
+    text = line.decode("utf-8", "replace").rstrip("\r\n").replace("\N{MINUS SIGN}", "-")
+    if '"' in text:
+        cells = [cell.strip('"') for cell in split(text, layout.separator)]
+    else:
+        cells = text.split(None if layout.separator == BLANK else layout.separator)
+    return cells if len(cells) == len(layout.names) else [None] * len(layout.names)
 
 
 def _may_be_row(line: bytes) -> bool:

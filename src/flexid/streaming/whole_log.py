@@ -70,7 +70,7 @@ def identify_stream(
     log, head_rows, all_rows = _head(path, columns)
     found = identify([log], settings, progress)
     progress("streaming")
-    replay = Replay(path, columns, at_once=True, model=found.model)
+    replay = Replay(path, columns, found.model)
     try:
         session = Session(_options(replay, log, found, settings))
         clock = _Clock(replay.name, session.options.sample_time)
