@@ -1,19 +1,15 @@
 """Which values every run of a campaign has, and the rows that it makes."""
 
 import numpy as np
-import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from SALib.sample import sobol as salib_sobol
 from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 from flexid.campaigns import rows as rows_module
 from flexid.campaigns.plan import SEED, make_plan
-from flexid.campaigns.rows import Part, Stopped, part_rows, run_part
-from flexid.errors import SettingError
+from flexid.campaigns.rows import Stopped, part_rows
 from flexid.experiments import read_experiment
-from flexid.experiments.measures import run_columns
 from flexid.experiments.variation import Distribution, Variation
 
 UNIFORM = Distribution("uniform", 10.0, 50.0)
@@ -23,7 +19,7 @@ NORMAL = Distribution("normal", 5.0, 0.5)
 
 def variation(kind, runs, campaign_seed=0, **inputs):
     """Return what varies."""
-    return Variation(kind, runs, campaign_seed, inputs, ("final_errors",), None)
+    return Variation(kind, runs, campaign_seed, inputs, None)
 
 
 def seeds(runs, campaign_seed=0):
@@ -61,28 +57,6 @@ def test_draws_follow_their_distribution():
     assert plan.values[:, 0].mean() == pytest.approx(5.0, abs=2e-3)
     assert plan.values[:, 0].std() == pytest.approx(0.5, rel=1e-2)
     assert np.unique(plan.values[:, 1], return_counts=True)[1].tolist() == [256] * 4
-
-
-def test_a_plan_for_sobol_indices_has_salibs_order():
-    """Assert that the blocks of runs differ from each other in the columns that SALib expects."""
-    plan = make_plan(variation("sobol-indices", 32 * 5, a=UNIFORM, b=UNIFORM, c=UNIFORM), False)
-    problem = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[10.0, 50.0]] * 3}
-    theirs = salib_sobol.sample(problem, 32, calc_second_order=False, seed=0)
-
-    def changes(values):
-        points = values.reshape(32, 5, 3)
-        return (points == points[:, :1]).all(axis=0).tolist()
-
-    assert changes(plan.values) == changes(theirs)
-    assert changes(plan.values)[2] == [True, False, True]
-
-
-def test_a_number_of_runs_that_makes_no_indices_is_refused():
-    """Assert that the sentence names a number that does."""
-    with pytest.raises(SettingError, match="take 320") as refused:
-        make_plan(variation("sobol-indices", 300, a=UNIFORM, b=UNIFORM, c=UNIFORM), sampled=False)
-    assert refused.value.setting == "campaign.runs"
-    make_plan(variation("sobol-indices", 320, a=UNIFORM, b=UNIFORM, c=UNIFORM), sampled=False)
 
 
 @given(
@@ -131,9 +105,6 @@ def test_another_seed_is_another_plan():
     assert len(digests) == 4
 
 
-ALL = ("final_errors", "final_states", "settling_time", "tracking", "excitation", "peak_input")
-
-
 def planned(folder, campaign, experiment=EXPERIMENT):
     """Return an experiment and the table of all its runs."""
     path = folder / "experiment.toml"
@@ -151,7 +122,7 @@ def grid(path, values):
 def test_a_row_is_what_a_single_run_gives(tmp_path):
     """Assert that gain and noise of each row, set by hand in one run, give the row's results."""
     experiment, table = planned(tmp_path, grid("controller.proportional", [20.0, 40.0]))
-    rows = part_rows(experiment, table, ALL)
+    rows = part_rows(experiment, table)
     for row in rows.to_dicts():
         names = ("controller.proportional", "sampling.seed")
         run = experiment.with_values({name: row[name] for name in names}).run()
@@ -163,18 +134,10 @@ def test_a_row_is_what_a_single_run_gives(tmp_path):
     assert rows["final_error.theta2"].n_unique() == 2
 
 
-def test_only_what_is_asked_for_is_kept(tmp_path):
-    """Assert that status, end and steps come always, the rest by name."""
-    experiment, table = planned(tmp_path, grid("observer.link", [1.0]))
-    rows = part_rows(experiment, table, ("tracking",))
-    always = ["run", "observer.link", "sampling.seed", "status", "error", "reached", "steps"]
-    assert rows.columns == [*always, "tracking_rms", "tracking_peak"]
-
-
 def test_relative_errors_are_those_of_each_runs_own_truth(tmp_path):
     """Assert that a varied plant is the measure of its own errors."""
     experiment, table = planned(tmp_path, grid("plant.joint_stiffness", [80.0, 120.0]))
-    rows = part_rows(experiment, table, ("final_errors",))
+    rows = part_rows(experiment, table)
     truth = rows["plant.joint_stiffness"]  # theta2 with a link inertia of 1
     assert rows["relative_error.theta2"].to_list() == pytest.approx(
         (rows["final_error.theta2"].abs() / truth).to_list()
@@ -186,7 +149,7 @@ def test_a_diverging_run_is_a_row(tmp_path):
     text = EXPERIMENT.replace("duration = 0.1", "duration = 2.0")
     values = [10.0, 1e9, 10.0]
     experiment, table = planned(tmp_path, grid("controller.derivative", values), text)
-    rows = part_rows(experiment, table, ALL)
+    rows = part_rows(experiment, table)
     assert rows["status"].to_list() == ["finished", "diverged", "finished"]
     assert rows["error"].to_list() == [None, None, None]
     assert rows["reached"][1] < 2.0
@@ -202,7 +165,7 @@ def test_a_value_that_is_not_allowed_is_a_row(tmp_path):
     vary.sampling.position_noise = { normal = [1e-4, 1e-4] }
     """
     experiment, table = planned(tmp_path, campaign)
-    rows = part_rows(experiment, table, ALL)
+    rows = part_rows(experiment, table)
     negative = rows["sampling.position_noise"] < 0.0
     assert 0 < negative.sum() < 8
     assert (rows["status"] == "error").to_list() == negative.to_list()
@@ -215,7 +178,7 @@ def test_a_value_that_is_not_allowed_is_a_row(tmp_path):
 def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
     """Assert that when a whole ensemble fails, the runs are tried one by one, and bits stay."""
     experiment, table = planned(tmp_path, grid("observer.link", [1.0, 2.0, 3.0]))
-    whole = part_rows(experiment, table, ALL)
+    whole = part_rows(experiment, table)
     simulate = rows_module.simulate_sampled_ensemble
 
     def failing(loops, *rest):
@@ -224,7 +187,7 @@ def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
         return simulate(loops, *rest)
 
     monkeypatch.setattr(rows_module, "simulate_sampled_ensemble", failing)
-    rows = part_rows(experiment, table, ALL)
+    rows = part_rows(experiment, table)
     assert rows["status"].to_list() == ["finished", "error", "finished"]
     assert rows["error"].to_list() == [None, "ZeroDivisionError: no way", None]
     assert rows[[0, 2]].equals(whole[[0, 2]])
@@ -233,7 +196,7 @@ def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
 def test_runs_may_differ_in_length(tmp_path):
     """Assert that the duration, too, can be varied."""
     experiment, table = planned(tmp_path, grid("run.duration", [0.05, 0.1, 0.05]))
-    rows = part_rows(experiment, table, ALL)
+    rows = part_rows(experiment, table)
     assert rows["steps"].to_list() == [51, 101, 51]
     assert rows["reached"].to_list() == pytest.approx([0.05, 0.1, 0.05])
 
@@ -242,7 +205,7 @@ def test_a_continuous_loop_has_no_seed(tmp_path):
     """Assert that a continuous experiment runs as well, without noise to be seeded."""
     text = EXPERIMENT.partition("[sampling]")[0].replace("duration = 0.1", "duration = 0.05")
     experiment, table = planned(tmp_path, grid("controller.derivative", [5.0, 10.0]), text)
-    rows = part_rows(experiment, table, ("tracking",))
+    rows = part_rows(experiment, table)
     assert "sampling.seed" not in rows.columns
     assert rows["status"].to_list() == ["finished", "finished"]
 
@@ -252,19 +215,5 @@ def test_a_part_stops_when_asked(tmp_path):
     experiment, table = planned(tmp_path, grid("observer.link", [1.0] * 20))
     asked = iter([False, True])
     with pytest.raises(Stopped):
-        part_rows(experiment, table, ALL, lambda: next(asked))
+        part_rows(experiment, table, lambda: next(asked))
     assert next(asked, "all asked") == "all asked"
-
-
-def test_time_series_are_those_of_the_single_runs(tmp_path):
-    """Assert that the series of the finished runs lie one below the other, by number."""
-    campaign = grid("controller.derivative", [10.0, 1e9, 5.0])
-    text = EXPERIMENT.replace("duration = 0.1", "duration = 1.0")
-    experiment, table = planned(tmp_path, campaign, text)
-    _, rows, series = run_part(experiment, Part(0, table, ("time_series",)))
-    assert rows["status"].to_list() == ["finished", "diverged", "finished"]
-    assert series is not None
-    assert series["run"].unique().to_list() == [0, 2]
-    names = ("controller.derivative", "sampling.seed")
-    last = experiment.with_values({name: rows[name][2] for name in names}).run()
-    assert series.filter(pl.col("run") == 2).drop("run").equals(pl.DataFrame(run_columns(last)))

@@ -7,12 +7,9 @@ from tests.campaigns.tiny import made_manifest
 
 from flexid.campaigns.plan import Plan, make_plan
 from flexid.campaigns.store import open_store
-from flexid.campaigns.summary import rank_correlations, sobol_indices, summarise
+from flexid.campaigns.summary import rank_correlations, summarise
 from flexid.errors import CampaignError
 from flexid.experiments.variation import Distribution, Variation
-from flexid.experiments.variation import Plan as Kind
-
-ANGLE = Distribution("uniform", -np.pi, np.pi)
 
 
 def test_rank_correlation_follows_any_monotonic_law():
@@ -54,37 +51,6 @@ def test_what_does_not_vary_matters_nowhere():
     assert rank_correlations(["a", "b"], values, np.ones(30)) == ()
 
 
-@pytest.fixture(scope="module")
-def ishigami():
-    """Ishigami's function on the plan for Sobol indices, point by point."""
-    inputs = {"a": ANGLE, "b": ANGLE, "c": ANGLE}
-    plan = make_plan(Variation("sobol-indices", 1024 * 5, 0, inputs, (), None), sampled=False)
-    a, b, c = plan.values.T
-    return (np.sin(a) + 7.0 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)).reshape(-1, 5)
-
-
-def test_sobol_indices_of_ishigamis_function(ishigami):
-    """Assert that first and total indices meet the textbook's within their intervals."""
-    truth = {"a": (0.3139, 0.5576), "b": (0.4424, 0.4424), "c": (0.0, 0.2437)}
-    found = sobol_indices(["a", "b", "c"], ishigami)
-    assert [one.input for one in found] == ["a", "b", "c"]
-    for one in found:
-        first, total = truth[one.input]
-        assert one.first == pytest.approx(first, abs=1.5 * one.first_half_width)
-        assert one.total == pytest.approx(total, abs=1.5 * one.total_half_width)
-        assert one.total_half_width < 0.1
-    assert sobol_indices(["a", "b", "c"], ishigami) == found
-
-
-def test_sobol_indices_do_without_failed_runs(ishigami):
-    """Assert that points with a failed run are left out whole, and the rest still answers."""
-    spoiled = ishigami.copy()
-    spoiled[::3, 2] = np.nan
-    found = {one.input: one.total for one in sobol_indices(["a", "b", "c"], spoiled)}
-    assert found == pytest.approx({"a": 0.5576, "b": 0.4424, "c": 0.2437}, abs=0.06)
-    assert sobol_indices(["a", "b", "c"], np.full((64, 5), np.nan)) == ()
-
-
 INPUTS = {
     "controller.k": Distribution("uniform", 10.0, 50.0),
     "plant.link_inertia": Distribution("uniform", 0.8, 1.2),
@@ -110,13 +76,13 @@ def made_up_rows(plan: Plan, runs: range) -> pl.DataFrame:
     )
 
 
-def write_campaign(out, kind: Kind = "sobol", runs=400, parts=None):
+def write_campaign(out, parts=None):
     """Write a campaign of made-up rows, or some of its parts."""
-    plan = make_plan(Variation(kind, runs, 0, INPUTS, (), None), sampled=False)
-    manifest = made_manifest(plan, kind, (), 50)
+    plan = make_plan(Variation("sobol", 400, 0, INPUTS, None), sampled=False)
+    manifest = made_manifest(plan, "sobol", 50)
     with open_store(out, manifest) as store:
         for part in manifest.parts if parts is None else parts:
-            store.write(part, made_up_rows(plan, manifest.runs_of(part)), None)
+            store.write(part, made_up_rows(plan, manifest.runs_of(part)))
     return out
 
 
@@ -153,25 +119,12 @@ def test_the_input_that_matters_comes_first(finished):
         assert abs(one.value) < 0.2
 
 
-def test_sobol_indices_where_the_plan_is_for_them(tmp_path):
-    """Assert that the one input that acts makes all of the variance, failed runs left out."""
-    found = summarise(write_campaign(tmp_path, "sobol-indices", 256 * 4))
-    first, second = result(found, "tracking_rms").indices
-    assert first.input == "controller.k"
-    assert first.total == pytest.approx(1.0, abs=0.1)
-    assert second.total == pytest.approx(0.0, abs=0.01)
-    assert result(summarise(tmp_path), "steps").indices == ()
-
-
 def test_an_unfinished_campaign_is_summarised(tmp_path):
-    """Assert that what is there counts, also where points of indices lie across a missing part."""
+    """Assert that what is there counts."""
     found = summarise(write_campaign(tmp_path / "some", parts=[0, 3]))
     assert not found.complete
     assert (found.done, found.manifest.runs) == (100, 400)
     assert sum(found.statuses.values()) == 100
-
-    found = summarise(write_campaign(tmp_path, "sobol-indices", 256 * 4, parts=[0, 2, 3, 5, 6]))
-    assert result(found, "tracking_rms").indices[0].total == pytest.approx(1.0, abs=0.2)
 
 
 def test_a_damaged_part_is_named(tmp_path):

@@ -19,7 +19,7 @@ def write_experiment(path: Path, campaign: str = CAMPAIGN, experiment: str = EXP
     return path
 
 
-def made_manifest(plan: Plan, kind: str, keep: tuple[str, ...], runs_per_part: int) -> Manifest:
+def made_manifest(plan: Plan, kind: str, runs_per_part: int) -> Manifest:
     """Return what a directory holds of a plan, of an experiment that there is not."""
     return Manifest(
         flexid="1.0",
@@ -28,7 +28,6 @@ def made_manifest(plan: Plan, kind: str, keep: tuple[str, ...], runs_per_part: i
         kind=kind,
         runs=len(plan.values),
         inputs=plan.inputs,
-        keep=keep,
         runs_per_part=runs_per_part,
         text="the file",
     )

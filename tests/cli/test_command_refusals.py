@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tests.campaigns.tiny import CAMPAIGN, EXPERIMENT, write_experiment
+from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 from flexid.arrays import to_json
 from flexid.stored_estimates.estimate_file import estimate_document
@@ -31,7 +31,6 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("refused")
     write_experiment(folder / "tiny.toml")
     write_experiment(folder / "single.toml", campaign="")
-    write_experiment(folder / "indices.toml", CAMPAIGN.replace('"sobol"', '"sobol-indices"'))
     grid = '[campaign]\nkind = "grid"\nvary.observer.link = [1.0, 2.0]\n'
     write_experiment(folder / "damped.toml", grid, DAMPED)
     (folder / "a.json").write_text(to_json(estimate_document(exact(TRUE, "a"))))
@@ -65,7 +64,6 @@ REFUSED = (
     ("campaign --summary nothing", "nothing holds no campaign"),
     ("campaign nothing.toml --out out", "nothing.toml: there is no such file"),
     ("campaign single.toml --out out", "the key 'campaign' is missing"),
-    ("campaign indices.toml --out out", "indices.toml: the key 'campaign.runs' 12 is not 4"),
     ("campaign damped.toml --out rows", "needs the acceleration"),
     ("compare a.json other.json --out out", "holds no estimate: give an estimate.json"),
     ("compare a.json newer.json --out out", "is of format 99"),

@@ -11,7 +11,7 @@ from scipy import stats
 from flexid.control.laws import robust_law
 from flexid.errors import ExperimentError
 from flexid.experiments import Experiment, read_experiment
-from flexid.experiments.variation import MEASURES, Distribution, Variation
+from flexid.experiments.variation import Distribution, Variation
 from flexid.simulation.closed_loop import loop_kernel
 from flexid.studies.readings import PHYSICAL, table1_loop
 
@@ -175,7 +175,6 @@ def test_dotted_keys_need_no_quotes(tmp_path: Path):
     quoted = variation(tmp_path, head + '"controller.k" = { uniform = [10, 50] }')
     assert bare == quoted
     assert bare.inputs == {"controller.k": Distribution("uniform", 10.0, 50.0)}
-    assert bare.keep == MEASURES
 
 
 def test_grid_has_every_combination(tmp_path: Path):
@@ -196,7 +195,6 @@ OF_THE_CAMPAIGN = [
     ('kind = "random"\nruns = 8\nvary = {a = [1]}', "kind"),
     (f'kind = "sobol"\n{K} = [1]', "runs"),
     (f'kind = "sobol"\nruns = 0\n{K} = [1]', "runs"),
-    (f'kind = "sobol"\nruns = 8\nkeep = ["all"]\n{K} = [1]', "keep.1"),
     (f'kind = "grid"\nruns = 3\n{K} = [1]', "runs"),
     (f'kind = "grid"\n{K} = {{uniform = [1, 2]}}', K),
     (f'kind = "grid"\n{K} = [1, 9007199254740993]', f"{K}.2"),

@@ -10,11 +10,11 @@ from flexid.campaigns.summary import Result, Summary
 NAN = float("nan")
 
 
-def made_of(correlations=(), indices=(), values=(1.0, 2.0, NAN), name="tracking_rms"):
+def made_of(correlations=(), values=(1.0, 2.0, NAN), name="tracking_rms"):
     """Return a result."""
     array = np.array(values)
     missing = int(np.isnan(array).sum())
-    return Result(name, array, missing, (1.0, 1.5, 2.0), tuple(correlations), tuple(indices))
+    return Result(name, array, missing, (1.0, 1.5, 2.0), tuple(correlations))
 
 
 def made_summary(done=100, statuses=None, damaged=(), first_error="", results=()):
@@ -26,7 +26,6 @@ def made_summary(done=100, statuses=None, damaged=(), first_error="", results=()
         kind="sobol",
         runs=100,
         inputs=("controller.k",),
-        keep=("tracking",),
         runs_per_part=10,
         text="the file",
     )

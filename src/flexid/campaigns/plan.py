@@ -7,7 +7,6 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from flexid.errors import SettingError
 from flexid.experiments.variation import Distribution, Variation
 
 SEED = "sampling.seed"
@@ -63,57 +62,15 @@ def _draws(variation: Variation) -> NDArray[np.float64]:
     runs, count = variation.runs, len(variation.inputs)
     if variation.kind == "latin-hypercube":
         shares = qmc.LatinHypercube(count, rng=variation.seed).random(runs)
-    elif variation.kind == "sobol":
-        shares = _sobol(runs, count, variation.seed)
-    else:
-        shares = _saltelli(runs, count, variation.seed)
+    else:  # the first points of the scrambled sequence
+        points = qmc.Sobol(count, rng=variation.seed).random_base2(int(np.ceil(np.log2(runs))))
+        shares = points[:runs]
     # 0 is a possible draw, and the normal distribution's lowest value is minus infinity
     shares = np.maximum(shares, _SMALLEST_SHARE)
     columns = [
         _quantile(what, shares[:, place]) for place, what in enumerate(variation.inputs.values())
     ]
     return np.stack(columns, axis=1)
-
-
-def _sobol(runs: int, count: int, seed: int) -> NDArray[np.float64]:
-    """First points of the scrambled sequence."""
-    from scipy.stats import qmc
-
-    engine = qmc.Sobol(count, rng=seed)
-    return engine.random_base2(int(np.ceil(np.log2(runs))))[:runs]
-
-
-def saltelli_points(runs: int, inputs: int) -> int:
-    """Points of a plan for Sobol indices, each of which takes as many runs as inputs and 2 more.
-
-    Examples
-    --------
-    >>> saltelli_points(320, inputs=3)
-    64
-    """
-    points, left = divmod(runs, inputs + 2)
-    if left or points < 2 or points & (points - 1):
-        wanted = max(1, round(np.log2(max(2.0, runs / (inputs + 2)))))
-        raise SettingError(
-            "campaign.runs",
-            f"{runs} is not {inputs + 2} (the inputs and 2) times a power of two, as Sobol "
-            f"indices want: take {2**wanted * (inputs + 2)}",
-        )
-    return points
-
-
-def _saltelli(runs: int, count: int, seed: int) -> NDArray[np.float64]:
-    """Saltelli's radial plan in SALib's order: A, A with one column of B each, B, point by point.
-
-    Saltelli et al. (2010), Computer Physics Communications 181, table 2.
-    """
-    points = saltelli_points(runs, count)
-    base = _sobol(points, 2 * count, seed)
-    shares = np.repeat(base[:, None, :count], count + 2, axis=1)
-    for place in range(count):
-        shares[:, place + 1, place] = base[:, count + place]
-    shares[:, -1] = base[:, count:]
-    return shares.reshape(runs, count)
 
 
 def _quantile(

@@ -11,9 +11,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import polars as pl
+
 import flexid
 from flexid.campaigns.plan import Plan, make_plan
-from flexid.campaigns.rows import Part, PartResult, result_schema, run_part
+from flexid.campaigns.rows import part_rows, result_schema
 from flexid.campaigns.store import Manifest, Store, open_store
 from flexid.errors import CampaignError, ExperimentError, SettingError
 from flexid.estimators.threads import cores
@@ -27,7 +29,9 @@ if TYPE_CHECKING:
 
 _PARTS = 200
 _MOST_RUNS = 500
-_MOST_SERIES = 10
+
+Part = tuple[int, pl.DataFrame]
+"""The number of a part, and of each of its runs the values from the plan, or what came of it."""
 
 Progress = Callable[[int, int], None]
 """Called with the number of runs whose rows are kept, and the number of all."""
@@ -52,10 +56,7 @@ def run_campaign(
         raise ExperimentError(
             experiment.path, "campaign", "is missing: say there what varies, or use flexid simulate"
         )
-    try:
-        plan = make_plan(variation, experiment.sampling is not None)
-    except SettingError as error:
-        raise ExperimentError(experiment.path, error.setting, error.reason) from None
+    plan = make_plan(variation, experiment.sampling is not None)
     with open_store(Path(out), _manifest(experiment, variation, plan)) as store:
         _complete(store, experiment, plan, workers or cores(), scheduler, progress)
 
@@ -68,7 +69,6 @@ def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manif
         kind=variation.kind,
         runs=variation.runs,
         inputs=plan.inputs,
-        keep=variation.keep,
         runs_per_part=variation.runs_per_part or _runs_per_part(experiment, variation),
         text=Path(experiment.path).read_text(encoding="utf-8"),
     )
@@ -79,9 +79,8 @@ def _runs_per_part(experiment: Experiment, variation: Variation) -> int:
 
     Runs that go side by side are quick, and quicker the more of them there are.
     """
-    most = _MOST_SERIES if "time_series" in variation.keep else _MOST_RUNS
     fewest = SIDE_BY_SIDE if experiment.side_by_side else 1
-    return min(most, max(fewest, variation.runs // _PARTS))
+    return min(_MOST_RUNS, max(fewest, variation.runs // _PARTS))
 
 
 def _complete(
@@ -93,51 +92,54 @@ def _complete(
     progress: Progress | None,
 ) -> None:
     manifest = store.manifest
-    missing = store.missing(plan, result_schema(experiment.loop.system, manifest.keep))
+    missing = store.missing(plan, result_schema(experiment.loop.system))
     left = sum(len(manifest.runs_of(part)) for part in missing)
     if progress is not None:
         progress(manifest.runs - left, manifest.runs)
     if not missing:
         return
-    parts = (Part(n, plan.table(manifest.runs_of(n)), manifest.keep) for n in missing)
+    parts = ((n, plan.table(manifest.runs_of(n))) for n in missing)
     if scheduler is None:
         finished = run_here(experiment, parts, workers)
     else:
         finished = run_on_cluster(experiment, parts, scheduler)
-    for number, rows, series in finished:
-        store.write(number, rows, series)
+    for number, rows in finished:
+        store.write(number, rows)
         left -= len(rows)
         if progress is not None:
             progress(manifest.runs - left, manifest.runs)
 
 
-def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Iterator[PartResult]:
+def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Iterator[Part]:
     """Run parts on threads of this process, and yield them one after the other.
 
     Compiled code lets other threads run, so that these use all cores.
     """
     stop = threading.Event()
-    waiting: deque[Future[PartResult]] = deque()
+    waiting: deque[tuple[int, Future[pl.DataFrame]]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         try:
-            for part in parts:
-                waiting.append(pool.submit(run_part, experiment, part, stop.is_set))
+            for number, table in parts:
+                job = pool.submit(part_rows, experiment, table, stop.is_set)
+                waiting.append((number, job))
                 if len(waiting) > 2 * workers:  # what is done does not pile up in memory
-                    yield waiting.popleft().result()
+                    yield _finished(*waiting.popleft())
             while waiting:
-                yield waiting.popleft().result()
+                yield _finished(*waiting.popleft())
         finally:  # an interrupt: every thread ends within a few runs
             stop.set()
-            for future in waiting:
-                future.cancel()
+            for _, job in waiting:
+                job.cancel()
+
+
+def _finished(number: int, job: "Future[pl.DataFrame]") -> Part:
+    return number, job.result()
 
 
 _TIMEOUT = 10.0  # s, to reach the scheduler
 
 
-def run_on_cluster(
-    experiment: Experiment, parts: Iterable[Part], scheduler: str
-) -> Iterator[PartResult]:
+def run_on_cluster(experiment: Experiment, parts: Iterable[Part], scheduler: str) -> Iterator[Part]:
     """Run parts on the workers of a Dask scheduler, and yield each when it is done."""
     client = _connect(scheduler)
     try:
@@ -186,18 +188,19 @@ def _version() -> str:
     return flexid.__version__
 
 
-def _run(version: str, experiment: Experiment, part: Part) -> PartResult:
+def _run(version: str, experiment: Experiment, part: Part) -> Part:
     """What a worker does; one that came later may have another version."""
     if flexid.__version__ != version:
         raise CampaignError(
             "a worker", f"has flexid {flexid.__version__}: install {version} there, as here"
         )
-    return run_part(experiment, part)
+    number, table = part
+    return number, part_rows(experiment, table)
 
 
 def _results(
     client: "Client", experiment: Experiment, parts: Iterable[Part], scheduler: str
-) -> Iterator[PartResult]:
+) -> Iterator[Part]:
     from distributed import KilledWorker, as_completed
 
     job = partial(_run, flexid.__version__, experiment)

@@ -31,7 +31,6 @@ class Manifest(BaseModel):
     kind: str  # of the plan
     runs: Annotated[int, Field(ge=1, le=MOST_RUNS)]
     inputs: tuple[str, ...]  # dotted paths of what varies
-    keep: tuple[str, ...]  # what is kept of each run
     runs_per_part: Annotated[int, Field(ge=1)]  # runs that share a file
     text: str  # the experiment file as it was
 
@@ -57,16 +56,10 @@ class Store:
         """File of a part's rows."""
         return self.directory / "runs" / f"part-{part:06d}.parquet"
 
-    def series_path(self, part: int) -> Path:
-        """File of a part's time series, where these are kept."""
-        return self.directory / "series" / f"part-{part:06d}.parquet"
-
-    def write(self, part: int, rows: pl.DataFrame, series: pl.DataFrame | None) -> None:
-        """Keep a part: first its time series, so that rows never wait for theirs."""
+    def write(self, part: int, rows: pl.DataFrame) -> None:
+        """Keep a part."""
         try:
-            if series is not None:
-                _write_table(series, self.series_path(part))
-            _write_table(rows, self.path(part))
+            write_atomically(self.path(part), lambda temporary: write_parquet(rows, temporary))
         except OSError as error:
             raise CampaignError(
                 str(self.directory),
@@ -76,8 +69,11 @@ class Store:
 
     def read(self, part: int) -> pl.DataFrame | None:
         """Rows of a part; None if it is missing or damaged."""
-        rows = _read_table(self.path(part))
-        if rows is None or "run" not in rows.columns:
+        try:
+            rows = pl.read_parquet(self.path(part), memory_map=False)
+        except (OSError, pl.exceptions.PolarsError):
+            return None
+        if "run" not in rows.columns:
             return None
         return rows if rows["run"].to_list() == list(self.manifest.runs_of(part)) else None
 
@@ -98,10 +94,7 @@ class Store:
         planned = plan.table(self.manifest.runs_of(part))
         if list(rows.schema.items()) != [*planned.schema.items(), *results.items()]:
             return False
-        if not rows.select(planned.columns).equals(planned):
-            return False
-        with_series = "time_series" in self.manifest.keep
-        return not with_series or _read_table(self.series_path(part)) is not None
+        return rows.select(planned.columns).equals(planned)
 
 
 @contextmanager
@@ -130,7 +123,6 @@ def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
 
 def _settled(directory: Path, wanted: Manifest) -> Manifest:
     found = _read_manifest(directory)
-    folders = ("runs", "series") if "time_series" in wanted.keep else ("runs",)
     if found is None:
         if any(directory.glob("runs/*")):
             raise CampaignError(
@@ -141,8 +133,7 @@ def _settled(directory: Path, wanted: Manifest) -> Manifest:
         write_atomically(directory / FILE, lambda path: path.write_text(text, encoding="utf-8"))
     else:
         _refuse_another(found, wanted, directory)
-    for folder in folders:
-        (directory / folder).mkdir(exist_ok=True)
+    (directory / "runs").mkdir(exist_ok=True)
     return found
 
 
@@ -166,18 +157,6 @@ def _check_name(directory: Path) -> None:
         ) from None
 
 
-def _write_table(table: pl.DataFrame, path: Path) -> None:
-    write_atomically(path, lambda temporary: write_parquet(table, temporary))
-
-
-def _read_table(path: Path) -> pl.DataFrame | None:
-    """A whole table; None if it is missing or damaged."""
-    try:
-        return pl.read_parquet(path, memory_map=False)
-    except (OSError, pl.exceptions.PolarsError):
-        return None
-
-
 def _read_manifest(directory: Path) -> Manifest | None:
     """Read ``campaign.json``; None if it is missing."""
     try:
@@ -198,16 +177,11 @@ def _refuse_another(found: Manifest, wanted: Manifest, directory: Path) -> None:
 
     The number of runs per part may differ: it changes no row.
     """
-    if found.flexid != wanted.flexid:
-        what = f"a campaign of flexid {found.flexid}, and this is {wanted.flexid}"
-    elif found.experiment != wanted.experiment:
-        what = "a campaign of another experiment"
-    elif found.plan != wanted.plan:
-        what = "a campaign of the same experiment in which something else varies"
-    elif (found.kind, found.runs, found.inputs) != (wanted.kind, wanted.runs, wanted.inputs):
-        what = f"a {FILE} that was changed by hand"
-    elif set(found.keep) != set(wanted.keep):
-        what = f"a campaign that keeps other results ({', '.join(found.keep)})"
-    else:
-        return
-    raise CampaignError(str(directory), f"holds {what}: give another directory")
+    alike = {"flexid": "version of flexid", "experiment": "experiment", "plan": "plan of runs"}
+    for name, what in alike.items():
+        if getattr(found, name) != getattr(wanted, name):
+            reason = f"holds a campaign of another {what}: give another directory"
+            raise CampaignError(str(directory), reason)
+    if (found.kind, found.runs, found.inputs) != (wanted.kind, wanted.runs, wanted.inputs):
+        reason = f"holds a {FILE} that was changed by hand: give another directory"
+        raise CampaignError(str(directory), reason)

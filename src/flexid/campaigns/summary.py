@@ -16,10 +16,7 @@ from flexid.errors import CampaignError
 
 _FEWEST_RUNS = 10  # fewest runs from which a correlation is computed
 
-_FEWEST_POINTS = 16  # fewest complete points of Saltelli's plan from which indices are computed
-
 _LEVEL = 0.05
-_SEED = 1  # of the resampling; SALib takes 0 for none
 
 
 @dataclass(frozen=True)
@@ -30,17 +27,6 @@ class Correlation:
     value: float  # between -1 and 1
     # whether it differs from 0 at a level of 5 %, shared by all inputs of the result (Bonferroni)
     significant: bool
-
-
-@dataclass(frozen=True)
-class SobolIndex:
-    """Share of a result's variance that an input makes."""
-
-    input: str  # dotted path
-    first: float  # share of the input alone
-    first_half_width: float  # of its 95 % interval
-    total: float  # share together with all interactions
-    total_half_width: float
 
 
 def rank_correlations(
@@ -64,30 +50,6 @@ def rank_correlations(
     return tuple(sorted(found, key=lambda one: -abs(one.value)))
 
 
-def sobol_indices(inputs: Sequence[str], result: FloatArray) -> tuple[SobolIndex, ...]:
-    """Sobol indices of one result, shape (n_points, n_inputs + 2), the largest total first.
-
-    A point of the plan with a run that has no finite value is left out whole.
-    """
-    try:
-        from SALib.analyze import sobol
-    except ImportError:
-        raise CampaignError(
-            "a plan for Sobol indices",
-            "is evaluated by SALib, which is not installed: pip install 'flexid[campaigns]'",
-        ) from None
-    result = result[np.all(np.isfinite(result), axis=1)]
-    if len(result) < _FEWEST_POINTS or np.ptp(result) == 0.0:
-        return ()
-    problem = {"num_vars": len(inputs), "names": list(inputs)}
-    found = sobol.analyze(
-        problem, result.ravel(), calc_second_order=False, num_resamples=200, seed=_SEED
-    )
-    columns = (found[key] for key in ("S1", "S1_conf", "ST", "ST_conf"))
-    rows = zip(inputs, *(map(float, column) for column in columns), strict=True)
-    return tuple(sorted((SobolIndex(*row) for row in rows), key=lambda one: -one.total))
-
-
 QUANTILES = (0.05, 0.5, 0.95)
 
 _SIGNED = ("final_error.", "final_state.")
@@ -104,8 +66,6 @@ class Result:
     quantiles: tuple[float, ...]  # of the finite values, at QUANTILES; NaN if there are none
     # with the inputs, the strongest first; of signed results, that of the magnitude
     correlations: tuple[Correlation, ...]
-    # the largest first; empty unless the plan is one for Sobol indices
-    indices: tuple[SobolIndex, ...]
 
 
 @dataclass(frozen=True)
@@ -149,7 +109,7 @@ def summarise(out: str | Path) -> Summary:
         dict(counts.iter_rows()),
         errors[0] if len(errors) else "",
         {name: finished[name].to_numpy() for name in inputs},
-        tuple(_result(n, finished, store.manifest) for n in rows.columns if n not in apart),
+        tuple(_result(n, finished, inputs) for n in rows.columns if n not in apart),
     )
 
 
@@ -179,11 +139,10 @@ def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
         ) from None
 
 
-def _result(name: str, finished: pl.DataFrame, manifest: Manifest) -> Result:
+def _result(name: str, finished: pl.DataFrame, inputs: Sequence[str]) -> Result:
     values = finished[name].cast(pl.Float64).to_numpy()
     finite = values[np.isfinite(values)]
     quantiles = np.quantile(finite, QUANTILES) if len(finite) else np.full(len(QUANTILES), np.nan)
-    inputs = manifest.inputs
     judged = np.abs(values) if name.startswith(_SIGNED) else values
     return Result(
         name,
@@ -191,14 +150,4 @@ def _result(name: str, finished: pl.DataFrame, manifest: Manifest) -> Result:
         len(values) - len(finite),
         tuple(map(float, quantiles)),
         rank_correlations(inputs, finished.select(inputs).to_numpy(), judged),
-        _indices(name, finished, manifest) if manifest.kind == "sobol-indices" else (),
     )
-
-
-def _indices(name: str, finished: pl.DataFrame, manifest: Manifest) -> tuple[SobolIndex, ...]:
-    """Indices from the points of the plan whose runs are all there and finished."""
-    size = len(manifest.inputs) + 2
-    table = np.full(manifest.runs, np.nan)
-    table[finished["run"].to_numpy()] = finished[name].cast(pl.Float64).to_numpy()
-    judged = np.abs(table) if name.startswith(_SIGNED) else table
-    return sobol_indices(manifest.inputs, judged.reshape(-1, size))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import prod
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,25 +16,11 @@ from flexid.toml_file import Refuse, validated
 if TYPE_CHECKING:
     from flexid.experiments.experiment import Experiment
 
-Kept = Literal[
-    "final_errors",
-    "final_states",
-    "settling_time",
-    "tracking",
-    "excitation",
-    "peak_input",
-    "time_series",
-]
-"""What can be kept of each run in addition to its status, the time it reached and its steps."""
-
-MEASURES: tuple[Kept, ...] = tuple(name for name in get_args(Kept) if name != "time_series")
-"""All of it but the time series."""
-
 MOST_RUNS = 10_000_000
 """Of one campaign."""
 
 Kind = Literal["uniform", "log_uniform", "normal", "integers"]
-Plan = Literal["grid", "latin-hypercube", "sobol", "sobol-indices"]
+Plan = Literal["grid", "latin-hypercube", "sobol"]
 
 
 @dataclass(frozen=True)
@@ -74,11 +60,10 @@ Input = tuple[float, ...] | Distribution
 class Variation:
     """The ``[campaign]`` part of an experiment."""
 
-    kind: Plan  # every combination of the values, or draws; the last ones made for Sobol indices
+    kind: Plan  # every combination of the values, or draws
     runs: int  # number of runs; of a grid the product of the numbers of values
     seed: int  # of the draws
     inputs: Mapping[str, Input]  # by dotted path of the experiment's file
-    keep: tuple[Kept, ...]  # what is kept of each run
     runs_per_part: int | None  # runs that share a file of the result; None: the campaign chooses
 
 
@@ -92,12 +77,11 @@ _INSIDE = 0.501  # share of the draws below the value inside a distribution that
 
 
 class CampaignTable(Table):
-    """What varies over many runs, and what is kept of each."""
+    """What varies over many runs."""
 
     kind: Plan
     runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
     seed: Annotated[int, Field(ge=0, le=2**63)] = 0
-    keep: list[Kept] = Field(default=list(MEASURES))
     runs_per_part: Annotated[int, Field(ge=1, le=100_000)] | None = None
     vary: Annotated[dict[str, Any], Field(min_length=1)]
 
@@ -141,9 +125,7 @@ def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
             raise refuse("vary", f"makes {runs} combinations: give at most {MOST_RUNS}")
     elif runs is None:
         raise refuse("runs", "is missing: add it")
-    return Variation(
-        content.kind, runs, content.seed, inputs, tuple(content.keep), content.runs_per_part
-    )
+    return Variation(content.kind, runs, content.seed, inputs, content.runs_per_part)
 
 
 def _flat(vary: Mapping[str, Any], experiment: "Experiment", path: str = "") -> Iterator[Any]:

@@ -39,17 +39,6 @@ def importance_parts(summary: Summary) -> Iterator[Part]:
         named = [f"{one.input} {one.value:+.2f}" for one in result.correlations if one.significant]
         correlations.add(result.name, _sentence(named, len(result.correlations)))
     yield correlations
-    if summary.manifest.kind == "sobol-indices":
-        title = "Share of the variance (Sobol indices), interactions included (and alone)"
-        shares = Table(title, columns)
-        for result in shown:
-            named = [
-                f"{one.input} {one.total:.2f} ± {one.total_half_width:.2f} ({one.first:.2f})"
-                for one in result.indices
-                if one.total > one.total_half_width
-            ]
-            shares.add(result.name, _sentence(named, len(result.indices)))
-        yield shares
     if any(result.missing for result in summary.results):
         yield (
             "None: finished runs without this result; an estimate that does not stay within 5 % "
@@ -199,8 +188,6 @@ def _scaled(values: FloatArray) -> tuple[FloatArray, str, tuple[float, float] | 
 
 def _strongest(result: Result) -> str | None:
     """The input that matters most, if one does."""
-    if result.indices:
-        return result.indices[0].input
     significant = [one.input for one in result.correlations if one.significant]
     return significant[0] if significant else None
 
@@ -273,7 +260,6 @@ def document(summary: Summary) -> dict[str, Any]:
                     zip(map("{:g}".format, QUANTILES), result.quantiles, strict=True)
                 ),
                 "rank_correlations": result.correlations,
-                "sobol_indices": result.indices,
             }
             for result in summary.results
         },
