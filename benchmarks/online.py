@@ -14,9 +14,7 @@ from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.estimators.online import OnlineEstimator
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
-from flexid.estimators.recursive_least_squares import (
-    recursive_least_squares,
-)
+from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.samples import Samples
 from flexid.models.flexible_joint import flexible_joint
 
@@ -30,9 +28,6 @@ def estimators() -> dict[str, OnlineEstimator]:
     return {
         "recursive least squares": recursive_least_squares(JOINT, SAMPLE_TIME),
         "observer, constant gain": parametric_observer(JOINT, gains, SAMPLE_TIME),
-        "observer, least-squares gain": recursive_least_squares(
-            JOINT, SAMPLE_TIME, velocities=True
-        ),
     }
 
 

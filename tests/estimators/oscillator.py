@@ -89,18 +89,14 @@ def observer(system: ParametricSystem, hold: Hold) -> OnlineEstimator:
     return parametric_observer(system, gains, SAMPLE_TIME, hold)
 
 
-def recursive(velocities: bool, system: ParametricSystem, hold: Hold) -> OnlineEstimator:
+def recursive(system: ParametricSystem, hold: Hold) -> OnlineEstimator:
     """Recursive least squares."""
-    return recursive_least_squares(system, SAMPLE_TIME, hold=hold, velocities=velocities)
+    return recursive_least_squares(system, SAMPLE_TIME, hold=hold)
 
 
 BATCH: Mapping[str, Batch] = {"least squares": by_filter, "prediction error": by_motion}
 
-ONLINE: Mapping[str, Builder] = {
-    "observer": observer,
-    "recursive, on positions": partial(recursive, False),
-    "recursive, on velocities": partial(recursive, True),
-}
+ONLINE: Mapping[str, Builder] = {"observer": observer, "recursive": recursive}
 """Builders by name; each takes the model and the hold of its input."""
 
 

@@ -64,14 +64,7 @@ REFUSED = {
     "filter too slow": ({"sample_time": 1e-3, "filter_rate": 0.009}, "give 0.01 to 500 1/s"),
     "filter too fast": ({"sample_time": 1e-3, "filter_rate": 501.0}, "give 0.01 to 500 1/s"),
     "filter backwards": ({"sample_time": 1e-3, "filter_rate": -20.0}, "give 0.01 to 500 1/s"),
-    "gain without velocities": (
-        {"sample_time": 1e-3, "gain": {"link": 1.0, "motor": 1.0}},
-        "add --velocities",
-    ),
-    "gain of one row": (
-        {"sample_time": 1e-3, "velocities": True, "gain": {"link": 1.0}},
-        "give one for 'alpha1'",
-    ),
+    "gain of one row": ({"sample_time": 1e-3, "gain": {"link": 1.0}}, "give one for 'alpha1'"),
     "memory too short": ({"sample_time": 1e-3, "memory": 0.0}, "longer than ten samples"),
     "another sample time": (
         {"sample_time": 2e-3, "log": "examples/flexible_joint.csv"},

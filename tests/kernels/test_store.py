@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
+from flexid.errors import SettingError
 from flexid.identification.preparation.joint import flexible, rigid
 from flexid.kernels import store
 
@@ -36,6 +36,12 @@ def run(code: str, cache: Path, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-c", code, *arguments], env=environment, stdout=subprocess.PIPE, text=True
     )
+
+
+def forget(kernel: ModuleType) -> None:
+    """Let the next call load a kernel as another process would."""
+    store._LOADED.clear()
+    del sys.modules[kernel.__name__]
 
 
 @pytest.fixture
@@ -69,7 +75,7 @@ def test_built_once_in_the_folder_that_is_named(
         return "VALUE = 1\n"
 
     first = store.load_kernel("test", ["built once"], build)
-    del sys.modules[first.__name__]
+    forget(first)
     second = store.load_kernel("test", ["built once"], build)
     assert second.VALUE == len(built) == 1
     assert Path(str(second.__file__)).parent == cache
@@ -117,46 +123,6 @@ def test_changed_generator_derives_anew_but_compiles_only_what_differs(
     assert len(list(cache.glob("*.py"))) == 2
 
 
-@pytest.mark.parametrize("used", [False, True])
-def test_what_nobody_uses_is_removed(cache: Path, used: bool) -> None:
-    """Assert that a month later a kernel goes when another one is made, unless it is still used."""
-    source = f"{KERNEL}\n# {used}\n"
-    kernel = store.load_kernel("old", ["x"], lambda: source)
-    assert kernel.double(2) == 4
-    files = {path for path in cache.rglob("*.*") if path.is_file() and path.suffix != ".lock"}
-    own = cache / "flexid_analysis.py"
-    own.write_text("MINE = True\n")
-    written = [path for path in files if path.suffix != ".pyc"]  # which Python keeps if it may
-    assert len(written) == 6  # derived, kernel, a mark of each, and the two of numba
-    long_ago = time.time() - (store.KEPT_DAYS + 1) * 86400.0
-    for path in (own, *files):
-        os.utime(path, (long_ago, long_ago))
-    del sys.modules[kernel.__name__]
-    if used:
-        store.load_kernel("old", ["x"], lambda: source)
-    store.load_kernel("new", ["x"], lambda: "NEW = True\n")
-    assert {path for path in files if path.exists()} == (files if used else set())
-    assert own.exists()
-
-
-FULL = """
-import resource, sys
-sys.dont_write_bytecode = True  # of which Python would keep the first 50 bytes
-resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50))
-"""
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif(os.name != "posix", reason="limits of processes")
-def test_a_full_cache_stops_nothing(tmp_path: Path) -> None:
-    """Assert that a kernel that cannot be written computes the same, and leaves no half a file."""
-    full = run(FULL + OBSERVE, tmp_path)
-    value = full.communicate(timeout=300)[0].split()[0]
-    assert full.returncode == 0
-    assert not [path for path in tmp_path.rglob("*") if path.suffix in {".py", ".tmp"}]
-    assert run(OBSERVE, tmp_path).communicate(timeout=300)[0].split()[0] == value
-
-
 def test_what_cannot_be_saved_is_compiled_all_the_same(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -182,7 +148,7 @@ def test_compiling_is_announced_once(cache: Path, caplog: pytest.LogCaptureFixtu
         caplog.clear()
     store._announce.cache_clear()
     kernel = store.load_kernel("said", ["x"], lambda: KERNEL)
-    del sys.modules[kernel.__name__]
+    forget(kernel)
     with caplog.at_level("INFO", name):
         store.load_kernel("said", ["x"], lambda: KERNEL).double(3)
     assert not caplog.records
@@ -206,15 +172,6 @@ def test_failed_build_leaves_nothing(cache: Path) -> None:
     assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
 
 
-def test_fallback_is_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Assert that without a writable cache kernels go to a new folder that is the user's alone."""
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
-    directory = store.cache_directory()
-    assert not list(directory.iterdir())
-    assert directory.stat().st_mode & 0o077 == 0
-
-
 KERNEL = """
 from numba import njit
 
@@ -225,13 +182,26 @@ def double(x):
 
 
 def test_damaged_files_are_made_anew(cache: Path) -> None:
-    """Assert that an emptied index of compiled code, as of a power failure, does no harm."""
+    """Assert that an emptied index, as of a power failure, does no harm, but to no file in work."""
     kernel = store.load_kernel("damage", ["x"], lambda: KERNEL)
     assert kernel.double(2) == 4
-    del sys.modules[kernel.__name__]
+    begun = cache / "__pycache__" / f"{kernel.__name__}.double-5.py311.2.nbc.tmp.0123"
+    begun.touch()
+    forget(kernel)
     (index,) = cache.glob("__pycache__/*.nbi")
     index.write_bytes(b"")
     assert store.load_kernel("damage", ["x"], lambda: KERNEL).double(3) == 6
+    assert begun.exists()
+
+
+def test_a_cache_that_cannot_be_written_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Assert that the folder and the remedy are named."""
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
+    with pytest.raises(SettingError, match=r"file/cache cannot be written .*FLEXID_CACHE_DIR"):
+        store.load_kernel("nowhere", ["x"], lambda: KERNEL)
 
 
 PAIRS = """
@@ -252,20 +222,9 @@ def test_an_index_may_name_a_kernel_that_is_not_loaded(cache: Path) -> None:
     assert two.total(one.Pair(1.0, 2.0)) == 3.0
     assert list(cache.glob(f"__pycache__/{two.__name__}.*.nbi"))
     for kernel in (one, two):
-        del sys.modules[kernel.__name__]
+        forget(kernel)
     again = store.load_kernel("pairs_b", ["pairs_b"], lambda: PAIRS)
     assert again.total(again.Pair(1.0, 3.0)) == 4.0
-
-
-def test_a_file_that_is_being_written_is_left_alone(cache: Path) -> None:
-    """Assert that what another process has just begun to write is not taken for damage."""
-    kernel = store.load_kernel("begun", ["x"], lambda: KERNEL)
-    assert kernel.double(2) == 4
-    begun = cache / "__pycache__" / f"{kernel.__name__}.double-5.py311.2.nbc.tmp.0123"
-    begun.touch()
-    del sys.modules[kernel.__name__]
-    store.load_kernel("begun", ["x"], lambda: KERNEL)
-    assert begun.exists()
 
 
 DOUBLE = """

@@ -112,7 +112,6 @@ CASES: dict[str, Callable[[], Any]] = {
     "segments": equations,
     "observer": lambda: estimate(parametric_observer(JOINT, {"link": 1.0, "motor": 1.0}, H)),
     "recursive least squares": lambda: estimate(recursive_least_squares(JOINT, H)),
-    "least-squares observer": lambda: estimate(recursive_least_squares(JOINT, H, velocities=True)),
     "guard of a stream": watch_a_stream,
 }
 

@@ -1,7 +1,7 @@
 """Recursive least squares: a value, its standard deviation and whether it is determined, any time.
 
-Each sample gives one equation per row, y = rᵀp, either from positions through the state-variable
-filter or from increments of measured velocities. With weights that fade by μ per sample,
+Each sample gives one equation per row, y = rᵀp, from positions through the state-variable filter.
+With weights that fade by μ per sample,
 
     A <- μ A + r rᵀ + (1 - μ) F,    b <- μ b + r y + (1 - μ) F p,    p <- p + A⁻¹ (b - A p).
 
@@ -30,12 +30,6 @@ _SETTLED = 5.0  # time constants of the filter before anything is called determi
 _BLOCKS_PER_MEMORY = 8.0  # so that 40 blocks reach back over five memories
 _VELOCITY_WINDOW = 0.25  # half window of the velocity estimate, in time constants of the filter
 _LONGEST_HALF_WINDOW = 25  # samples: the window moves with every sample, at that cost
-# Part of a left-hand side to explain: of filtered noise it is a hundredth; increments are noisy.
-_EXPLAINED, _EXPLAINED_BY_INCREMENTS = 0.5, 0.05
-_SHORTEST_BLOCK = 0.5  # s, where there is no filter to say how long noise is correlated
-
-LEAST_INFORMATION = 1e-4
-"""Part of the largest information of a coefficient that is never forgotten."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +43,9 @@ class Law:
     ridge: float  # ρ, added to the matrix when it is scaled to a unit diagonal
     least_tolerance: float  # part of a regressor's square that the others must leave over
     least_explained: float  # part of a left-hand side that a row must explain
-    # equations after which the filter remembers nothing of the time before; 0 without a filter
+    # equations after which the filter remembers nothing of the time before
     memory: int
-    pole: float  # of the filter; 0 without one
+    pole: float  # of the filter
     # samples to either side that a velocity is the slope over; 0 where none is needed
     half_window: int
 
@@ -73,11 +67,11 @@ class RecursiveLeastSquares(OnlineEstimator):
         settings = self._settings.tolist()
         return Law(
             settings[kernel.FORGETTING],
-            settings[kernel.LEAST_INFORMATION],
+            kernel.LEAST_INFORMATION,
             int(settings[kernel.FEWEST]),
             kernel.RIDGE,
             kernel.LEAST_TOLERANCE,
-            settings[kernel.LEAST_EXPLAINED],
+            kernel.LEAST_EXPLAINED,
             int(settings[kernel.MEMORY]),
             settings[kernel.POLE],
             int(settings[kernel.HALF_WINDOW]),
@@ -150,11 +144,10 @@ def recursive_least_squares(
     filter_rate: float = 20.0,
     hold: Hold = "linear",
     memory_time: float = np.inf,
-    velocities: bool = False,
 ) -> RecursiveLeastSquares:
-    """Recursive least squares on positions through the filter λ²/(s + λ)², or on velocities.
+    """Recursive least squares on positions through the filter λ²/(s + λ)².
 
-    On positions it ends, without forgetting, where `filtered_least_squares` does. What the filter
+    It ends, without forgetting, where `filtered_least_squares` does. What the filter
     remembers from before the first sample is estimated until it has decayed.
 
     Parameters
@@ -171,10 +164,6 @@ def recursive_least_squares(
         Whether the inputs run linearly between samples or are constant until the next one.
     memory_time : float, optional
         Time in s after which a sample weighs 1/e as much; infinite: nothing is forgotten.
-    velocities : bool, optional
-        Samples hold measured velocities, and there is no filter: the paper's observer with the
-        inverse of the information as its gain. Over an interval the integral of r v' is r̄ Δv, so
-        it needs no acceleration and no closed form of the immersion.
 
     Returns
     -------
@@ -186,23 +175,18 @@ def recursive_least_squares(
         If a setting is out of its range.
     """
     h = checked_sample_time(sample_time)
-    plain = signals(system)
-    half, pole = 0, 0.0
-    if velocities:
-        shortest_block, memory, fewest = _SHORTEST_BLOCK / h, 0.0, np.ceil(_SHORTEST_BLOCK / h)
-    else:
-        if not (np.isfinite(filter_rate) and filter_rate > 0.0):
-            raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
-        per_constant = 1.0 / (filter_rate * h)
-        if plain.VELOCITY_NEEDED:
-            half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
-        pole = np.exp(-1.0 / per_constant)
-        shortest_block = _INDEPENDENCE * per_constant
-        memory, fewest = np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)
+    if not (np.isfinite(filter_rate) and filter_rate > 0.0):
+        raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
+    per_constant = 1.0 / (filter_rate * h)
+    plain, half = signals(system), 0
+    if plain.VELOCITY_NEEDED:
+        half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
+    pole = np.exp(-1.0 / per_constant)
+    shortest_block = _INDEPENDENCE * per_constant
+    memory, fewest = np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)
     fading = fading_factor(memory_time, h)
     longest_block = max(shortest_block, memory_time / h / _BLOCKS_PER_MEMORY)
-    least_explained = _EXPLAINED_BY_INCREMENTS if velocities else _EXPLAINED
-    law = [fading, LEAST_INFORMATION, longest_block, memory, fewest, least_explained]
+    law = [fading, longest_block, memory, fewest]
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     factors = np.empty((plain.N_SIGNALS, len(system.rows)))
     plain.velocity_factors(constants, factors)
@@ -212,12 +196,12 @@ def recursive_least_squares(
     starts = (0, *(part.stop for _, part in system.row_slices()))
     compiled = _compiled_signals(system)
     address = compiled.sampled_parts.address
-    model = kernel.sizes(address, starts, len(system.inputs), len(constants), not velocities, half)
+    model = kernel.sizes(address, starts, len(system.inputs), len(constants), half)
     layout = np.array([*model, *starts], dtype=np.int64)
     state = np.zeros(model.state)
     state[model.counts + kernel.BLOCK_LENGTH] = shortest_block
     return RecursiveLeastSquares(
-        system, h, hold, velocities, kernel, settings, (layout,), state, model, compiled
+        system, h, hold, False, kernel, settings, (layout,), state, model, compiled
     )
 
 

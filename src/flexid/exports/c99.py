@@ -38,14 +38,14 @@ class DriveSource:
                     f"of a row that an estimator in C takes: leave some out",
                 )
         self.twin = self.settings.twin(self.system)
-        self.functions = drive_functions(self.system, not self.settings.velocities)
+        self.constant = isinstance(self.twin, ParametricObserver)  # the gain
+        self.functions = drive_functions(self.system, not self.constant)
         self._units = request.units
         # For the templates: identifiers in C of states, inputs, coefficients; what a sample holds.
         self.names = self.functions.names
         states = self.system.states
-        measured = states if self.settings.velocities else states[::2]
+        measured = states if self.constant else states[::2]
         self.sample_names = (*measured, *self.system.inputs)
-        self.constant = isinstance(self.twin, ParametricObserver)  # the gain
         # Numbers of coefficients, where those of each row begin, and what they are at first.
         self.counts = [len(row.coefficients) for row in self.system.rows]
         self.row_starts = [0, *(part.stop for _, part in self.system.row_slices())]
@@ -60,8 +60,7 @@ class DriveSource:
     def recent_weight(self) -> float:
         """Weight of the latest sample in what is called recent."""
         h = self.settings.sample_time
-        filtered = isinstance(self.twin, RecursiveLeastSquares) and not self.settings.velocities
-        spans = h * self.settings.filter_rate / _RECENT if filtered else h / _RECENT_TIME
+        spans = h / _RECENT_TIME if self.constant else h * self.settings.filter_rate / _RECENT
         return 1.0 - exp(-spans)
 
     def unit(self, coefficient: str) -> str:
@@ -101,7 +100,6 @@ class DriveSource:
             drive=self,
             settings=settings,
             law=law,
-            velocities=settings.velocities,
             largest=_LARGEST_SAMPLE,
             **more,
         )

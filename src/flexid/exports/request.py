@@ -142,20 +142,15 @@ class EstimatorSettings:
 
     sample_time: float  # s
     hold: "Hold" = "zero"  # the input between samples
-    velocities: bool = False  # samples hold measured velocities
-    # by coefficient or row: the paper's observer
+    # by coefficient or row: the paper's observer, whose samples hold measured velocities
     gains: Mapping[str, float] = field(default_factory=dict)
     filter_rate: float = 20.0  # 1/s, of the filter that positions pass
     memory_time: float = _MEMORY_TIME  # s, after which a sample weighs 1/e as much
     start: Mapping[str, float] = field(default_factory=dict)  # 0 where no value is given
 
     def __post_init__(self) -> None:
-        if self.gains and not self.velocities:
-            raise SettingError(
-                "gain", "a constant gain takes measured velocities: add --velocities, or leave it"
-            )
         check_sample_time(self.sample_time)
-        if not self.velocities:
+        if not self.gains:
             check_filter_rate(self.filter_rate, self.sample_time)
 
     def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":
@@ -166,23 +161,18 @@ class EstimatorSettings:
         h, hold, memory = self.sample_time, self.hold, self.memory_time
         if self.gains:
             return parametric_observer(system, self.gains, h, hold)
-        return recursive_least_squares(system, h, self.filter_rate, hold, memory, self.velocities)
+        return recursive_least_squares(system, h, self.filter_rate, hold, memory)
 
     @property
     def summary(self) -> str:
         """What is estimated from what, in a line."""
         if self.gains:
             return "Constant gain, from positions, velocities and inputs."
-        if self.velocities:
-            return f"Least-squares gain{self._fading}, from positions, velocities and inputs."
+        memory = "" if self.memory_time == inf else f", memory {self.memory_time:g} s"
         return (
-            f"Least-squares gain{self._fading}, from positions and inputs "
-            f"through a filter of {self.filter_rate:g} 1/s."
+            f"Least-squares gain{memory}, from positions and inputs through a filter of "
+            f"{self.filter_rate:g} 1/s."
         )
-
-    @property
-    def _fading(self) -> str:
-        return "" if self.memory_time == inf else f", memory {self.memory_time:g} s"
 
 
 class Target(NamedTuple):

@@ -10,19 +10,15 @@ the code that generates. A change of that code costs another derivation, of some
 out of it as it was, is not compiled again.
 """
 
-import atexit
 import hashlib
 import importlib.util
 import logging
 import os
 import re
-import shutil
 import sys
-import tempfile
 import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -31,6 +27,7 @@ from typing import Any
 
 import platformdirs
 
+from flexid.errors import SettingError
 from flexid.files import write_atomically
 
 _LOG = logging.getLogger(__name__)
@@ -41,11 +38,6 @@ _LOADED: dict[tuple[str, ...], ModuleType] = {}
 
 CACHE_VARIABLE = "FLEXID_CACHE_DIR"
 """Environment variable that moves the cache of kernels."""
-
-KEPT_DAYS = 30
-"""A kernel that was not used for so long is removed when another one is made."""
-
-_DAY = 86400.0
 
 
 def load_kernel(
@@ -64,10 +56,16 @@ def load_kernel(
     directory = cache_directory()
     asked = (str(directory), _generator_digest(), task, *declarations, "", *templates)
     with _LOADING:
-        kernel = _LOADED.get(asked)
-        if kernel is None or sys.modules.get(kernel.__name__) is not kernel:
-            kernel = _LOADED[asked] = _load(directory, task, declarations, build, templates)
-        return kernel
+        if asked not in _LOADED:
+            try:
+                _LOADED[asked] = _load(directory, task, declarations, build, templates)
+            except OSError as error:
+                raise SettingError(
+                    "cache",
+                    f"{directory} cannot be written ({error.strerror}): make room there, or set "
+                    f"{CACHE_VARIABLE} to another folder",
+                ) from None
+        return _LOADED[asked]
 
 
 def _load(
@@ -81,10 +79,7 @@ def _load(
     text = "" if build is None else _shipped(task, declarations)
     if text is None and build is not None:
         derived = f"{task}_{_digest(_generator_digest(), *declarations)}.py"
-        try:
-            text = _provided(directory / "derived" / derived, build)
-        except OSError:  # a full disk
-            text = build()
+        text = _provided(directory / "derived" / derived, build)
     # How functions are compiled has to be known where the first of them stands.
     needed = sorted(with_needed(templates), key=lambda template: template != "compiled")
     texts = [*map(template, needed)]
@@ -94,11 +89,9 @@ def _load(
     if name in sys.modules:
         return sys.modules[name]
     path = directory / f"{name}.py"
-    try:
-        _provided(path, lambda: source)
-        return _import(name, path, source)
-    except OSError:
-        return _in_memory(name, source)
+    _provided(path, lambda: source)
+    _discard_damaged(path)
+    return _import(name, path, source)
 
 
 def shipped_name(task: str, declarations: Sequence[str]) -> str:
@@ -114,21 +107,13 @@ def _shipped(task: str, declarations: Sequence[str]) -> str | None:
 
 
 def _provided(path: Path, make: Callable[[], str]) -> str:
-    """A source on disk: written if it is not there, whole, and marked as in use."""
-    made = False
+    """A source on disk: written if it is not there, whole."""
     if not path.exists():
-        path.parent.mkdir(exist_ok=True)
-        with _one_writer(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with _lock(path):
             if not path.exists():  # nobody else has made it in the meantime
                 text = make()
                 write_atomically(path, lambda file: file.write_text(text, "utf-8"))
-                made = True
-    _discard_damaged(path)
-    mark = path.with_suffix(".used")
-    if not mark.exists() or time.time() - mark.stat().st_mtime > _DAY:
-        mark.touch()
-    if made:
-        _evict(path.parent)
     return path.read_text("utf-8")
 
 
@@ -152,7 +137,7 @@ def _discard_damaged(path: Path) -> None:
     with suppress(FileNotFoundError):  # another process is removing them
         if all(file.stat().st_size for file in _compiled(path)):
             return
-    with _one_writer(path):
+    with _lock(path):
         _discard_compiled(path)
 
 
@@ -160,36 +145,6 @@ def _discard_compiled(path: Path) -> None:
     """Remove a kernel's bytecode, and all numba's files: a new index gives old names away."""
     for file in _compiled(path, (".nbi", ".nbc", ".pyc")):
         file.unlink(missing_ok=True)
-
-
-def _evict(directory: Path) -> None:
-    """Remove the sources that nobody has used for long, with what was compiled of them."""
-    oldest = time.time() - KEPT_DAYS * _DAY
-    for mark in directory.glob("*.used"):
-        with suppress(FileNotFoundError):  # another process removes the same
-            if mark.stat().st_mtime < oldest:
-                _discard_compiled(mark)
-                mark.with_suffix(".py").unlink()
-                mark.unlink()
-
-
-def _in_memory(name: str, source: str) -> ModuleType:
-    """A kernel for this process alone, where nothing can be written: compiled, but not kept."""
-    module = ModuleType(name)
-    for kept in ("cache=", '"cache": '):
-        source = source.replace(f"{kept}True", f"{kept}False")
-    exec(compile(source, f"<{name}>", "exec"), vars(module))
-    sys.modules[name] = module
-    return module
-
-
-@contextmanager
-def _one_writer(path: Path) -> Iterator[None]:
-    """Let one thread of one process at a time write the files of a kernel."""
-    with ExitStack() as held:
-        with suppress(NotImplementedError, OSError):  # a file system without locks
-            held.enter_context(_lock(path))
-        yield
 
 
 @cache
@@ -219,7 +174,7 @@ class _OneCompiles:
         """The compiled code; None, after which it is compiled and saved, if there is none."""
         found = self._loaded(*arguments)
         if found is None:
-            self._compiling.enter_context(_one_writer(self._path))
+            self._compiling.enter_context(_lock(self._path))
             found = self._loaded(*arguments)  # unless another process has just saved it
             if found is not None:
                 self._compiling.close()
@@ -231,7 +186,7 @@ class _OneCompiles:
         try:
             return self._load(*arguments)
         except ImportError:
-            with _one_writer(self._path), suppress(OSError):
+            with _lock(self._path):
                 _discard_compiled(self._path)
             return None
 
@@ -269,28 +224,13 @@ def with_needed(templates: Sequence[str]) -> tuple[str, ...]:
 
 
 def cache_directory() -> Path:
-    """Directory of the kernels: ``$FLEXID_CACHE_DIR``, the user's cache, or a temporary one."""
-    return _writable(os.environ.get(CACHE_VARIABLE) or _of_the_user())
+    """Directory of the kernels: ``$FLEXID_CACHE_DIR``, or the user's cache."""
+    return Path(os.environ.get(CACHE_VARIABLE) or _of_the_user())
 
 
 @cache
 def _of_the_user() -> str:
     return platformdirs.user_cache_dir("flexid")
-
-
-@cache
-def _writable(wanted: str) -> Path:
-    """The directory that is wanted, or a temporary one if nothing can be written there."""
-    directory = Path(wanted)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory):
-            return directory
-    except OSError:  # a read-only home directory
-        # New and private: whatever lies there is run, so nobody else may have put it there.
-        private = tempfile.mkdtemp(prefix="flexid-")
-        atexit.register(shutil.rmtree, private, ignore_errors=True)
-        return Path(private)
 
 
 def _digest(*parts: str) -> str:
@@ -323,7 +263,7 @@ def _import(name: str, path: Path, source: str) -> ModuleType:
     sys.modules[name] = module
     with ExitStack() as compiling:
         if "cfunc(" in source and not _compiled(path):
-            compiling.enter_context(_one_writer(path))
+            compiling.enter_context(_lock(path))
             if not _compiled(path):
                 _announce()
         try:

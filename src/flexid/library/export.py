@@ -129,7 +129,6 @@ def export(
     out: FilePath,
     sample_time: float | None = None,
     hold: Literal["zero", "linear"] | None = None,
-    velocities: bool = False,
     gain: Mapping[str, float] | None = None,
     filter_rate: float | None = None,
     memory: float | None = None,
@@ -158,11 +157,9 @@ def export(
         Seconds between the estimator's samples; the log's if there is one.
     hold : {"zero", "linear"}, optional
         The input between samples; as it was identified, else zero.
-    velocities : bool, optional
-        Take measured velocities, too.
     gain : mapping of str to float, optional
-        Constant gains by row or coefficient, the paper's observer, which needs velocities; least
-        squares if not given.
+        Constant gains by row or coefficient: the paper's observer, which takes measured velocities,
+        too. Least squares if not given.
     filter_rate : float, optional
         Rate in 1/s of the filter that positions pass; as it was identified, else 20.
     memory : float, optional
@@ -184,7 +181,6 @@ def export(
         "gains": gain,
         "filter_rate": filter_rate,
         "memory_time": memory,
-        "velocities": velocities or None,
     }
     given = {name: value for name, value in given.items() if value is not None}
     meant = what_is_meant(what, terms, with_memory=TARGETS[to].with_memory, arms=True)

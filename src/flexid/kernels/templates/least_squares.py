@@ -21,27 +21,27 @@ BLOCKS, CLOCK, BLOCK_LENGTH, SPAN, AGE, PAST_GONE = range(N_COUNTS)
 
 RIDGE = 1e-9  # of the matrix scaled to a unit diagonal: less is lost in rounding
 LEAST_TOLERANCE = 1e-5  # part of a regressor that the others must leave over
+LEAST_INFORMATION = 1e-4  # part of the largest of a coefficient that is never forgotten
+LEAST_EXPLAINED = 0.5  # part of a left-hand side; of filtered noise it is a hundredth
 LEAST_PIVOT = 1e-12  # of a diagonal: what elimination leaves below is the rounding of what it took
 
 
-def sizes(address, starts, n_inputs, n_constants, filtered, half):
+def sizes(address, starts, n_inputs, n_constants, half):
     """Sizes of a model whose rows' coefficients begin at `starts`, and the places in its state.
 
     First come the estimates, the counts, and of each row the power of its left-hand side and what
     the filter remembers; then normal equations, a matrix per row and then a vector per row: of all
     samples, of the current block, of the blocks before; last what the rows are made from.
     """
-    n_rows, n_coefficients, n_past = len(starts) - 1, starts[-1], N_PAST if filtered else 0
+    n_rows, n_coefficients = len(starts) - 1, starts[-1]
     n_signals = n_coefficients + n_rows
-    width = max(stop - start for start, stop in pairwise(starts)) + n_past
+    width = max(stop - start for start, stop in pairwise(starts)) + N_PAST
     size = n_rows * (width * width + width)
-    memory = 1 + n_signals + n_rows + n_inputs
-    if filtered:
-        memory = 1 + (2 * half + 3) * (n_rows + n_inputs) + 5 * n_signals
-    parts = (n_coefficients, N_COUNTS, n_rows, n_rows * n_past, n_coefficients, size, size)
+    memory = 1 + (2 * half + 3) * (n_rows + n_inputs) + 5 * n_signals
+    parts = (n_coefficients, N_COUNTS, n_rows, n_rows * N_PAST, n_coefficients, size, size)
     parts += (N_BLOCKS, N_BLOCKS, N_BLOCKS * size, memory)
     places = [sum(parts[: i + 1]) for i in range(len(parts))]
-    return Sizes(address, n_rows, n_inputs, n_coefficients, n_constants, n_past, width, *places)
+    return Sizes(address, n_rows, n_inputs, n_coefficients, n_constants, width, *places)
 
 
 @rounded
@@ -49,7 +49,7 @@ def sizes_of(a):
     """Sizes from an array."""
     return Sizes(
         a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9],
-        a[10], a[11], a[12], a[13], a[14], a[15], a[16], a[17],
+        a[10], a[11], a[12], a[13], a[14], a[15], a[16],
     )  # fmt: skip
 
 
@@ -134,7 +134,7 @@ def places(first, j, model):
 def forget_past(state, model, starts, work):
     """Eliminate the unknown past of all rows, once it has decayed or a new recording begins."""
     width = model.width
-    for j in range(model.n_rows if model.n_past > 0 else 0):
+    for j in range(model.n_rows):
         n = starts[j + 1] - starts[j]
         for first in (model.equations, model.own):
             matrix_at, vector_at = places(first, j, model)
@@ -261,7 +261,7 @@ def update_row(j, start, n, m, state, settings, target, model, room):
     matrix, vector = part(state, matrix_at, width * width), part(state, vector_at, width)
     innovation = target
     for i in range(m):
-        past_at = model.past + model.n_past * j + i - n
+        past_at = model.past + N_PAST * j + i - n
         unknowns[i] = state[start + i] if i < n else state[past_at]
         innovation -= regressor[i] * unknowns[i]
     accumulate(matrix, vector, fading, m, width, regressor, target)
@@ -271,14 +271,14 @@ def update_row(j, start, n, m, state, settings, target, model, room):
     for i in range(n):  # information that is not forgotten, drawn to where the estimate is
         peak = max(state[model.peaks + start + i], matrix[i * width + i])
         state[model.peaks + start + i] = peak
-        kept = (1.0 - fading) * settings[LEAST_INFORMATION] * peak
+        kept = (1.0 - fading) * LEAST_INFORMATION * peak
         matrix[i * width + i] += kept
         vector[i] += kept * unknowns[i]
     solve(matrix, vector, m, width, unknowns, (scale, step, factor))
     power = fading * state[model.power + j] + target * target
     state[model.power + j] = power
     for i in range(m):
-        past_at = model.past + model.n_past * j + i - n
+        past_at = model.past + N_PAST * j + i - n
         state[start + i if i < n else past_at] = unknowns[i]
     explained = 0.0
     for i in range(m):
@@ -286,7 +286,7 @@ def update_row(j, start, n, m, state, settings, target, model, room):
         for k in range(m):
             total -= matrix[i * width + k] * unknowns[k]
         explained += unknowns[i] * total
-    determined = explained > settings[LEAST_EXPLAINED] * power
+    determined = explained > LEAST_EXPLAINED * power
     determined = determined and least_tolerance(factor, m, n, width, step) > LEAST_TOLERANCE
     for i in range(n):
         determined = determined and scale[i] > 0.0
@@ -316,7 +316,7 @@ def take(state, sample, settings, info, model, starts, room):
             close_block(state, settings, model)
     elif counts[PAST_GONE] != 0.0 and counts[SPAN] >= counts[BLOCK_LENGTH]:
         close_block(state, settings, model)
-    n_past = model.n_past if counts[PAST_GONE] == 0.0 else 0
+    n_past = N_PAST if counts[PAST_GONE] == 0.0 else 0
     all_determined = counts[CLOCK] >= settings[FEWEST]
     for j in range(model.n_rows):
         start = starts[j]

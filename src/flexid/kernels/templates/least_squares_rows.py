@@ -1,4 +1,4 @@
-"""Rows of the regression, sample by sample: from filtered positions, or from velocities.
+"""Rows of the regression, sample by sample, from filtered positions.
 
 Signals of a model are its regressors, row by row, and then the known part of each row. The model's
 own function computes them from a state and inputs, without the terms that are linear in velocities;
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 # Places in the settings: of the law, then of the rows. Half a window is the samples on either side
 # that a velocity estimate looks at: 0 where none is needed. After them come the model's constants,
 # the factor of each row's velocity in each signal, and which signals depend on an input.
-FORGETTING, LEAST_INFORMATION, LONGEST_BLOCK, MEMORY, FEWEST, LEAST_EXPLAINED = range(6)
-SAMPLE_TIME, ZERO_ORDER, POLE, HALF_WINDOW, CONSTANTS = range(6, 11)
+FORGETTING, LONGEST_BLOCK, MEMORY, FEWEST = range(4)
+SAMPLE_TIME, ZERO_ORDER, POLE, HALF_WINDOW, CONSTANTS = range(4, 9)
 
 N_PAST = 2  # sequences of which the filter's memory of earlier times consists
 
 # A model: the address of its signals, its sizes, and what lies where in the state; see `sizes`.
 Sizes = namedtuple(
     "Sizes",
-    "address n_rows n_inputs n_coefficients n_constants n_past width "
+    "address n_rows n_inputs n_coefficients n_constants width "
     "counts power past peaks equations own ends lengths stored rows state",
 )
 
@@ -45,15 +45,6 @@ def past(memory, settings, regressor, first):
 
 
 @rounded
-def next_row(memory, sample, settings, model, room):
-    """Take in one sample; return whether there is a row: regressors, then left-hand sides."""
-    memory[0] += 1.0
-    if model.n_past > 0:
-        return filtered_row(memory, sample, settings, model, room)
-    return increment_row(memory, sample, settings, model, room)
-
-
-@rounded
 def middle_of_window(memory, settings, model, x):
     """Positions in the middle of the window, and the slopes of straight lines fitted about it."""
     h, half = settings[SAMPLE_TIME], int(settings[HALF_WINDOW])
@@ -71,11 +62,13 @@ def middle_of_window(memory, settings, model, x):
 
 
 @rounded
-def filtered_row(memory, sample, settings, model, room):
-    """A row from sampled positions: as `filtered_least_squares`, sample by sample.
+def next_row(memory, sample, settings, model, room):
+    """Take in one sample; return whether there is a row: regressors, then left-hand sides.
 
-    Positions and inputs lag by half a window, so that velocities can be slopes about them.
+    It is that of `filtered_least_squares`, sample by sample. Positions and inputs lag by half a
+    window, so that velocities can be slopes about them.
     """
+    memory[0] += 1.0
     x, now, end_now, signals = room
     n_rows, size = model.n_rows, model.n_rows + model.n_inputs
     n_signals = model.n_coefficients + n_rows
@@ -130,44 +123,3 @@ def filtered_row(memory, sample, settings, model, room):
         before[i] = now[i]
         end_before[i] = end_now[i]
     return count >= width
-
-
-@rounded
-def signals_at(x, inputs, settings, model, found):
-    """Signals of the model at a state with its velocities."""
-    call(model.address, x, inputs, part(settings, CONSTANTS, model.n_constants), found)
-    for i in range(model.n_coefficients + model.n_rows):
-        for j in range(model.n_rows):
-            factor = settings[CONSTANTS + model.n_constants + i * model.n_rows + j]
-            found[i] += factor * x[2 * j + 1]
-
-
-@rounded
-def increment_row(memory, sample, settings, model, room):
-    """A row from sampled positions and velocities.
-
-    The increment of each velocity over the interval, per second, against the regressor's mean over
-    it: the Stieltjes integral of r dv, which needs no acceleration.
-    """
-    _, now, _, signals = room
-    n_rows, n_coefficients = model.n_rows, model.n_coefficients
-    n_signals = n_coefficients + n_rows
-    x, u = part(sample, 0, 2 * n_rows), part(sample, 2 * n_rows, model.n_inputs)
-    before = part(memory, 1, n_signals)
-    velocities = part(memory, 1 + n_signals, n_rows)
-    inputs = part(memory, 1 + n_signals + n_rows, model.n_inputs)
-    ready = memory[0] > 1.0
-    if ready:
-        held = inputs if settings[ZERO_ORDER] != 0.0 else u
-        signals_at(x, held, settings, model, now)
-        for i in range(n_signals):
-            signals[i] = 0.5 * (before[i] + now[i])
-        for j in range(n_rows):
-            rise = (x[2 * j + 1] - velocities[j]) / settings[SAMPLE_TIME]
-            signals[n_coefficients + j] = rise - signals[n_coefficients + j]
-    signals_at(x, u, settings, model, before)
-    for j in range(n_rows):
-        velocities[j] = x[2 * j + 1]
-    for j in range(model.n_inputs):
-        inputs[j] = u[j]
-    return ready

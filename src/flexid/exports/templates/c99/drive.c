@@ -22,8 +22,6 @@
 %% if law
 #define FEWEST {{ law.fewest }}U /* equations before anything is called determined */
 #define PATIENCE {{ 8 * law.fewest }}U /* equations after which what is still open is open because of the motion */
-%% endif
-%% if not velocities
 #define MEMORY {{ law.memory }}U /* equations after which the filter remembers nothing of the time before a gap */
 #define HALF_WINDOW {{ law.half_window }}U /* samples to either side that a velocity is the slope over */
 #define MIDDLE {{ law.half_window + 2 }}U /* the place in the window that equations are for */
@@ -41,8 +39,6 @@
 #define SLACK REAL(0.01) /* unexplained part of the latest left-hand sides that contradicts nothing */
 #define UNUSUAL REAL(10.0) /* and how many times the usual part */
 #define STANDSTILL REAL(0.01) /* part of the mean square below which a motion contradicts nothing */
-%% endif
-%% if not velocities
 %% if law.half_window
 #define SLOPE_WEIGHT {{ (law.half_window * (law.half_window + 1) * (2 * law.half_window + 1) / 3.0) | real }} /* sum of squares of the distances that a slope is taken over */
 %% endif
@@ -62,8 +58,6 @@
 #define RIDGE {{ (1e-6 if is_float else law.ridge) | real }} /* rho */
 #define LEAST_DIAGONAL {{ (1e-30 if is_float else 1e-200) | real }} /* below it a sum of squares counts as zero */
 #define LEAST_SQUARE {{ (1e-7 if is_float else 1e-16) | real }} /* part of A[i][i] that a factor's diagonal has at least, squared */
-%% endif
-%% if not velocities
 #define LEAST_PIVOT {{ (1e-6 if is_float else 1e-12) | real }} /* part of the other past unknown's square that one must have */
 %% endif
 %% endfor
@@ -117,11 +111,7 @@ bool flexid_restore(flexid_state *state, uint32_t checksum)
 %% include "c99/constant_gain.c"
 %% else
 %% include "c99/triangle.c"
-%% if velocities
-%% include "c99/rows_velocities.c"
-%% else
 %% include "c99/rows_positions.c"
-%% endif
 %% include "c99/least_squares.c"
 %% endif
 flexid_health flexid_step(flexid_state *state, const flexid_sample *sample)

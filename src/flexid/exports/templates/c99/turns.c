@@ -1,4 +1,4 @@
-%% if velocities or drive.system.rows | length == 1
+%% if drive.system.rows | length == 1
 /* Whether a row is solved in this step: every one. */
 static bool is_turn_of(const flexid_state *state, uint32_t j)
 {
