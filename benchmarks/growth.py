@@ -18,6 +18,7 @@ from benchmarks.size import sized
 from flexid.control.laws import pd_gravity
 from flexid.control.references import sinusoid
 from flexid.estimators.prediction_error import prediction_error
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
@@ -138,7 +139,7 @@ def with_length() -> list[Growth]:
         ),
     }
 
-    def _start(recordings: list[Samples]) -> object:
+    def _start(recordings: list[Samples]) -> LeastSquaresFit:
         return filtered_least_squares(recordings, JOINT.system, unknowns=unknowns)
 
     grown = [

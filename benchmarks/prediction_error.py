@@ -1,4 +1,4 @@
-"""Accuracy, coverage, starting values and speed of the segmented prediction error.
+"""Accuracy, coverage and speed of the segmented prediction error.
 
 Run in the repository: ``PYTHONPATH=tests/estimators python benchmarks/prediction_error.py``
 """
@@ -9,14 +9,13 @@ from dataclasses import replace
 from operator import attrgetter
 
 import numpy as np
-from noisy_joint import POSITION_NOISE, TRUTH, VALUES, joint_samples, worst_error
+from noisy_joint import POSITION_NOISE, VALUES, joint_samples, worst_error
 from scipy.signal import lfilter
 from scipy.stats import t
 from segment_bound import cramer_rao_bound
 
 from benchmarks.size import sized
 from flexid.arrays import FloatArray
-from flexid.errors import ConvergenceError
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
@@ -25,28 +24,25 @@ from flexid.models.flexible_joint import flexible_joint
 JOINT = flexible_joint()
 SEEDS = range(sized(20, 1))
 DURATIONS = sized((0.5, 1.0, 2.0, 5.0, 10.0), (1.0,))
-STARTS = sized(100, 1)
 
 
-def fit(samples: Samples, duration: float = 1.0, velocities: bool = False) -> PredictionErrorFit:
+def fit(samples: Samples, duration: float = 1.0) -> PredictionErrorFit:
     start = filtered_least_squares([samples], JOINT)
-    return prediction_error([samples], JOINT, start, duration, use_velocities=velocities)
+    return prediction_error([samples], JOINT, start, duration)
 
 
 def accuracy() -> None:
     print("worst of five coefficients in percent, 20 seeds: median / largest; RMS over bound")
     for duration in DURATIONS:
         bound = cramer_rao_bound(round(30.0 / duration))
-        for velocities in (False, True):
-            fits = [fit(joint_samples(seed), duration, velocities) for seed in SEEDS]
-            errors = [worst_error(found.values) for found in fits]
-            rms = np.sqrt(np.mean([(found.values - VALUES) ** 2 for found in fits], axis=0))
-            ratios = " ".join(f"{ratio:.2f}" for ratio in rms / bound)
-            outputs = "positions and velocities" if velocities else "positions"
-            print(
-                f"  {duration:g} s, {outputs}: {np.median(errors):.4f} / {max(errors):.4f};"
-                f" {ratios}, all {np.sqrt(np.mean((rms / bound) ** 2)):.2f}"
-            )
+        fits = [fit(joint_samples(seed), duration) for seed in SEEDS]
+        errors = [worst_error(found.values) for found in fits]
+        rms = np.sqrt(np.mean([(found.values - VALUES) ** 2 for found in fits], axis=0))
+        ratios = " ".join(f"{ratio:.2f}" for ratio in rms / bound)
+        print(
+            f"  {duration:g} s: {np.median(errors):.4f} / {max(errors):.4f};"
+            f" {ratios}, all {np.sqrt(np.mean((rms / bound) ** 2)):.2f}"
+        )
 
 
 def encoder(bits: int, first: int) -> Samples:
@@ -90,37 +86,19 @@ def coverage(n_seeds: int = sized(400, 1)) -> None:
             print(f"  rho {rho:g}, {name}: {each}, {np.mean(held):.3f}")
 
 
-def starts() -> None:
-    print("starting values wrong by up to a factor, each way: right / refused / wrong of 100")
-    for factor in (2.0, 10.0):
-        counts = {"right": 0, "refused": 0, "wrong": 0}
-        generator = np.random.default_rng(5)
-        for seed in range(STARTS):
-            start = VALUES * factor ** generator.uniform(-1.0, 1.0, len(VALUES))
-            guess = dict(zip(TRUTH, start.tolist(), strict=True))
-            try:
-                found = prediction_error([joint_samples(seed % 20)], JOINT, guess)
-            except ConvergenceError:
-                counts["refused"] += 1
-            else:
-                counts["right" if worst_error(found.values) < 0.05 else "wrong"] += 1
-        print(f"  {factor:g}: {' / '.join(map(str, counts.values()))}")
-
-
 def speed() -> None:
     samples = joint_samples(0)
     start = filtered_least_squares([samples], JOINT)
-    for velocities in (False, True):
-        times = []
-        for _ in SEEDS:
-            begin = time.perf_counter()
-            prediction_error([samples], JOINT, start, use_velocities=velocities)
-            times.append(time.perf_counter() - begin)
-        print(f"30 s at 1 kHz, velocities {velocities}: {min(times):.3f} s, {np.median(times):.3f}")
+    times = []
+    for _ in SEEDS:
+        begin = time.perf_counter()
+        prediction_error([samples], JOINT, start)
+        times.append(time.perf_counter() - begin)
+    print(f"30 s at 1 kHz: {min(times):.3f} s, {np.median(times):.3f}")
 
 
 if __name__ == "__main__":
-    parts = (accuracy, encoders, coverage, starts, speed)
+    parts = (accuracy, encoders, coverage, speed)
     for part in parts:
         if len(sys.argv) == 1 or part.__name__ in sys.argv[1:]:
             part()

@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.estimators.gauss_newton import approach
+from flexid.estimators.gauss_newton import minimise
 from flexid.estimators.prediction_error import PredictionErrorFit, described
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
@@ -48,7 +48,7 @@ def fit(samples: Samples, timing: Timing, start: Sequence[float] = ()) -> Predic
     values = np.concatenate((1.05 * VALUES, start or np.zeros(len(timing.sought))))
     point = Point(values, first_states(problem.segments))
     problem = problem.at(point, np.full(2, 1.0 / NOISE))
-    found = approach(problem, point, 1e-3)
+    found = minimise(problem, point, 1e-3)
     return described(problem, found)
 
 

@@ -16,6 +16,7 @@ from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
+from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.parametric_system import ParametricSystem, Row
 
 OSCILLATOR = ParametricSystem("oscillator", (Row("mass", "q", "v", {"stiffness": "-q"}),))
@@ -80,9 +81,9 @@ def test_estimates_are_off_by_noise_alone():
     noise = noise_for(3.0)
     off = []
     for seed in range(30):
-        found = prediction_error(
-            [oscillation(noise, seed)], OSCILLATOR, {"stiffness": FREQUENCY**2}, N * H
-        )
+        samples = [oscillation(noise, seed)]
+        start = filtered_least_squares(samples, OSCILLATOR)
+        found = prediction_error(samples, OSCILLATOR, start, N * H)
         off.append((found.values[0] - FREQUENCY**2) / deviation(noise))
     assert abs(np.mean(off)) < 0.7  # 0.18 by chance, and at most the tenth that is left
     assert 0.6 < np.std(off) < 1.4

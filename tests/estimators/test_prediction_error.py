@@ -25,10 +25,10 @@ from flexid.simulation.free_run import free_run
 JOINT = flexible_joint()
 
 
-def fit(samples: Samples, duration: float = 1.0, velocities: bool = False) -> PredictionErrorFit:
+def fit(samples: Samples, duration: float = 1.0, hold: Hold = "linear") -> PredictionErrorFit:
     """From least squares of the same record."""
-    start = filtered_least_squares([samples], JOINT)
-    return prediction_error([samples], JOINT, start, duration, use_velocities=velocities)
+    start = filtered_least_squares([samples], JOINT, hold=hold)
+    return prediction_error([samples], JOINT, start, duration, hold)
 
 
 def of_white_noise(found: PredictionErrorFit) -> np.ndarray:
@@ -96,33 +96,29 @@ def test_gradient_is_that_of_the_sum_of_squares():
 @pytest.mark.parametrize("hold", ["zero", "linear"])
 def test_exact_on_its_own_motion(hold):
     """Assert that a clean record of the model itself gives the truth to rounding, either hold."""
-    samples = simulated(hold)
-    start = {name: 1.05 * value for name, value in TRUTH.items()}
-    found = prediction_error([samples], JOINT, start, hold=hold)
-    assert found.values == pytest.approx(VALUES, rel=1e-8)
+    assert fit(simulated(hold), hold=hold).values == pytest.approx(VALUES, rel=1e-8)
 
 
 def test_held_input_is_integrated_exactly():
     """Assert that hold "zero" makes no error on a motion known in closed form; "linear" does."""
-    start = {"gain": 1.9, "push": 0.2}
+    start = filtered_least_squares([held_cart()], CART, hold="zero")
     found = prediction_error([held_cart()], CART, start, hold="zero")
     assert found.values == pytest.approx([2.0, 0.3], rel=1e-9)
     wrong = prediction_error([held_cart()], CART, start, hold="linear")
     assert abs(wrong.values[0] / 2.0 - 1.0) > 1e-4
 
 
-@pytest.mark.parametrize("velocities", [False, True])
-def test_accuracy_at_one_second(velocities):
+def test_accuracy_at_one_second():
     """Assert a median worst coefficient below 0.003 % and RMS errors within 1.2 of the bound.
 
     Segments of 5 s tell more.
     """
-    fits = [fit(joint_samples(seed), 1.0, velocities) for seed in range(10)]
+    fits = [fit(joint_samples(seed)) for seed in range(10)]
     assert np.median([worst_error(found.values) for found in fits]) <= 0.003
     bound = cramer_rao_bound(30)
     ratios = np.array([(found.values - VALUES) / bound for found in fits])
     assert np.sqrt(np.mean(ratios**2)) < 1.2
-    errors = [worst_error(fit(joint_samples(seed), 5.0, velocities).values) for seed in range(10)]
+    errors = [worst_error(fit(joint_samples(seed), 5.0).values) for seed in range(10)]
     assert np.median(errors) <= 0.001
 
 
@@ -160,25 +156,12 @@ def test_long_segments_see_correlation():
     assert np.exp(np.mean(ratios)) == pytest.approx(np.sqrt(19.0), rel=0.2)
 
 
-@pytest.mark.parametrize("factor", [0.1, 10.0])
-@pytest.mark.parametrize("which", [*TRUTH, "all"])
-def test_a_wrong_start_is_never_a_wrong_answer(which, factor):
-    """Assert that starting values ten times wrong give the right answer or an error."""
-    start = {n: v * (factor if which in (n, "all") else 1.0) for n, v in TRUTH.items()}
-    try:
-        found = prediction_error([joint_samples(0)], JOINT, start)
-    except ConvergenceError:
-        return
-    assert worst_error(found.values) < 0.02
-
-
 def test_what_leads_nowhere_is_an_error():
     """Assert that neither a motion that runs away nor an answer far from its start is a number."""
-    least_squares = filtered_least_squares([joint_samples(0)], JOINT)
-    wrong = VALUES * np.array([1.0, 0.45, 0.45, 1.0, 0.45])
-    for start in (TRUTH | {"theta2": -1e5, "alpha2": -1e4}, replace(least_squares, values=wrong)):
+    start = filtered_least_squares([joint_samples(0)], JOINT)
+    for wrong in ([5.0, -1e5, 333.0, -1e4, 3.3], VALUES * np.array([1.0, 0.45, 0.45, 1.0, 0.45])):
         with pytest.raises(ConvergenceError):
-            prediction_error([joint_samples(0)], JOINT, start)
+            prediction_error([joint_samples(0)], JOINT, replace(start, values=np.array(wrong)))
 
 
 def test_intervals_from_three_segments():

@@ -14,10 +14,7 @@ def record(n: int, sample_time: float = 0.01, start_time: float = 0.0) -> Sample
 
 
 def test_segments_cover_every_recording_and_cross_none():
-    """Assert that segments follow each other without a gap, and that recordings are borders.
-
-    Every output column stands beside the state that it measures.
-    """
+    """Assert that segments follow each other without a gap, and that recordings are borders."""
     segments = divide([record(1050), record(250, start_time=100.0)], 3.0)
     assert segments.lengths.sum() == 1300
     assert np.array_equal(segments.starts[1:], np.cumsum(segments.lengths)[:-1])
@@ -25,9 +22,6 @@ def test_segments_cover_every_recording_and_cross_none():
     assert len(segments) == 5
     assert segments.start_times[-1] == 100.0
     assert divide([record(40)], 1.0).outputs[3].tolist() == [3.0]
-    with_velocities = divide([record(40)], 1.0, use_velocities=True)
-    assert with_velocities.measured.tolist() == [0, 1]
-    assert with_velocities.outputs[3].tolist() == [3.0, 30.0]
 
 
 def test_halves_start_where_the_whole_did():

@@ -192,10 +192,8 @@ def test_tied_coefficient_is_found():
         MORE, {"theta_coulomb": 0.0}, tied={"theta_offset": ("alpha2", "theta2", "alpha1")}
     )
     samples = run_with_offset(0.3 * TRUTH["alpha2"], 7)
-    fit = prediction_error([samples], MORE, TRUTH, unknowns=tied)
+    fit, free = (by_motion([samples], sought) for sought in (tied, replace(tied, tied={})))
     place = fit.names.index("alpha2")
     assert fit.values == pytest.approx(VALUES, rel=1e-3)
-    start = {**TRUTH, "theta_offset": 0.1}
-    free = prediction_error([samples], MORE, start, unknowns=replace(tied, tied={}))
     own = free.names.index("alpha2")
     assert fit.standard_deviations[place] < 0.95 * free.standard_deviations[own]

@@ -37,7 +37,7 @@ def balance_motion(
 ) -> SegmentedMotion:
     """The motion of a torque balance over segments, all outputs of the same weight."""
     constants = np.array(list(balance.constants.values()), dtype=np.float64)
-    weights = np.ones(len(segments.measured))
+    weights = np.ones(segments.outputs.shape[1])
     kernel = balance_kernel(balance)
     return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
 

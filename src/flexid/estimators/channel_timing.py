@@ -125,12 +125,8 @@ class ChannelTiming:
 
     @cached_property
     def output_delays(self) -> tuple[str, ...]:
-        """Name of each output's delay; measured velocities are never late."""
-        rows = self.system.rows
-        return tuple(
-            f"{rows[state // 2].name}{DELAY}" if state % 2 == 0 else ""
-            for state in self.segments.measured.tolist()
-        )
+        """Name of each output's delay."""
+        return tuple(f"{row.name}{DELAY}" for row in self.system.rows)
 
     def drives(self, delay: float) -> FloatArray:
         """Inputs between samples, shape (n_samples, n_inputs, 4)."""
@@ -143,7 +139,7 @@ class ChannelTiming:
     def timely(self, delays: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Outputs moved by whole samples to when they were true, and what is left of each delay."""
         segments = self.segments
-        late = np.array([delays[name] if name else 0.0 for name in self.output_delays])
+        late = np.array([delays[name] for name in self.output_delays])
         if not late.any():
             return segments.outputs, late
         outputs = segments.outputs.copy()
@@ -168,7 +164,7 @@ class ChannelTiming:
 
         White noise stays white, so that no delay makes innovations smaller than another.
         """
-        late = np.array([delays[name] if name else 0.0 for name in self.output_delays])
+        late = np.array([delays[name] for name in self.output_delays])
         outputs = self.segments.outputs.copy()
         for a in np.flatnonzero(late).tolist():
             reference = self._reference_of(a)
@@ -209,12 +205,5 @@ class ChannelTiming:
         places = {name: 2 * place for place, name in enumerate(rows)}
         places |= {name: _FIRST_INPUT - place for place, name in enumerate(system.inputs)}
         relative_to = self.timing.relative_to
-        return np.array(
-            [
-                places[relative_to[rows[state // 2]]]
-                if rows[state // 2] in relative_to and state % 2 == 0
-                else _ABSOLUTE
-                for state in self.segments.measured.tolist()
-            ],
-            dtype=np.int64,
-        )
+        found = [places[relative_to[row]] if row in relative_to else _ABSOLUTE for row in rows]
+        return np.array(found, dtype=np.int64)

@@ -24,7 +24,6 @@ ITERATIONS = 20
 NEARLY_NOISE = 1.5
 """Variance of the weighted residuals up to which a rough bottom may be gone on from, or end on."""
 
-_HALVINGS = 4  # of segments too long to be fitted from the start at once
 _DAMPINGS = 8  # attempts at a step that makes nothing worse
 _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING = 1e-6  # less than this is none
@@ -61,27 +60,6 @@ class Minimum:
         """Standard deviation of each output's noise, shape (n_outputs,)."""
         squares = np.sum(self.equations.residuals**2, axis=0)
         return np.sqrt(squares * self.equations.residuals.shape[1] / problem.degrees_of_freedom)
-
-
-def approach(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimum:
-    """As `minimise`; where that fails, by way of segments of half the length.
-
-    Over a long segment a wrong start leads far from the measured motion, and the sum of squares
-    has other minima there. What shorter segments find starts longer ones well.
-    """
-    return _approach(problem, point, tolerance, _HALVINGS)
-
-
-def _approach(problem: SegmentedMotion, point: Point, tolerance: float, halvings: int) -> Minimum:
-    try:
-        return minimise(problem, point, tolerance)
-    except ConvergenceError:
-        if halvings == 0 or not problem.segments.can_be_halved:
-            raise
-    halves = replace(problem, segments=problem.segments.halved())
-    start = Point(point.values, halves.start_states)
-    found = _approach(halves, start, tolerance, halvings - 1).point
-    return minimise(problem, Point(found.values, found.initial_states[::2]), tolerance)
 
 
 def minimise(

@@ -164,7 +164,7 @@ class _Observing:
         # A row without friction moves freely, however slowly.
         freely = (directions == RESTING) & ~problem.dry_rows(point)
         directions = np.where(freely, 0.0, directions)
-        moves = (directions != RESTING)[:, segments.measured // 2]
+        moves = directions != RESTING
         place = np.unique(segments.recordings, return_inverse=True)[1]
         counts = [
             count * moves[part].mean(axis=0) if len(moves) else np.full(moves.shape[1], count)

@@ -6,8 +6,8 @@ sought for which all the motions come closest to the measured positions. With wh
 maximum likelihood. It needs starting values, which least squares gives, and is checked against it.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,22 +16,20 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.block_sandwich import covariance_of
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import cluster_influences
-from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights, refinement
+from flexid.estimators.gauss_newton import Minimum, minimise, output_weights, refinement
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
-from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns, unknowns_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-from flexid.recording.velocities import position_noise, velocity
+from flexid.recording.velocities import position_noise
 
 _COARSE, _FINE = 1.0, 1e-2  # length of a step, in standard deviations, that ends the iteration
 _AGREEMENT = 10.0  # standard deviations of least squares within which an estimate may end
 _SLACK = 1.0  # and this part of the value besides, for what the model leaves out
 _EFFECT = 0.05  # and this part of the row's acceleration, for coefficients that are about zero
-_WORSE = 1e-3  # rise of the misfit that shows a minimum to be another one
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +56,9 @@ class PredictionErrorFit:
 def prediction_error(
     recordings: Sequence[Samples],
     system: ParametricSystem,
-    start: Mapping[str, float] | LeastSquaresFit,
+    start: LeastSquaresFit,
     segment_duration: float = 1.0,
     hold: Hold = "linear",
-    use_velocities: bool = False,
     unknowns: Unknowns | None = None,
 ) -> PredictionErrorFit:
     """Fit the model's free motion over segments to measured positions.
@@ -72,16 +69,13 @@ def prediction_error(
         One or more contiguous recordings of motion.
     system : ParametricSystem
         The model; its constants have the values declared in it.
-    start : LeastSquaresFit or mapping of str to float
-        Where to start: a least-squares fit of the same record, or a value for each unknown. The
-        second is fitted from least squares as well, which must not explain the record better.
+    start : LeastSquaresFit
+        Least squares of the same record: where to start, and what to end near.
     segment_duration : float, optional
         Wanted length of a segment in s. Longer segments hold more information and forgive
         less: what the model leaves out adds up over a segment.
     hold : {"linear", "zero", "cubic"}, optional
         Whether the inputs run linearly between samples, are constant until the next one, or smooth.
-    use_velocities : bool, optional
-        Fit measured velocities besides the positions. Do so only if a sensor gave them.
     unknowns : Unknowns, optional
         What is sought, if not every coefficient of the system from all recordings together.
 
@@ -99,19 +93,14 @@ def prediction_error(
         there are local minima, and a value from one is worth nothing.
     """
     unknowns = unknowns_of(system, len(recordings), unknowns)
-    segments = divide(recordings, segment_duration, use_velocities)
-    check = _least_squares(recordings, unknowns, hold) if isinstance(start, Mapping) else start
+    if start.names != unknowns.names:
+        raise SettingError(
+            "start", "it is a fit of another model or of other unknowns: fit these first"
+        )
+    segments = divide(recordings, segment_duration)
     problem = segmented_motion(system, segments, Timing(hold), unknowns)
-    problem, found = _best_fit(problem, _start_values(unknowns, start))
-    if isinstance(start, Mapping):
-        rival_problem, rival = _best_fit(problem, _start_values(unknowns, check))
-        if _misfit(problem, found) > _misfit(rival_problem, rival) + _WORSE:
-            raise ConvergenceError(
-                "prediction error",
-                "another minimum explains the record better than the one that the starting values "
-                "lead to: start from a least-squares fit",
-            )
-    _compare(unknowns, found.point.values, check)
+    problem, found = _best_fit(problem, start.values)
+    _compare(unknowns, found.point.values, start)
     return described(problem, found)
 
 
@@ -137,7 +126,7 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     guess = np.array([position_noise(column) for column in outputs.T])
     point = Point(values, problem.start_states)
     problem = problem.at(point, output_weights(guess, outputs))
-    coarse = approach(problem, point, _COARSE)
+    coarse = minimise(problem, point, _COARSE)
     problem = problem.at(coarse.point, output_weights(coarse.noise(problem), outputs))
     found = minimise(problem, coarse.point, _FINE)
     finer = refinement(problem, found)
@@ -145,47 +134,6 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
         problem = problem.at(found.point, problem.weights, finer)
         found = minimise(problem, found.point, _FINE)
     return problem, found
-
-
-def _start_values(unknowns: Unknowns, start: Mapping[str, float] | LeastSquaresFit) -> FloatArray:
-    if isinstance(start, LeastSquaresFit):
-        if start.names != unknowns.names:
-            raise SettingError(
-                "start", "it is a fit of another model or of other unknowns: fit these first"
-            )
-        start = start.by_name
-    if set(start) != set(unknowns.names):
-        names = ", ".join(unknowns.names)
-        raise SettingError("start", f"give one value for each unknown of the model: {names}")
-    values = np.array([start[name] for name in unknowns.names], dtype=np.float64)
-    if not np.isfinite(values).all():
-        raise SettingError("start", "not every value is a finite number: correct it")
-    return values
-
-
-def _least_squares(
-    recordings: Sequence[Samples], unknowns: Unknowns, hold: Hold
-) -> LeastSquaresFit:
-    """Least squares of the record, which needs no starting values."""
-    complete = [
-        replace(
-            recording,
-            velocities=np.column_stack(
-                [velocity(q, recording.sample_time) for q in recording.positions.T]
-            ),
-        )
-        if recording.velocities is None and len(recording) > 4
-        else recording
-        for recording in recordings
-    ]
-    return filtered_least_squares(complete, unknowns.system, hold=hold, unknowns=unknowns)
-
-
-def _misfit(problem: SegmentedMotion, found: Minimum) -> float:
-    """Log of the residuals' mean squares, summed over the outputs: what only noise explains."""
-    return -2.0 * float(
-        np.sum(np.log(output_weights(found.noise(problem), problem.segments.outputs)))
-    )
 
 
 def _compare(unknowns: Unknowns, values: FloatArray, check: LeastSquaresFit) -> None:

@@ -116,8 +116,7 @@ class SegmentedMotion:
     def references(self) -> tuple[int | None, ...]:
         """For each output the one that it was measured relative to, if there is one."""
         places = self._channels.reference.tolist()
-        measured = self.segments.measured.tolist()
-        return tuple(measured.index(place) if place in measured else None for place in places)
+        return tuple(place // 2 if place >= 0 else None for place in places)
 
     @cached_property
     def _channels(self) -> ChannelTiming:
@@ -134,9 +133,9 @@ class SegmentedMotion:
     def degrees_of_freedom(self) -> int:
         """Measured numbers less unknowns, at least 1."""
         sought = len(self.segments) * self._kernel.N_STATES + len(self.names)
-        measured = int(self.segments.lengths.sum()) * len(self.segments.measured)
+        measured = int(self.segments.lengths.sum()) * self.segments.outputs.shape[1]
         if self.observer is not None:
-            measured -= int(self.observer.resting[:, self.segments.measured // 2].sum())
+            measured -= int(self.observer.resting.sum())
         return max(1, measured - sought)
 
     def at(self, point: Point, weights: FloatArray, refinement: int = 1) -> "SegmentedMotion":
@@ -206,15 +205,15 @@ class SegmentedMotion:
         step = float(segments.sample_times[own[0]])
         states = np.zeros((count, self._kernel.N_STATES))
         rates = np.gradient(segments.outputs[first:last], step, axis=0)
-        for a, state in enumerate(segments.measured.tolist()):
-            states[:, state] = segments.outputs[places, a]
-            states[:, state + 1] = rates[places - first, a]
+        rows = 2 * self._kernel.N_ROWS
+        states[:, :rows:2] = segments.outputs[places]
+        states[:, 1:rows:2] = rates[places - first]
         coefficients = self.unknowns.coefficients(
             point.values[: len(self.unknowns.names)], recording
         )
         about = replace(self, segments=replace(segments, starts=places))
         found = about._jacobians(states, np.tile(coefficients, (count, 1)))
-        return found.mean(axis=0)[: 2 * self._kernel.N_ROWS, : 2 * self._kernel.N_ROWS]
+        return found.mean(axis=0)[:rows, :rows]
 
     def _coefficients(self, values: FloatArray) -> FloatArray:
         """Coefficients of every segment, shape (n_segments, n_coefficients)."""
@@ -317,7 +316,6 @@ class SegmentedMotion:
         whitening = np.ascontiguousarray(observer.whitening)
         sensors = (
             outputs,
-            segments.measured,
             channels.reference,
             late,
             late_columns,
@@ -333,7 +331,7 @@ class SegmentedMotion:
         )
         gains = tuple(map(np.ascontiguousarray, gains))  # of one layout, or it compiles again
         motion = drives, coefficients, self.constants, dry, gains
-        trace = self._trace(whitening[0])
+        trace = 1.0 / np.diag(whitening[0])  # standard deviation of each position's noise
         columns = self._columns(wanted, delay_sought, size)
         results = normal, gradient, residuals, costs
 
@@ -361,13 +359,6 @@ class SegmentedMotion:
                 normal[firsts, place, place] += 1.0
                 gradient[firsts, place] -= memory
         return Equations(cost, normal, gradient, residuals, costs)
-
-    def _trace(self, whitening: FloatArray) -> FloatArray:
-        """Standard deviation of the noise of each row's position; 0 if it is not measured."""
-        outputs = np.flatnonzero(self.segments.measured % 2 == 0)
-        trace = np.zeros(self._kernel.N_ROWS)
-        trace[self.segments.measured[outputs] // 2] = 1.0 / whitening[outputs, outputs]
-        return trace
 
     def _columns(self, wanted: NDArray[np.int64], delay: bool, size: int) -> NDArray[np.int64]:
         """Which columns of derivatives the kernel uses for equations of a size, and for what."""
@@ -414,9 +405,8 @@ class SegmentedMotion:
         # The first velocity of a row that sticks at once leaves no trace and would wander off.
         # An observer forgets any, but not at once.
         hardly = _HARDLY if self.observer is None else _FORGOTTEN
-        positions = np.flatnonzero(self.segments.measured % 2 == 0)
-        for a in positions.tolist():
-            velocity = int(self.segments.measured[a]) + 1
+        for a in range(self.segments.outputs.shape[1]):
+            velocity = 2 * a + 1
             least = _SEEN_SAMPLES * (self.weights[a] * self.segments.sample_times) ** 2
             own = normal[:, velocity, velocity]
             normal[:, velocity, velocity] = np.where(own < hardly * least, own + least, own)
@@ -441,7 +431,7 @@ def segmented_motion(
 ) -> SegmentedMotion:
     """The motion of a model over segments, all outputs of the same weight."""
     constants = np.array(list(system.constants.values()), dtype=np.float64)
-    weights = np.ones(len(segments.measured))
+    weights = np.ones(segments.outputs.shape[1])
     unknowns = unknowns or Unknowns(system)
     kernel = motion_kernel(system)
     return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)

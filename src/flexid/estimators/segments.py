@@ -36,8 +36,7 @@ class Segments:
     start_times: FloatArray  # (n_segments,): time of the first sample in s
     # (n_segments,): place of the recording that each segment was cut from
     recordings: NDArray[np.int64]
-    measured: NDArray[np.int64]  # (n_outputs,): the state that each output measures
-    outputs: FloatArray  # (n_samples, n_outputs): measured states
+    outputs: FloatArray  # (n_samples, n_outputs): measured positions, one of each row
     inputs: FloatArray  # (n_samples, n_inputs): inputs
 
     def __len__(self) -> int:
@@ -129,7 +128,6 @@ class Segments:
 def divide(
     recordings: Sequence[Samples],
     duration: float,  # in s
-    use_velocities: bool = False,
     margin: float = 0.0,
 ) -> Segments:
     """Cut recordings into segments of about equal length."""
@@ -154,9 +152,8 @@ def divide(
         lengths.append(np.diff(edges))
         sample_times.append(np.full(count, recording.sample_time))
         start_times.append(recording.start_time + recording.sample_time * edges[:-1])
-        outputs.append(_outputs(recording, use_velocities))
+        outputs.append(recording.positions)
         first += len(recording)
-    n_rows = usable[0].positions.shape[1]
     return Segments(
         np.concatenate(starts),
         np.concatenate(lengths),
@@ -164,7 +161,6 @@ def divide(
         np.concatenate(sample_times),
         np.concatenate(start_times),
         np.repeat(np.array(places, dtype=np.int64), [len(part) for part in starts]),
-        np.arange(0, 2 * n_rows, 1 if use_velocities else 2),
         np.ascontiguousarray(np.concatenate(outputs), dtype=np.float64),
         np.ascontiguousarray(np.concatenate([p.inputs for p in usable]), dtype=np.float64),
     )
@@ -177,7 +173,7 @@ def first_states(segments: Segments) -> FloatArray:
     through as many positions as it follows within their noise: a stiff drive may turn round within
     some samples where it vibrates, and rests elsewhere.
     """
-    positions = segments.outputs[:, segments.measured % 2 == 0]
+    positions = segments.outputs
     own = [positions[part] for part, _ in segments.by_recording()]
     noises = [[position_noise(column) for column in columns.T] for columns in own]
     # Each recording may have encoders of its own.
@@ -216,14 +212,3 @@ class _Cubic(NamedTuple):
 def _cubic(n: int) -> _Cubic:
     powers = np.vander(np.arange(n, dtype=np.float64), 4, increasing=True)
     return _Cubic(powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64))
-
-
-def _outputs(recording: Samples, use_velocities: bool) -> FloatArray:
-    if not use_velocities:
-        return recording.positions
-    if recording.velocities is None:
-        raise SettingError(
-            "velocities", "there are none to fit: give some, or fit the positions alone"
-        )
-    both = np.stack((recording.positions, recording.velocities), axis=2)
-    return both.reshape(len(recording), -1)

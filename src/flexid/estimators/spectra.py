@@ -17,7 +17,7 @@ from scipy.linalg import LinAlgError
 
 from flexid.arrays import FloatArray
 from flexid.estimators.segmented_motion import SegmentedMotion
-from flexid.estimators.steady_gains import Sizes, steady_gains
+from flexid.estimators.steady_gains import Sizes, sensors_of, steady_gains
 
 WORST = 1e15
 """Cost of what cannot be computed; a difference of two has to be a number."""
@@ -44,8 +44,7 @@ def cost_by_spectra(
 ) -> Callable[[Sizes], float]:
     """Twice the negative logarithm of the likelihood of other sizes, but for a constant."""
     segments = observed.segments
-    sees = np.zeros((residuals.shape[1], len(transitions[0])))
-    sees[np.arange(len(sees)), segments.measured] = 1.0
+    sees = sensors_of(residuals.shape[1], len(transitions[0]))
     recordings = []
     for (part, step), transition in zip(segments.by_recording(), transitions, strict=True):
         inside = residuals[part][segments.within[part]]

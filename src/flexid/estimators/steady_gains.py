@@ -44,6 +44,11 @@ def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
     return np.asarray(expm(forced * sample_time), dtype=np.float64)
 
 
+def sensors_of(rows: int, states: int) -> FloatArray:
+    """What each output shows of the states, shape (rows, states): the position of its row."""
+    return np.eye(2 * rows, states)[::2]
+
+
 def steady_gains(
     problem: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -60,8 +65,7 @@ def steady_gains(
     step[n:, n:] = np.diag(decay)
     noise = np.zeros_like(step)
     noise[n:, n:] = np.diag(sizes.disturbances**2 * (1.0 - decay**2))
-    sees = np.zeros((len(problem.segments.measured), n + rows))
-    sees[np.arange(len(sees)), problem.segments.measured] = 1.0
+    sees = sensors_of(rows, n + rows)
     sensors = _sensor_covariance(problem, sizes.sensors)
     predicted = steady_covariance(step, noise, sees, sensors)
     covariance = sees @ predicted @ sees.T + sensors

@@ -169,21 +169,21 @@ def set_directions(directions, model, work):
 
 
 @uncounted
-def omit_resting(errors, rows, measured, model, work):
+def omit_resting(errors, rows, model, work):
     """Nothing is learnt from the position of a row that rests: its friction may be any."""
-    for a in range(measured.shape[0]):
-        if work[model.dry + measured[a] // 2] != 0.0:
+    for a in range(errors.shape[0]):
+        if work[model.dry + a] != 0.0:
             errors[a] = 0.0
             clear(0, rows.shape[1], rows[a])
 
 
 @uncounted
-def follow_sensors(outputs, measured, k, last, h, model, work):
+def follow_sensors(outputs, k, last, h, model, work):
     """Let a row that rests be where it was measured, at the velocity that was measured."""
     before, after = k - 1, min(k + 1, last)
-    for a in range(measured.shape[0]):
-        state = measured[a]
-        if work[model.dry + state // 2] != 0.0:
+    for a in range(outputs.shape[1]):
+        state = 2 * a
+        if work[model.dry + a] != 0.0:
             work[model.x + state] = outputs[k, a]
             work[model.x + state + 1] = (outputs[after, a] - outputs[before, a]) / (
                 (after - before) * h
@@ -192,10 +192,10 @@ def follow_sensors(outputs, measured, k, last, h, model, work):
 
 
 @uncounted
-def fill_rows(rows, measured, model, work, columns):
+def fill_rows(rows, model, work, columns):
     """What each output is by the model, and its derivatives."""
-    for a in range(measured.shape[0]):
-        row, state = rows[a], measured[a]
+    for a in range(rows.shape[0]):
+        row, state = rows[a], 2 * a
         clear(0, row.shape[0], row)
         row[0] = work[model.x + state]
         for j in range(1, columns[IN_USE]):
@@ -203,16 +203,16 @@ def fill_rows(rows, measured, model, work, columns):
 
 
 @uncounted
-def add_delays(rows, measured, reference, late, late_columns, h, model, work, columns):
+def add_delays(rows, reference, late, late_columns, h, model, work, columns):
     """Move what the outputs should be to when they are true."""
     x, n = model.x, columns[IN_USE]
     rate = model.step + model.n_states
     call(model.address, work, columns, 0.0, 0.0, 0.0, x, rate, RATES)
     if n > 1:
         call(model.address, work, columns, 0.0, 0.0, 0.0, x, rate, LINEARISE)
-    for a in range(measured.shape[0]):
+    for a in range(rows.shape[0]):
         if late[a] != 0.0 or late_columns[a] >= 0:
-            sensor = measured[a], reference[a], late[a], late_columns[a]
+            sensor = 2 * a, reference[a], late[a], late_columns[a]
             add_delay(rows[a], h, sensor, n, model, work)
 
 
@@ -225,7 +225,7 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
     segments  first sample, number of samples, first block and sample time of each, and its initial
               state; segment s is made up of the blocks first_blocks[s] to first_blocks[s + 1] - 1,
               all of about the same length
-    sensors   outputs, shape (n, n_outputs), and of each column a the state that it measures, less
+    sensors   outputs, shape (n, n_rows), and of each column a, which is the position of row a, less
               the state reference[a], if that is not -1, or less the input -2 - reference[a], if
               that is below, of which the next input is the velocity, as far as delays go; the
               delay in s, the place of that among what is sought (-1: not sought), for each segment
@@ -238,7 +238,7 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
               of a disturbance; the direction of each row's friction over the interval from
               each sample on, or more than `AT_MOST` of a row that rests, or none where it follows
               from the motion; and after how many samples of a segment the model runs alone
-    trace     of each row the standard deviation of its position's noise; 0 if it is not measured
+    trace     of each row the standard deviation of its position's noise
     columns   which columns of derivatives are in use, for what; see the template ``model``
     results   filled, all zero before: lower halves of normal equations, shape (n_blocks, n, n),
               their right-hand sides, shape (n_blocks, n), residuals, shape of the outputs, and the
@@ -247,13 +247,13 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
     address   of the model, and what lies where in its work: `Model`
     """
     starts, lengths, first_blocks, sample_times, initial_states = segments
-    outputs, measured, reference, late, late_columns, whitening, speeds = sensors
+    outputs, reference, late, late_columns, whitening, speeds = sensors
     drives, p, c, dry, observer = motion
     gain, disturbance_gain, decay, directions, corrected = observer
     normal, gradient, residuals, costs = results
     model = model_of(address)
     observed = gain.shape[2] > 0
-    size, count = normal.shape[1], measured.shape[0]
+    size, count = normal.shape[1], outputs.shape[1]
     work = np.zeros(model.work_size)
     put(c, model.constants, work)
     errors, rows, mixed = np.zeros(count), np.zeros((count, 1 + size)), np.zeros(size)
@@ -278,9 +278,9 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                     set_directions(directions[k - 1], model, work)
                 cross_interval(h, substeps, model, work, columns)
             set_drive(drives[k], model, work)
-            fill_rows(rows, measured, model, work, columns)
+            fill_rows(rows, model, work, columns)
             if late_ones:
-                add_delays(rows, measured, reference, late, late_columns, h, model, work, columns)
+                add_delays(rows, reference, late, late_columns, h, model, work, columns)
             for a in range(count):
                 if observed and late_columns[a] >= 0:  # outputs come on time, with their own rates
                     rows[a, 1 + late_columns[a]] -= speeds[k, a]
@@ -289,7 +289,7 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                     costs[s] = np.inf
                     return
             if directed and k > first:
-                omit_resting(errors, rows, measured, model, work)
+                omit_resting(errors, rows, model, work)
             put(errors, 0, residuals[k])
             b = first_blocks[s] + (k - first) * blocks // lengths[s]
             costs[s] += add_residuals(errors, rows, whitening[s], mixed, normal[b], gradient[b])
@@ -300,4 +300,4 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                 correct(errors, rows, gains, model, work, columns)
                 if directed and k > first:
                     last = first + lengths[s] - 1
-                    follow_sensors(outputs, measured, k, last, h, model, work)
+                    follow_sensors(outputs, k, last, h, model, work)
