@@ -14,7 +14,6 @@ FULL = Path("/dev/full")
 HEAVY = (
     "sympy",
     "matplotlib",
-    "pint",
     "scipy.interpolate",
     "scipy.optimize",
     "scipy.signal",

@@ -82,7 +82,7 @@ TEXTS: list[tuple[Edit, str]] = [
         header("link_position", "link_position [count]"),
         r"\[count\] depends on the encoder: write unit = 'turn' and scale = '1/4096'",
     ),
-    (header("link_position", "link_position [rad/s]"), r"\[rad/s\] does not measure"),
+    (header("link_position", "link_position [rad/s]"), r"\[rad/s\] is not known for this column"),
     (header("motor_velocity", "time"), "line 1: the column 'time' stands there twice"),
     (header("motor_velocity", "time [ms]"), r"'time' and 'time \[ms\]' are both time: rename or"),
     (header("motor_velocity", "Time"), "line 1: the columns 'time' and 'Time' are both time"),

@@ -194,7 +194,7 @@ BAD = [
     ('"pot_V"', '"pot"', "key 'motor_position': log.csv has no column 'pot'.*'pot_V'"),
     ('"pot_V"', '"pot_v1"', "did you mean 'pot_V'"),
     ('"deg"', '"count"', r"key 'motor_position': .*\[count\] depends on the encoder"),
-    ('"mV"', '"A"', r"key 'motor_voltage': .*\[A\] does not measure.*\[V\]"),
+    ('"mV"', '"A"', r"key 'motor_voltage': .*\[A\] is not known for this column.*\[V\]"),
     ("scale = 2.0", "scale = 2.0.1", "the column map is not TOML.*line 4"),
     ('column = "strain"', 'sum = ["strain", "u"]', "differ in unit.*'unit'"),
     ("time =", "gear_ratio = 0.01\ntime =", "key 'gear_ratio': 0.01 is not a ratio.*101"),

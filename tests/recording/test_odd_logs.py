@@ -182,7 +182,7 @@ REFUSED = {
     "names within rows": ("t:0.0 q:0.1\nt:0.1 q:0.2\n", "line 1: a name stands before each value"),
     "a range as a unit": (
         headed(HEADER.replace("motor_torque", "motor_torque [3.3 V]")),
-        "the unit .3.3 V. is not known: write .*, or the unit and a scale in a column map",
+        "the unit .3.3 V. is not known for this column: write .*, or the unit and a scale",
     ),
     "a row for each channel": (
         "time,signal,value\n" + "".join(f"{t},motor_pos,1\n{t},link_pos,1\n" for t in range(9)),

@@ -212,7 +212,7 @@ def test_units_below_the_names(tmp_path: Path) -> None:
     log = read_log(written(tmp_path, below("ms,rad,rad,N m")(text)))
     assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
     path = written(tmp_path, below("V,rad,rad,N m")(text))
-    assert "'time [V]': the unit [V] does not measure" in refused(read_log, path)
+    assert "'time [V]': the unit [V] is not known for this column" in refused(read_log, path)
 
 
 REFUSED: dict[str, tuple[Change, str]] = {

@@ -70,7 +70,7 @@ class JointModel(Table):
 
     terms: list[Name] = list(PAPER_TERMS)
     known: list[Name] = ["beta1"]
-    coulomb_velocity: Annotated[Positive, "rad/s"] = COULOMB_VELOCITY
+    coulomb_velocity: Positive = COULOMB_VELOCITY  # rad/s
 
     def system(self, _folder: Path, refuse: Refuse) -> ParametricSystem:
         """The model; known coefficients have the value 1."""
@@ -101,29 +101,29 @@ class FileModel(Table):
 class PdNominal(Table):
     """What the law believes of the joint."""
 
-    gravity_torque: Annotated[Number, "N m"]
-    joint_stiffness: Annotated[Positive, "N m/rad"]
+    gravity_torque: Number  # N m
+    joint_stiffness: Positive  # N m/rad
 
 
 class RobustNominal(Table):
     """What the law believes of the joint."""
 
-    gravity_torque: Annotated[Number, "N m"]
-    link_inertia: Annotated[Number, "kg m^2"]
-    joint_stiffness: Annotated[Positive, "N m/rad"]
-    motor_inertia: Annotated[Number, "kg m^2"]
-    motor_viscous_friction: Annotated[Number, "N m s/rad"]
+    gravity_torque: Number  # N m
+    link_inertia: Number  # kg m^2
+    joint_stiffness: Positive  # N m/rad
+    motor_inertia: Number  # kg m^2
+    motor_viscous_friction: Number  # N m s/rad
 
 
 class RobustLaw(Table):
     """Huang (2003), eq. (11)."""
 
     law: Literal["robust"]
-    k: Annotated[Positive, "1/s"]
+    k: Positive  # 1/s
     exponents: Annotated[list[Exponent], Field(min_length=3, max_length=3)] = [1.0, 2.0, 3.0]
-    largest_link_inertia: Annotated[Positive, "kg m^2"]
-    largest_motor_inertia: Annotated[Positive, "kg m^2"]
-    smallest_joint_stiffness: Annotated[Positive, "N m/rad"]
+    largest_link_inertia: Positive  # kg m^2
+    largest_motor_inertia: Positive  # kg m^2
+    smallest_joint_stiffness: Positive  # N m/rad
     nominal: RobustNominal
 
 
@@ -131,8 +131,8 @@ class PdGravityLaw(Table):
     """PD control on the motor with gravity compensation."""
 
     law: Literal["pd-gravity"]
-    proportional: Annotated[NotNegative, "N m/rad"]
-    derivative: Annotated[NotNegative, "N m s/rad"]
+    proportional: NotNegative  # N m/rad
+    derivative: NotNegative  # N m s/rad
     nominal: PdNominal
 
 
@@ -140,7 +140,7 @@ class ComputedTorqueLaw(Table):
     """Feedback linearisation."""
 
     law: Literal["computed-torque"]
-    poles: Annotated[list[Negative], Field(min_length=4, max_length=4), "1/s"]
+    poles: Annotated[list[Negative], Field(min_length=4, max_length=4)]  # 1/s
     nominal: Values
 
 
@@ -159,34 +159,34 @@ class SineReference(Table):
     """One sine wave."""
 
     kind: Literal["sine"]
-    amplitude: Annotated[Number, "rad"]
-    angular_frequency: Annotated[Number, "rad/s"]
-    phase: Annotated[Number, "rad"] = 0.0
-    offset: Annotated[Number, "rad"] = 0.0
+    amplitude: Number  # rad
+    angular_frequency: Number  # rad/s
+    phase: Number = 0.0  # rad
+    offset: Number = 0.0  # rad
 
 
 class MultisineReference(Table):
     """Several sine waves."""
 
     kind: Literal["multisine"]
-    amplitudes: Annotated[Numbers, "rad"]
-    angular_frequencies: Annotated[Numbers, "rad/s"]
-    phases: Annotated[Numbers, "rad"] = []
-    offset: Annotated[Number, "rad"] = 0.0
+    amplitudes: Numbers  # rad
+    angular_frequencies: Numbers  # rad/s
+    phases: Numbers = []  # rad
+    offset: Number = 0.0  # rad
 
 
 class ConstantReference(Table):
     """Standing still."""
 
     kind: Literal["constant"]
-    value: Annotated[Number, "rad"]
+    value: Number  # rad
 
 
 class ContinuousRun(Table):
     """How long a loop runs and how closely it is integrated."""
 
-    duration: Annotated[Positive, "s"]
-    sample_time: Annotated[Positive, "s"] = 1e-3
+    duration: Positive  # s
+    sample_time: Positive = 1e-3  # s
     relative_tolerance: Annotated[float, Field(ge=1e-13, le=0.1)] = 1e-6
     absolute_tolerance: Positive | None = None  # a thousandth of the relative one
     maximum_steps: Annotated[Whole, Field(ge=1, le=10**9)] = 1_000_000
@@ -202,17 +202,17 @@ class ContinuousRun(Table):
 class SampledRun(Table):
     """How long a sampled loop runs."""
 
-    duration: Annotated[Positive, "s"]
+    duration: Positive  # s
 
 
 class SamplingTable(Table):
     """What a drive's sensors and clock are like."""
 
-    sample_time: Annotated[Positive, "s"] = 1e-3
-    input_limit: Annotated[float, Field(gt=0), "N m"] = math.inf
-    position_resolution: Annotated[NotNegative, "rad"] = 0.0
-    position_noise: Annotated[NotNegative, "rad"] = 0.0
-    velocity_noise: Annotated[NotNegative, "rad/s"] = 0.0
+    sample_time: Positive = 1e-3  # s
+    input_limit: Annotated[float, Field(gt=0)] = math.inf  # N m
+    position_resolution: NotNegative = 0.0  # rad
+    position_noise: NotNegative = 0.0  # rad
+    velocity_noise: NotNegative = 0.0  # rad/s
     seed: Annotated[Whole, Field(ge=0, le=2**63)] = 0
 
 

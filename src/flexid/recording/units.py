@@ -1,14 +1,10 @@
-"""Units of columns: by a table of those that are usual, others by Pint, in this place alone."""
+"""Units of columns, as people write them."""
 
 from __future__ import annotations
 
 import re
 from functools import cache
 from math import pi
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import pint
 
 # The SI unit of every quantity a column may hold, with what a user may write instead.
 EXAMPLES = {
@@ -19,19 +15,26 @@ EXAMPLES = {
     "V": ("V", "mV"),
     "A": ("A", "mA"),
 }
-LONGEST_UNIT = 24
-_SMALLEST, _LARGEST = 1e-12, 1e4  # in SI, of a unit in a log: Pint knows the attosecond
 _KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in small letters
     "s": (1.0, "s", "s|sec|secs|second|seconds|sek|秒"),
     "ms": (1e-3, "s", "ms|msec|msecs|millis|millisecond|milliseconds|毫秒"),
     "us": (1e-6, "s", "us|µs|μs|usec|usecs|micros|microsecond|microseconds|微秒"),
     "ns": (1e-9, "s", "ns|nsec|nsecs|nanosec|nanoseconds"),
     "rad": (1.0, "rad", "rad|radian|radians|弧度"),
+    "min": (60.0, "s", "min|mins|minute|minutes"),
     "mrad": (1e-3, "rad", "mrad"),
+    "urad": (1e-6, "rad", "urad|µrad|μrad"),
     "deg": (pi / 180.0, "rad", "deg|°|º|degree|degrees|gradi|grados|度"),
     "mdeg": (1e-3 * pi / 180.0, "rad", "mdeg"),
+    "arcmin": (pi / 10_800.0, "rad", "arcmin"),
+    "arcsec": (pi / 648_000.0, "rad", "arcsec"),
     "turn": (2.0 * pi, "rad", "turn|turns|rev|revs|revolution|revolutions|umdr|圈"),
-    "rad/s": (1.0, "rad/s", "rad/s|rad_s|radps|rad/sec|radians/s|rad s-1|rad.s-1"),
+    "rad/s": (
+        1.0,
+        "rad/s",
+        "rad/s|rad_s|radps|rad/sec|radians/s|rad s-1|rad.s-1|rad s^-1|rad·s^-1",
+    ),
+    "mrad/s": (1e-3, "rad/s", "mrad/s"),
     "deg/s": (pi / 180.0, "rad/s", "deg/s|°/s|º/s|deg_s|degps|dps|deg/sec|degrees/s|degree/s"),
     "rpm": (pi / 30.0, "rad/s", "rpm|1/min|min-1|min^-1|u/min|rev/min|r/min|tr/min|giri/min|转/分"),
     "N m": (
@@ -51,8 +54,10 @@ _KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in smal
     "ozf in": (0.007061551814226044, "N m", "oz-in|oz in|ozin|in-oz|ozf in"),
     "V": (1.0, "V", "v|volt|volts"),
     "mV": (1e-3, "V", "mv"),
+    "kV": (1e3, "V", "kv"),
     "A": (1.0, "A", "a|amp|amps|ampere|amperes|arms|a_rms|a rms|安"),
     "mA": (1e-3, "A", "ma|milliamp|milliamps"),
+    "kA": (1e3, "A", "ka"),
 }
 _BY_SPELLING = {word: unit for unit, (*_, words) in _KNOWN.items() for word in words.split("|")}
 _USUAL = {  # exactly so, what else stands in a row of units
@@ -61,7 +66,15 @@ _USUAL = {  # exactly so, what else stands in a row of units
     *("W", "Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
 }
 _PER_SECOND = {"rads": "rad/s", "degs": "deg/s"}  # of a velocity
-_MILLI = ("ms", "mrad", "mdeg", "mN m", "mV", "mA")  # whose first letter is small, as M is mega
+_MILLI = (
+    "ms",
+    "mrad",
+    "mdeg",
+    "mrad/s",
+    "mN m",
+    "mV",
+    "mA",
+)  # whose first letter is small, as M is mega
 _SYMBOLS = {"s", "V", "A", "°", "º"}  # of one character, which stand as they are
 _COUNTS = {
     *("count", "counts", "cnt", "cnts", "inc", "incs", "increments", "tick", "ticks", "lsb"),
@@ -149,55 +162,16 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
         return float(multiple[1]) * factor, si_unit
     if "rad/s" in si_units:
         text = _PER_SECOND.get(text.lower(), text)
-    known = _spelled(_plain(text))
-    factor, si_unit = _KNOWN[known][:2] if known else _by_pint(text, si_units)
+    known = _spelled(re.sub(f"[{DOTS}]", "·", text).replace("º", "°").strip())
+    factor, si_unit = _KNOWN[known][:2] if known else (0.0, "")
     if si_unit in si_units:
         return factor, si_unit
     raise UnitError(
-        f"the unit [{text}] does not measure what the column holds: write {_accepted(si_units)}"
+        f"the unit [{text}] is not known for this column: write {_accepted(si_units)}, or the unit "
+        f"and a scale in a column map"
     )
 
 
 def _accepted(si_units: tuple[str, ...]) -> str:
     """Units that may be written, for a message."""
     return " or ".join(", ".join(f"[{unit}]" for unit in EXAMPLES[si]) for si in si_units)
-
-
-def _plain(text: str) -> str:
-    """A unit with one kind of dot and of degree."""
-    return re.sub(f"[{DOTS}]", "·", text).replace("º", "°")
-
-
-def _by_pint(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
-    """A unit's factor and SI unit by Pint, which takes a third of a second to be ready."""
-    unknown = UnitError(
-        f"the unit [{text}] is not known: write {_accepted(si_units)}, or the unit and a scale in "
-        f"a column map"
-    )
-    # Exponents and numbers are limited, so that no unit text can ask for a power tower.
-    text = _plain(text)
-    bare = re.sub(r"\^-?[12](?![\d^])|^\s*1\s*(?=/)", "", text)
-    legible = all(character.isalpha() or character in " */·°" for character in bare)
-    if not legible or "**" in bare or len(text) > LONGEST_UNIT:
-        raise unknown
-    # Pint reads Nm as a measure of yarn.
-    spaced = re.sub(r"\b([mk]?N)(c?m)\b", r"\1*\2", text)
-    registry = _registry()
-    try:
-        quantity = registry.Quantity(1.0, registry.parse_units(spaced)).to_root_units()
-    except Exception as error:  # Pint has no common root for what malformed text raises
-        raise unknown from error
-    for si_unit in si_units:
-        si = registry.Quantity(1.0, si_unit.replace(" ", "*")).to_root_units()
-        factor = float(quantity.magnitude) / float(si.magnitude)
-        # Root units, not dimensions: a radian has none, so that a hertz would pass for a velocity.
-        if quantity.units == si.units and _SMALLEST <= factor <= _LARGEST:
-            return factor, si_unit
-    return 0.0, ""
-
-
-@cache
-def _registry() -> pint.UnitRegistry:
-    import pint
-
-    return pint.UnitRegistry()

@@ -11,7 +11,6 @@ import numpy as np
 import flexid
 from flexid.arrays import FloatArray
 from flexid.campaigns.summary import QUANTILES, Result, Summary
-from flexid.experiments.measures import Units
 from flexid.report.chart import Axis, Chart, Dash, Level, Line, Panel, Points, whole_decades
 from flexid.report.page import Answer, Bullets, Page, Presenter, Section, sections_of
 from flexid.report.terminal import Column, Part, Table, number, numbers
@@ -105,17 +104,14 @@ def charts(summary: Summary) -> tuple[Chart, ...]:
     """Distributions and dependence, where there is something to draw."""
     shown = [result for result in summary.results if _drawable(result)]
     depending = {result.name: name for result in shown if (name := _strongest(result))}
-    units = Units(summary.manifest.text)
     found = []
     if shown:
-        found.append(_distributions(summary, shown, units))
+        found.append(_distributions(summary, shown))
     if depending:
-        clouds = (
-            _cloud(r, depending[r.name], summary, units) for r in shown if r.name in depending
-        )
+        clouds = (_cloud(r, depending[r.name], summary) for r in shown if r.name in depending)
         strongest = "; ".join(f"{result}: {name}" for result, name in [*depending.items()][:3])
         says = f"The input that matters most for each result is below it ({strongest})."
-        title = "Each result against the input that matters most for it"
+        title = "Each result against the input that matters most for it, SI units"
         found.append(Chart("dependence", title, says, tuple(clouds), _COLUMNS, linked=False))
     return tuple(found)
 
@@ -126,21 +122,19 @@ def _drawable(result: Result) -> bool:
     return varies and not result.name.startswith(DETAILS)
 
 
-def _distributions(summary: Summary, results: list[Result], units: Units) -> Chart:
-    panels = tuple(_distribution(result, units.of_result(result.name)) for result in results)
+def _distributions(summary: Summary, results: list[Result]) -> Chart:
+    panels = tuple(_distribution(result) for result in results)
     first = results[0]
     low, _, high = first.quantiles
-    unit = units.of_result(first.name)
     says = (
-        f"In nine of ten runs {first.name} is between {low:.3g} and {high:.3g}"
-        f"{f' {unit}' if unit not in ('', '1') else ''}; the dotted lines are these limits for "
-        "each result, the full line its median."
+        f"In nine of ten runs {first.name} is between {low:.3g} and {high:.3g}; the dotted "
+        "lines are these limits for each result, the full line its median."
     )
-    title = f"Distributions of the results of {summary.finished} finished runs"
+    title = f"Distributions of the results of {summary.finished} finished runs, SI units"
     return Chart("distributions", title, says, panels, _COLUMNS, linked=False)
 
 
-def _distribution(result: Result, unit: str) -> Panel:
+def _distribution(result: Result) -> Panel:
     """Counts of a result, and its quantiles."""
     values, said, limits = _scaled(result.values[np.isfinite(result.values)])
     spread = np.geomspace if limits else np.linspace
@@ -154,12 +148,12 @@ def _distribution(result: Result, unit: str) -> Panel:
             for value, (label, dash) in zip(result.quantiles, _LINES, strict=True)
         ),
     )
-    x = Axis(result.name, unit, logarithmic=limits is not None, limits=limits)
+    x = Axis(result.name, logarithmic=limits is not None, limits=limits)
     y = Axis("runs", limits=(0.0, 1.08 * float(counts.max())))
     return Panel(result.name + said, x, y, marks)
 
 
-def _cloud(result: Result, name: str, summary: Summary, units: Units) -> Panel:
+def _cloud(result: Result, name: str, summary: Summary) -> Panel:
     """A result over an input, run by run."""
     values, inputs = result.values[:_MOST_POINTS], summary.inputs[name][:_MOST_POINTS]
     there = np.isfinite(values)
@@ -170,8 +164,8 @@ def _cloud(result: Result, name: str, summary: Summary, units: Units) -> Panel:
     points = Points("runs", inputs, values, "blue", 3.0 if many else 3.7, faint=many)
     return Panel(
         result.name + said,
-        Axis(name, units.of_value(name), logarithmic=across is not None, limits=across),
-        Axis("value", units.of_result(result.name), logarithmic=limits is not None, limits=limits),
+        Axis(name, logarithmic=across is not None, limits=across),
+        Axis("value", logarithmic=limits is not None, limits=limits),
         (points,),
     )
 
