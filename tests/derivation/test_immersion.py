@@ -1,8 +1,6 @@
 """The immersion of a regressor, and what a filter needs to know of it."""
 
 import math
-from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -26,73 +24,36 @@ CLOSED = {
     "(q + v)**2": "q**2*v + q*v**2 + v**3/3",
     "sign(v)": "Abs(v)",
     "v*abs(v)": "v**2*Abs(v)/3",
-    "sin(v)": "1 - cos(v)",
     "tanh(10*v)": "LogCosh(10*v)/10",
-    "1/(1 + v**2)": "atan(v)",
-    "v/sqrt(1 + v**2)": "sqrt(v**2 + 1) - 1",
     "tanh(v/width)*q": "q*width*LogCosh(v/width)",
+    "tanh(v + q)*q": "q*(-LogCosh(q) + LogCosh(q + v))",
 }
 
-QUADRATURE = [
-    "exp(-v**2)*tanh(v)",  # no antiderivative
-    "cos(q*v)",  # sin(q v)/q fails at q = 0
-    "1/(1 + q*v)**3",  # likewise
-    "sin(v**2)",  # Fresnel integrals, which generated code cannot print
-    "tanh(v)**2",  # SymPy's antiderivative is complex
-    "abs(v - 1)",
-    "sin(v)**12",  # could be found, but not in bounded time
-]
+QUADRATURE = ["exp(-v**2)*tanh(v)", "cos(q*v)", "tanh(q*v)", "v/abs(q - v)"]
 
 
 @pytest.mark.parametrize("text", CLOSED)
 def test_closed_form(text: str):
-    """Assert that the antiderivative is the one found by hand."""
-    found, kind = immersion(to_sympy(text, {"q", "v", "width"}), v, [width])
-    assert kind == "closed form"
-    assert str(found) == CLOSED[text]
+    """Assert that the antiderivative is the one found by hand, and has the integral's value.
 
-
-@pytest.mark.parametrize("text", QUADRATURE)
-def test_quadrature_where_no_sound_closed_form(text: str):
-    """Assert that what has no closed form, or no sound one, is left as an integral."""
-    found, kind = immersion(to_sympy(text, {"q", "v"}), v)
-    assert kind == "quadrature"
-    assert found.has(sp.Integral)
-
-
-VELOCITIES = (-300.0, -2.5, -1e-3, 0.0, 1e-3, 2.5, 300.0)
-
-
-@pytest.mark.parametrize("text", [*CLOSED, "exp(-(v/3)**2)", "(q + v)**3", "tanh(v + q)*q"])
-def test_closed_form_agrees_with_adaptive_quadrature(text: str):
-    """Assert that the printed closed form has the integral's value, at large velocities too."""
+    At large velocities as well.
+    """
     regressor = to_sympy(text, {"q", "v", "width"})
-    found, kind = immersion(regressor, v, [width])
-    assert kind == "closed form"
+    found = immersion(regressor, v, [width])
+    assert str(found) == CLOSED[text]
     values: dict[Any, Any] = {q: 0.7, width: 0.3}
     printed = sp.lambdify(v, found.subs(values), "math", printer=ScalarPrinter)
     integrand = sp.lambdify(v, regressor.subs(values), "math")
-    wanted = [_integral(integrand, velocity) for velocity in VELOCITIES]
-    assert [printed(velocity) for velocity in VELOCITIES] == pytest.approx(
-        wanted, rel=1e-9, abs=1e-11
-    )
+    for end in (-300.0, -2.5, -1e-3, 0.0, 1e-3, 2.5, 300.0):
+        breaks = sorted(math.copysign(p, end) for p in (1.0, 10.0, 100.0) if p < abs(end))
+        wanted, _ = quad(integrand, 0.0, end, points=breaks or None, epsabs=1e-12, epsrel=1e-10)
+        assert printed(end) == pytest.approx(wanted, rel=1e-9, abs=1e-11)
 
 
-def _integral(integrand: Callable[[float], float], velocity: float) -> float:
-    """Integrate from 0 in parts that resolve what happens at small velocities."""
-    ends = [e for e in (0.0, 1.0, 10.0, 100.0) if e < abs(velocity)] + [abs(velocity)]
-    side = math.copysign(1.0, velocity)
-    parts = (
-        quad(integrand, side * a, side * b, epsabs=1e-12, epsrel=1e-10, limit=400)[0]
-        for a, b in pairwise(ends)
-    )
-    return sum(parts)
-
-
-def test_large_regressor_is_left_to_quadrature():
-    """Assert that the search for an antiderivative is not begun on a very large expression."""
-    text = " + ".join(f"sin({k}*v)*cos({k}*v + q)" for k in range(1, 30))
-    assert immersion(to_sympy(text, {"q", "v"}), v)[1] == "quadrature"
+@pytest.mark.parametrize("text", QUADRATURE)
+def test_quadrature_where_no_plain_closed_form(text: str):
+    """Assert that what has none, or only one that fails where q vanishes, stays an integral."""
+    assert immersion(to_sympy(text, {"q", "v"}), v).has(sp.Integral)
 
 
 @pytest.mark.parametrize(

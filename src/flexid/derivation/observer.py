@@ -13,7 +13,7 @@ from typing import cast
 
 import sympy as sp
 
-from flexid.derivation.immersion import Kind, immersion
+from flexid.derivation.immersion import immersion
 from flexid.derivation.symbolic import FreshNames, SymbolicRow, SymbolicSystem, symbolic_system
 from flexid.errors import AccelerationError, ModelError
 from flexid.models.parametric_system import ParametricSystem
@@ -26,7 +26,6 @@ class ObserverRow:
     row: SymbolicRow
     gain: sp.Symbol  # c, a positive number
     immersion: tuple[sp.Expr, ...]  # b, where necessary an unevaluated integral
-    kinds: tuple[Kind, ...]  # how each b is evaluated
     cancelling: tuple[sp.Expr, ...]  # C
     intermediate: tuple[sp.Symbol, ...]  # the observer's states y
     estimates: tuple[sp.Symbol, ...]  # p̂
@@ -71,8 +70,8 @@ class SymbolicObserver:
         return tuple(
             str(p)
             for row in self.rows
-            for p, kind in zip(row.row.coefficients, row.kinds, strict=True)
-            if kind == "quadrature"
+            for p, b in zip(row.row.coefficients, row.immersion, strict=True)
+            if b.has(sp.Integral)
         )
 
     @property
@@ -136,20 +135,18 @@ def _derive_row(
     names: FreshNames,
 ) -> ObserverRow:
     _check_distinct(symbolic, row)
-    immersions, kinds, cancelling = [], [], []
+    immersions, cancelling = [], []
     for coefficient, regressor in zip(row.coefficients, row.regressor, strict=True):
         regressor = _without_other_velocities(symbolic, row, str(coefficient), regressor)
         _check_rest(symbolic, row, str(coefficient), regressor)
-        b, kind = immersion(regressor, row.velocity, symbolic.constants)
+        b = immersion(regressor, row.velocity, symbolic.constants)
         immersions.append(b)
-        kinds.append(kind)
         cancelling.append(_cancelling(symbolic, row, str(coefficient), b, rates))
     letter = "yzw"[number - 1] if number <= 3 else f"w{number}_"
     return ObserverRow(
         row,
         names.take(f"c{number}"),
         tuple(immersions),
-        tuple(kinds),
         tuple(cancelling),
         tuple(names.take(f"{letter}{j}") for j in range(1, len(immersions) + 1)),
         tuple(names.take(f"{p}_hat") for p in row.coefficients),

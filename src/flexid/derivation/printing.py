@@ -13,7 +13,7 @@ from sympy.printing.latex import LatexPrinter
 
 from flexid.derivation.immersion import VARIABLE
 from flexid.derivation.observer import ObserverRow, SymbolicObserver
-from flexid.derivation.symbolic import FreshNames, LogCosh
+from flexid.derivation.symbolic import FreshNames
 
 
 @dataclass(frozen=True)
@@ -95,21 +95,16 @@ def joined(first: str, second: str) -> str:
     return f"{first} + {second}"
 
 
-class _LatexPrinter(LatexPrinter):
-    def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
-        return rf"\ln\cosh{{\left({self._print(expr.args[0])} \right)}}"
-
-
 def latex_observer(observer: SymbolicObserver) -> str:
     """Print an observer as one ``align*`` block, Huang (2003), eqs. (2)-(3)."""
     rows = printable_rows(observer, fresh_names(observer))
-    printer = _LatexPrinter({"symbol_names": _symbol_names(observer)})
+    printer = LatexPrinter({"symbol_names": _symbol_names(observer)})
     lines = [line for row in rows for line in _row_lines(row, printer)]
     body = " \\\\\n".join(f"  {line}" for line in lines)
     return f"\\begin{{align*}}\n{body}\n\\end{{align*}}\n"
 
 
-def _row_lines(row: PrintableRow, printer: _LatexPrinter) -> list[str]:
+def _row_lines(row: PrintableRow, printer: LatexPrinter) -> list[str]:
     show = printer.doprint
     lines = [f"{show(p)} &= {joined(show(y), show(cb))}" for p, y, cb in row.estimates]
     lines.append(f"{show(row.abbreviation)} &= {show(row.meaning)}")

@@ -12,7 +12,7 @@ from sympy.printing.pycode import PythonCodePrinter
 from flexid.derivation.immersion import VARIABLE, graded_rule
 from flexid.derivation.observer import SymbolicObserver
 from flexid.derivation.printing import argument_groups, fresh_names, joined, printable_rows
-from flexid.derivation.symbolic import FreshNames, LogCosh, symbol
+from flexid.derivation.symbolic import FreshNames, symbol
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,6 @@ def _equations(
 
 class _PythonPrinter(PythonCodePrinter):
     """Notes what it has used: names of `math` in ``module_imports``."""
-
-    def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
-        return f"({self._print(expr.stable())})"
 
     def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802, the same
         return f"{self._module_format('math.exp')}(1)"  # a model may have its own e
@@ -150,9 +147,6 @@ RESERVED = frozenset(_RESERVED_WORDS.split())
 
 class _CPrinter(C99CodePrinter):
     """Products for small powers, and no macro that C99 does not have."""
-
-    def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
-        return f"({self._print(expr.stable())})"
 
     def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802, the same
         return repr(float(expr))

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from flexid.derivation.symbolic import LogCosh
-
 
 class ScalarPrinter(PythonCodePrinter):
     """Plain `math` calls and products: what numba turns into straight machine code."""
@@ -21,12 +19,8 @@ class ScalarPrinter(PythonCodePrinter):
         arguments = ", ".join(self._print(argument) for argument in expr.args)
         return f"{type(expr).__name__.lower()}({arguments})"
 
-    _print_sin = _print_cos = _print_tan = _print_tanh = _print_cosh = _print_Function
-    _print_exp = _print_log = _print_Abs = _print_erf = _print_Function
-    _print_atan = _print_asinh = _print_Function
-
-    def _print_LogCosh(self, expr: LogCosh) -> str:
-        return f"({self._print(expr.stable())})"
+    _print_sin = _print_cos = _print_tan = _print_tanh = _print_Function
+    _print_exp = _print_log = _print_Abs = _print_Function
 
     def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:
         return repr(float(expr))
@@ -57,13 +51,10 @@ class ArrayPrinter(ScalarPrinter):
 _printer = ScalarPrinter({"fully_qualified_modules": False})
 _array_printer = ArrayPrinter({"fully_qualified_modules": False})
 
-IMPORTS = "from math import asinh, atan, copysign, cos, cosh, erf, exp, log, sin, sqrt, tan, tanh"
+IMPORTS = "from math import copysign, cos, exp, sin, sqrt, tan, tanh"
 """The import line of every generated module of scalars."""
 
-ARRAY_IMPORTS = """from numpy import arcsinh as asinh
-from numpy import arctan as atan
-from numpy import cos, cosh, exp, log, sign, sin, sqrt, tan, tanh
-from scipy.special import erf"""
+ARRAY_IMPORTS = "from numpy import cos, exp, sign, sin, sqrt, tan, tanh"
 """The same for a module of arrays."""
 
 

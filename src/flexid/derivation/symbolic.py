@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from typing import cast
 
 import sympy as sp
+from sympy.printing.codeprinter import CodePrinter
+from sympy.printing.latex import LatexPrinter
 
 from flexid.errors import ExpressionError
 from flexid.models.expression import OPERATIONS, Algebra, fold
@@ -171,6 +173,14 @@ class LogCosh(sp.Function):
         """|z| + ln(1 + exp(-2|z|)) - ln 2, which neither overflows nor cancels for large |z|."""
         size = sp.Abs(self.args[0])
         return size + sp.log(1 + sp.exp(-2 * size)) - sp.log(2)
+
+    def _pythoncode(self, printer: CodePrinter) -> str:
+        return f"({printer.doprint(self.stable())})"
+
+    _ccode = _pythoncode
+
+    def _latex(self, printer: LatexPrinter) -> str:
+        return rf"\ln\cosh{{\left({printer.doprint(self.args[0])} \right)}}"
 
     def _eval_evalf(self, prec: int) -> sp.Expr:
         return self.stable()._eval_evalf(prec) or self.stable()

@@ -82,7 +82,7 @@ def derive(
 def _notes(observer: SymbolicObserver) -> Iterator[str]:
     if observer.quadratures:
         yield (
-            f"no sound closed form for the immersion of {', '.join(observer.quadratures)}; "
+            f"no plain closed form for the immersion of {', '.join(observer.quadratures)}; "
             f"integrated numerically"
         )
     if observer.input_rates:

@@ -20,8 +20,7 @@ from flexid.errors import ModelError
 from flexid.models.expression import CONSTANTS, FUNCTIONS, check_expression
 
 RESERVED = frozenset(
-    {*FUNCTIONS, *CONSTANTS, "t", "Abs", "asinh", "atan", "copysign", "cosh", "erf", "log"}
-    | {"len", "np", "njit", "range"}
+    {*FUNCTIONS, *CONSTANTS, "t", "Abs", "copysign", "log"} | {"len", "np", "njit", "range"}
 )
 """Names that mean something in expressions or in generated code."""
 
