@@ -140,14 +140,6 @@ def test_no_error_shrinks_less_than_the_bound(seed, gain, coefficients):
     assert worst <= contraction(STEP * r.T @ r, gain) + 1e-12
 
 
-def test_bound_is_sharp_for_small_gains():
-    """Assert that for a small gain the bound is the true contraction to first order."""
-    r = random_regressors(3, 2)[:-1]
-    gain = 1e-4
-    lost = 1 - np.linalg.norm(transition(r, gain), 2)
-    assert 1 - contraction(STEP * r.T @ r, gain) == pytest.approx(lost, rel=2e-2)
-
-
 def test_constant_regressors_guarantee_nothing():
     """Assert that without excitation in one direction level and guaranteed rate are zero."""
     measured = persistence(np.tile([1.0, -2.0], (2001, 1)), STEP, 0.5)

@@ -17,7 +17,6 @@ from flexid.analysis.lyapunov import (
 )
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import flexible_joint
-from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.simulation.closed_loop import simulate
 from flexid.studies.readings import sine, table1_loop
 
@@ -112,14 +111,6 @@ def test_limits_of_errors(history, errors, window, settled, vanished):
     assert {(limit.settled, limit.vanished) for limit in limits} == {(settled, vanished)}
 
 
-def test_late_rate_is_that_of_the_window(history):
-    """Assert that the largest late rate is the largest |p̃'| of eq. (7) in the last window."""
-    last = TIME >= 18.0
-    expected = np.abs(history.error_rates[last]).max(axis=0)
-    found = [limit.largest_rate for limit in watch(history).limits]
-    np.testing.assert_allclose(found, expected, rtol=1e-14)
-
-
 def test_dissipation_balances_along_a_closed_loop():
     """Assert that (9) integrates to (8) along the paper's loop where samples resolve the motion.
 
@@ -155,29 +146,3 @@ def test_regressors_of_the_joint_are_those_of_the_paper():
 
 
 Q, V, U = np.random.default_rng(2).uniform(-1, 1, (3, 20))
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("tanh(v/scale) + u**2", np.tanh(V / 0.5) + U**2),
-        ("-abs(v)*exp(-q) + pi", -np.abs(V) * np.exp(-Q) + np.pi),
-        ("sign(q)*sqrt(abs(u))", np.sign(Q) * np.sqrt(np.abs(U))),
-        ("tan(q)/cos(q) - 1", np.tan(Q) / np.cos(Q) - 1),
-        ("1", np.ones(20)),
-    ],
-)
-def test_every_part_of_an_expression_has_its_meaning(text, expected):
-    """Assert that numbers, constants, inputs, operators and functions mean what NumPy means."""
-    system = ParametricSystem("s", (Row("r", "q", "v", {"p": text}),), ("u",), {"scale": 0.5})
-    found = regressors_along(system, np.column_stack([Q, V]), U[:, None])["r"][:, 0]
-    np.testing.assert_allclose(found, expected, rtol=1e-14)
-
-
-def test_error_rates_are_those_of_7():
-    """Assert that the rates of a row are -c r rᵀp̃, sample by sample."""
-    rng = np.random.default_rng(4)
-    r, e = rng.normal(size=(2, 10, 3))
-    history = RowHistory("row", ("a", "b", "c"), 2.5, r, e)
-    expected = [-2.5 * np.outer(ri, ri) @ ei for ri, ei in zip(r, e, strict=True)]
-    np.testing.assert_allclose(history.error_rates, expected, rtol=1e-12)

@@ -74,18 +74,6 @@ def test_large_terms_cancel() -> None:
 
 
 @loops
-def test_map_and_inverse(declaration: LoopDeclaration) -> None:
-    """Assert that the states found from the coordinates have these coordinates again."""
-    kernel, p = loop_kernel(declaration), parameters(declaration)
-    z = np.random.default_rng(1).normal(size=kernel.SIZE)
-    y, again = np.empty(100), np.empty(kernel.SIZE)
-    kernel.outputs(0.4, z, p, y)
-    estimates = y[kernel.N_STATES + kernel.N_INPUTS :][: kernel.N_COEFFICIENTS]
-    kernel.start(0.4, y[: kernel.N_STATES], estimates, p, again)
-    assert again == pytest.approx(z, rel=1e-9, abs=1e-9)
-
-
-@loops
 def test_derivatives(declaration: LoopDeclaration) -> None:
     """Assert that Jacobian and time derivative are those of the rates, by central differences."""
     kernel, p = loop_kernel(declaration), parameters(declaration)
@@ -166,23 +154,6 @@ def test_map_must_be_triangular(second: str) -> None:
     })  # fmt: skip
     with pytest.raises(ModelError, match="s2 must be x2 plus"):
         compose_loop(LoopDeclaration(JOINT, law, sinusoid(1.0, 1.0)))
-
-
-def test_any_reference() -> None:
-    """Assert that a reference is differentiated as often as the loop needs it, whatever it is."""
-
-    class Bump(Multisine):
-        @property
-        def expression(self) -> str:
-            return "exp(-(t - centre)**2)"
-
-        @property
-        def parameters(self) -> dict[str, float]:
-            return {"centre": 1.0}
-
-    loop = compose_loop(LoopDeclaration(JOINT, robust_law(), Bump((), ())))
-    lines, _ = loop.signals.assignments({symbol("_qd_5")})
-    assert "_qd_5 = " in lines
 
 
 def test_observer_must_be_free_of_accelerations() -> None:

@@ -1,7 +1,5 @@
 """The generated variational equations against finite differences of the model itself."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from systems import ALL
@@ -220,30 +218,6 @@ def moved(plain):
     return memories
 
 
-def test_memories_follow_their_law(moved):
-    """Assert that a path's closed form is what the equation h' = s (w - |w| h) comes to."""
-    start = np.array([0.1, 0.0, -0.2, 0.0, 0.4, -0.9])
-    end = np.array([0.5, 0.0, -0.5, 0.0, np.nan, np.nan])
-    found = moved([3.0, 2.0], start, end)
-    h, g = 0.4, -0.9
-    steps = 20000  # of Euler, whose error is then below 1e-4
-    for _ in range(steps):
-        forward, backward = 0.7 / steps, -0.3 / steps
-        h += 3.0 * (forward - abs(forward) * h)
-        g += 2.0 * (backward - abs(backward) * g)
-    assert found == pytest.approx([h, g], abs=2e-4)
-
-
-def test_a_path_may_be_cut(moved):
-    """Assert that a path in two parts leaves what it leaves in one."""
-    start = np.array([0.1, 0.0, -0.2, 0.0, 0.4, -0.9])
-    end = np.array([0.5, 0.0, -0.5, 0.0, 0.0, 0.0])
-    middle = 0.7 * start + 0.3 * end
-    middle[4:] = moved([3.0, 2.0], start, middle)
-    whole, parts = (moved([3.0, 2.0], a, end) for a in (start, middle))
-    assert parts == pytest.approx(whole, rel=1e-14)
-
-
 def test_a_path_s_derivatives_are_those_of_its_memory(plain, moved):
     """Assert that a memory's derivatives by end, start and grip are those differences show."""
     functions = plain(sensitivity_functions(TWO_MEMORIES, "Test"))
@@ -271,23 +245,6 @@ def test_a_path_s_derivatives_are_those_of_its_memory(plain, moved):
     for m, along in enumerate(np.eye(2)):
         found = q.reshape(2, width)[:, 1 + m]
         assert found == pytest.approx(slope(0.0, 0.0, along), rel=1e-7, abs=1e-8)
-
-
-def test_memory_is_passive(moved):
-    """Assert that a friction h gives back no more work than h²/(2 s) holds, to and fro."""
-    generator = np.random.default_rng(4)
-    x, h, work, grip = 0.0, 0.0, 0.0, 3.0
-    for stop in generator.uniform(-1.0, 1.0, 30):
-        steps = np.linspace(x, stop, 400)
-        for a, b in pairwise(steps.tolist()):
-            start = [a, 0.0, 0.0, 0.0, h, 0.0]
-            after = float(moved([grip, 1.0], start, [b, *start[1:]])[0])
-            work += 0.5 * (h + after) * (b - a)
-            h = after
-            assert abs(h) <= 1.0
-        x = stop
-        assert work >= h * h / (2.0 * grip) - 1e-6
-    assert work > 10.0  # and that it loses
 
 
 def test_corners_are_those_of_positions(plain):

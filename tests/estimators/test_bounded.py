@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from noisy_joint import TRUTH, VALUES, joint_samples
+from noisy_joint import VALUES, joint_samples
 from scipy.optimize import least_squares
 
 from flexid.estimators.bounded import bounded_fit
@@ -44,14 +44,6 @@ def cart_samples() -> Samples:
 def cart(unknowns: Unknowns) -> LeastSquaresFit:
     """Least squares of the cart, whose gain and its twin cannot be distinguished."""
     return filtered_least_squares([cart_samples()], CART, unknowns=unknowns)
-
-
-@pytest.mark.parametrize("fit_with", [by_filter, by_motion])
-def test_bounds_that_do_not_bind_change_nothing(fit_with):
-    """Assert that a fit within its bounds is the fit without them."""
-    fit, at_bound = bounded_fit(fit_with, ALL, dict.fromkeys(TRUTH, (0.0, np.inf)))
-    assert at_bound == {}
-    assert np.array_equal(fit.values, fit_with(ALL).values)
 
 
 @pytest.mark.parametrize("fit_with", [by_filter, by_motion])

@@ -44,16 +44,3 @@ def test_a_payload_is_followed():
     assert link[7_000:].max() < 0.05
     assert link[10_000:].max() < 0.01
     assert errors[:, 2:].max() < 0.01
-
-
-def test_a_shorter_memory_follows_faster_and_is_noisier():
-    """Assert the trade: a memory of 1 s settles sooner than one of 4 s, and errs more before."""
-    settled, errors = [], []
-    for memory_time in (1.0, 4.0):
-        found = replayed(memory_time)[:, 1]
-        off = np.abs(found[CHANGE:] / LOADED["theta2"] - 1.0) > 0.02
-        settled.append(np.flatnonzero(off)[-1])
-        before = found[8_000:CHANGE] / TRUTH["theta2"] - 1.0
-        errors.append(np.sqrt(np.mean(before**2)))
-    assert settled[0] < 0.6 * settled[1]
-    assert errors[0] > 1.3 * errors[1]

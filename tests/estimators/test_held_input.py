@@ -65,15 +65,6 @@ def test_derivatives_by_the_delay(hold, delay):
     assert found[:, :, 2:] == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
 
 
-def test_inputs_do_not_mix():
-    """Assert that of two inputs each gets the lines that it gets alone."""
-    both = np.column_stack((SAMPLES, SAMPLES[::-1] ** 2))
-    found = held_input(both, H, "cubic", 0.0013)
-    for i in range(2):
-        alone = held_input(both[:, i : i + 1], H, "cubic", 0.0013)
-        assert found[:, i] == pytest.approx(alone[:, 0], abs=1e-12)
-
-
 def test_order_of_the_smooth_input():
     """Assert that the mean of a sine falls short by the fourth power of the sample time.
 

@@ -186,44 +186,6 @@ def test_a_row_that_rests_teaches_nothing_and_follows_its_sensor():
     assert problem.degrees_of_freedom == observed(samples).degrees_of_freedom - 61
 
 
-def test_normal_matrix_is_that_of_differences_of_innovations():
-    """Assert that the normal matrix is that of the whitened innovations' derivatives."""
-    problem = observed(disturbed_samples(4))
-    assert problem.observer is not None
-    columns = []
-    for place, value in enumerate(VALUES):
-        step = np.zeros(len(VALUES))
-        step[place] = 1e-5 * value
-        high, low = (
-            problem.equations(Point(VALUES + sign * step, np.zeros((1, 4))), "nothing").residuals
-            for sign in (1.0, -1.0)
-        )
-        columns.append(((high - low) @ problem.observer.whitening[0].T).ravel() / (2e-5 * value))
-    expected = np.column_stack(columns)
-    found = problem.equations(AT_REST).normal.sum(axis=0)[4:, 4:]
-    scale = np.linalg.norm(expected, axis=0)
-    apart = (found - expected.T @ expected) / np.outer(scale, scale)
-    assert np.abs(apart).max() < 1e-5
-
-
-def test_no_gain_is_no_observer():
-    """Assert that an observer that corrects nothing leaves residuals and cost as they are."""
-    samples = disturbed_samples(5)
-    problem = motion(samples)
-    nothing = Observer(
-        np.zeros((1, 4, 2)),
-        np.zeros((1, 2, 2)),
-        np.zeros((1, 2)),
-        still(samples),
-        np.diag(problem.weights)[None],
-        np.array([len(samples)]),
-    )
-    plain = problem.equations(AT_REST)
-    found = replace(problem, observer=nothing).equations(AT_REST)
-    np.testing.assert_allclose(found.residuals, plain.residuals, rtol=0.0, atol=1e-9 * NOISE.min())
-    assert found.cost == pytest.approx(plain.cost, rel=1e-9)
-
-
 def test_first_velocity_is_found_in_one_step():
     """Assert that a step brings what it promises, though the observer soon forgets the velocity."""
     problem = observed(disturbed_samples(3, 600))

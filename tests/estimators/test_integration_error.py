@@ -5,8 +5,6 @@ it: a step of the phase φ turns by φ (1 - φ⁴/120), so that a fit finds the 
 too large by φ⁴/60 of it.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -65,15 +63,6 @@ def test_steps_are_as_many_as_the_noise_asks_for(moved: float, times: int):
     problem, point = problem_of(oscillation(noise, 3), noise)
     assert problem.substeps == 1
     assert refinement(problem, minimise(problem, point, 1e-2)) == times
-
-
-def test_error_that_is_seen_is_that_of_the_closed_form():
-    """Assert that a fit with one step is off by what is said, and one with twice as many not."""
-    noise = noise_for(20.0)
-    problem, point = problem_of(oscillation(noise, 5), noise)
-    coarse = minimise(problem, point, 1e-3)
-    fine = minimise(replace(problem, substeps=2), point, 1e-3)
-    assert coarse.point.values[0] - fine.point.values[0] == pytest.approx(15 / 16 * BIAS, rel=0.05)
 
 
 def test_estimates_are_off_by_noise_alone():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_motion import CART, fall, held_cart
+from made_motion import CART, held_cart
 from noisy_joint import POSITION_NOISE, TRUTH, VALUES, clean_motion, joint_samples, worst_error
 from scipy.signal import lfilter
 from scipy.stats import t
@@ -81,18 +81,6 @@ def test_less_is_part_of_everything():
         assert part.gradient == pytest.approx(full.gradient[:, :n], abs=1e-9 * scale)
 
 
-def test_gradient_is_that_of_the_sum_of_squares():
-    """Assert that the right-hand side is minus half the slope of the sum of squares."""
-    segments = divide([joint_samples(1)], 3.0)
-    problem = segmented_motion(JOINT, segments, Timing("linear"))
-    states = clean_motion()[1][segments.starts]
-    point = Point(VALUES, states)
-    gradient = problem.equations(point).gradient[:, 4:].sum(axis=0)
-    for place, value in enumerate(VALUES):
-        slope = fall(problem, point, states.size + place, 1e-5 * value)
-        assert gradient[place] == pytest.approx(slope, rel=1e-3)
-
-
 @pytest.mark.parametrize("hold", ["zero", "linear"])
 def test_exact_on_its_own_motion(hold):
     """Assert that a clean record of the model itself gives the truth to rounding, either hold."""
@@ -143,33 +131,12 @@ def test_coverage(rho):
     assert 0.88 <= np.mean(held) <= 0.995
 
 
-def test_long_segments_see_correlation():
-    """Assert that six segments of 5 s widen the interval by what theory says, the root of 19.
-
-    Slow motion sees the noise's spectral density at zero frequency, (1 + ρ) / (1 - ρ) times that
-    of white noise of its variance.
-    """
-    ratios = []
-    for seed in range(4):
-        found = fit(correlated(seed), 5.0)
-        ratios.append(np.log(found.standard_deviations / of_white_noise(found)))
-    assert np.exp(np.mean(ratios)) == pytest.approx(np.sqrt(19.0), rel=0.2)
-
-
 def test_what_leads_nowhere_is_an_error():
     """Assert that neither a motion that runs away nor an answer far from its start is a number."""
     start = filtered_least_squares([joint_samples(0)], JOINT)
     for wrong in ([5.0, -1e5, 333.0, -1e4, 3.3], VALUES * np.array([1.0, 0.45, 0.45, 1.0, 0.45])):
         with pytest.raises(ConvergenceError):
             prediction_error([joint_samples(0)], JOINT, replace(start, values=np.array(wrong)))
-
-
-def test_intervals_from_three_segments():
-    """Assert that segments of 10 s hold blocks enough for an interval that is hardly too wide."""
-    found = fit(joint_samples(0), 10.0)
-    assert min(found.degrees_of_freedom) > 10.0
-    ratios = found.standard_deviations / of_white_noise(found)
-    assert np.all(np.abs(np.log(ratios)) < np.log(2.0))
 
 
 def test_threads_change_no_digit(monkeypatch: pytest.MonkeyPatch):

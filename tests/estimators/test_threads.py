@@ -34,14 +34,3 @@ def test_long_records_have_several_threads(monkeypatch: pytest.MonkeyPatch):
         together.wait()
 
     in_threads(run, np.full(100, 1_000))
-
-
-def test_what_fails_in_a_thread_is_raised(monkeypatch: pytest.MonkeyPatch):
-    """Assert that an error in a thread does not get lost."""
-    monkeypatch.setattr(threads, "cores", lambda: 2)
-
-    def run(first: int, _stop: int) -> None:
-        raise ValueError(first)
-
-    with pytest.raises(ValueError, match="0"):
-        in_threads(run, np.full(100, 1_000))

@@ -19,7 +19,6 @@ JOINT = flexible_joint()
 MORE = flexible_joint(("gravity", "motor_viscous", "link_coulomb", "link_offset"))
 OFF = {"theta_coulomb": 0.0, "theta_offset": 0.0}
 PER_RUN = Unknowns(MORE, {"theta_coulomb": 0.0}, ("theta_offset",), (0, 1, 0))
-OFFSETS = (0.8, -0.5)
 
 
 def record(seed: int = 0) -> Samples:
@@ -34,12 +33,6 @@ def run_with_offset(offset: float, seed: int, n: int = 6000) -> Samples:
     values = TRUTH | {"theta_coulomb": 0.0, "theta_offset": offset}
     x = free_run(MORE, values, [0.1, 0.0, 0.2, 0.5], torque, 1e-3)
     return Samples(x[:, ::2] + 1e-5 * generator.standard_normal((n, 2)), None, torque, 1e-3)
-
-
-@pytest.fixture(scope="module")
-def runs() -> list[Samples]:
-    """Three runs, the first and the last of one sensor."""
-    return [run_with_offset(OFFSETS[group], seed) for seed, group in enumerate(PER_RUN.groups)]
 
 
 def test_names_and_coefficients_of_a_recording():
@@ -90,42 +83,6 @@ def test_a_row_with_nothing_sought():
     assert fit.values == pytest.approx(whole.values[:2], rel=1e-9)
     refined = prediction_error([record()], JOINT, fit, unknowns=Unknowns(JOINT, motor))
     assert refined.values == pytest.approx(VALUES[:2], rel=1e-4)
-
-
-def test_every_run_has_its_own_offset(runs):
-    """Assert that runs with different offsets give each its own, by both estimators.
-
-    One for all is off by many of the deviations that it claims.
-    """
-    expected = [5.0, 100.0, *OFFSETS, *VALUES[2:]]
-    start = filtered_least_squares(runs, MORE, unknowns=PER_RUN)
-    assert start.values == pytest.approx(expected, rel=0.02)
-    fit = prediction_error(runs, MORE, start, 0.5, unknowns=PER_RUN)
-    assert fit.values == pytest.approx(expected, rel=2e-3)
-    assert np.all(np.abs(fit.values - expected) < 5.0 * fit.standard_deviations)
-    common = replace(PER_RUN, per_group=())
-    start = filtered_least_squares(runs, MORE, unknowns=common)
-    one = prediction_error(runs, MORE, start, 0.5, unknowns=common)
-    offset = one.values[one.names.index("theta_offset")]
-    assert min(abs(offset - own) for own in OFFSETS) > 0.1
-    assert one.noise[0] > 1e-4
-
-
-def test_groups_that_share_nothing_are_fits_of_their_own(runs):
-    """Assert that with all coefficients per group, each group's are of its recordings alone."""
-    names = tuple(c for c in MORE.coefficients if c != "theta_coulomb")
-    apart = replace(PER_RUN, per_group=names)
-    fit = prediction_error(
-        runs, MORE, filtered_least_squares(runs, MORE, unknowns=apart), 0.5, unknowns=apart
-    )
-    alone = Unknowns(MORE, {"theta_coulomb": 0.0})
-    start = filtered_least_squares(runs[1:2], MORE, unknowns=alone)
-    second = prediction_error(runs[1:2], MORE, start, 0.5, unknowns=alone)
-    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
-    # The common noise weights differ a little from the run's own.
-    deviations = second.standard_deviations
-    found = np.array([values[f"{name}[2]"] for name in second.names])
-    assert np.all(np.abs(found - second.values) < 0.2 * deviations)
 
 
 def test_constants_are_the_given_system_s():

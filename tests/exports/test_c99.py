@@ -109,18 +109,6 @@ def near_zero(tmp_path_factory) -> Path:
     return directory
 
 
-@pytest.mark.thorough
-@precisions
-def test_a_coefficient_near_zero_loosens_no_other(near_zero, tmp_path, precision):
-    """Assert that what hangs on rounding alone is allowed more, and what does not is held."""
-    single, double = ([float(word) for word in words] for words in allowed(near_zero))
-    assert single[2] > 0.1  # theta_offset
-    assert double[2] > 1e-9
-    assert max(*single[:2], *single[3:]) < 1e-2
-    assert max(*double[:2], *double[3:]) < 1e-10
-    run(compiled("gcc", near_zero, PRECISIONS[precision], out=tmp_path / "drive"))
-
-
 WRONG = (
     ("theta_offset = state->row[0].unknown[2]", "theta_offset = -state->row[0].unknown[2]"),
     ("theta_offset = state->row[0].unknown[2]", "theta_offset = REAL(0.0)"),

@@ -295,14 +295,12 @@ def test_a_jump_is_smoothed(tmp_path):
 
 
 FAILURES = {
-    "an error behind a warning": (
+    "a warning and an error": (
         "echo 'model.h:1: warning: hm' >&2; echo 'plant.c:9: error: no such thing' >&2; exit 1",
-        r"cc ended with status 1, 'plant\.c:9: error: no such thing': correct that",
+        r"cc makes no library of it \(model.h:1: warning: hm plant.c:9: error: no such thing\)",
     ),
-    "silence": ("exit 3", "cc ended with status 3, 'nothing'"),
-    "a signal": ("kill -9 $$", "cc was ended by signal 9 before the library was made"),
-    "no library": ("exit 0", r"cannot be made in a temporary folder \(No such file"),
-    "no program": ("", r"cannot be run \(Permission denied\): check"),
+    "a signal": ("kill -9 $$", r"makes no library of it \(.*SIGKILL"),
+    "no library": ("exit 0", r"makes no library of it \(.*No such file"),
 }
 
 
@@ -313,21 +311,10 @@ def test_a_compiler_that_fails_is_quoted(plain, tmp_path, monkeypatch, kind):
     script, words = FAILURES[kind]
     program = tmp_path / "cc"
     program.write_text(f"#!/bin/sh\n{script}\n")
-    program.chmod(0o755 if script else 0o644)
+    program.chmod(0o755)
     monkeypatch.setattr(shutil, "which", lambda _: str(program))
     with pytest.raises(SettingError, match=words):
         write_fmu(plain, tmp_path)
-
-
-@pytest.mark.parametrize("name", EVERY)
-def test_its_variables_have_units(units, name):
-    """Assert that states and inputs have theirs, and what has none in the model has none."""
-    described = fmpy.read_model_description(str(units[0] / f"{name}.fmu"))
-    found = {v.name: v.unit for v in described.modelVariables}
-    assert (found["x1"], found["x3"], found["u"]) == ("rad", "rad", "N m")
-    if name.startswith("plant"):
-        assert (found["x2"], found["coulomb_velocity"]) == ("rad/s", "rad/s")
-        assert found["alpha1"] is None
 
 
 def test_names_that_it_has_itself_are_refused(tmp_path):

@@ -160,14 +160,6 @@ def test_what_has_no_place_is_named(more, about, said):
     np.testing.assert_array_equal(_accelerations(scene, x, 1.0), plain)
 
 
-def test_a_spring_with_two_dampings_is_named():
-    """Assert that the two sides of a spring which differ are said to, and the motor's counts."""
-    scene = _scene({"theta_damping": 0.4, "alpha_damping": 2.0})
-    assert "alpha_damping and theta_damping" in scene.notes[0]
-    found = _accelerations(scene, np.array([0.0, 1.0, 0.0, 0.0]), 0.0)
-    np.testing.assert_allclose(found, [-0.6, 2.0], rtol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("more", "word"),
     [
@@ -242,19 +234,6 @@ def test_the_command_writes_the_same(example_estimate, document, tmp_path, flexi
     assert done.stdout.split() == [str(tmp_path / "command" / "joint.xml")]
     (made,), _ = export(example_estimate, to="mjcf", out=tmp_path / "library")
     assert made.read_text() == (tmp_path / "command" / "joint.xml").read_text()
-
-
-def test_warnings_are_printed(document, tmp_path, flexid):
-    """Assert that a term without a place in the scene, and a guess in it, are told to the user."""
-    document["coefficients"]["alpha_stribeck"] = document["coefficients"]["alpha2"]
-    document["choices"]["shapes"]["stribeck_velocity"] = 0.05
-    document["coefficients"]["theta1"]["verdict"] = "undetermined"
-    path = _stored(document, tmp_path)
-    done = flexid("export", path, "--to", "mjcf", "--out", tmp_path / "scene")
-    assert done.status == 0
-    guess, lost = done.stderr.splitlines()
-    assert guess == "warning: the estimate leaves theta1 undetermined"
-    assert lost.startswith("warning: motor_stribeck")
 
 
 def test_hysteresis_of_the_spring_is_exported(document, tmp_path):

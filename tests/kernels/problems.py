@@ -44,8 +44,6 @@ SMOOTH = (
     "-sin(t)/(1 + t/2) - z1/2/(1 + t/2) + z0**2 - exp(2*sin(t))",
 )
 PROTHERO_ROBINSON = ("-p0*(z0 - sin(t)) + cos(t)",)  # z = sin t whatever the stiffness p0
-VAN_DER_POL = ("z1", "p0*((1 - z0**2)*z1 - z0)")  # in its slow time, stiffness p0
-EXPLOSION = ("z0**2",)  # leaves every bound at t = 1/z(0)
 WALL = ("sqrt(1 - t)",)  # has no finite rate beyond t = 1
 
 

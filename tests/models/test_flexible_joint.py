@@ -170,29 +170,3 @@ def test_a_spring_with_play_is_a_dead_zone():
     found = link @ [values[name] for name in joint.rows[0].coefficients]
     beyond = deflections - np.clip(deflections, -half_gap, half_gap)
     assert found == pytest.approx(-stiffness * beyond, abs=1e-12)
-
-
-def test_an_eccentric_gear_conserves_energy():
-    """Assert that its terms are the slopes of one potential energy, (x1 - x3 - e(x3))^2 / 2.
-
-    e(x3) = s sin x3 + c cos x3; derivatives of the slopes by s and c are central differences.
-    """
-    model = flexible_joint(("eccentricity",))
-    x1, x3, step = 0.7, 0.4, 1e-4
-    regressors = regressors_along(model, np.array([[x1, 0.0, x3, 0.0]]), np.zeros((1, 1)))
-
-    def energy(x1: float, x3: float, s: float, c: float) -> float:
-        return 0.5 * (x1 - x3 - s * np.sin(x3) - c * np.cos(x3)) ** 2
-
-    def slope_by(s: float, c: float) -> tuple[float, float]:
-        here = [energy(x1 + step, x3, s, c) - energy(x1 - step, x3, s, c)]
-        here.append(energy(x1, x3 + step, s, c) - energy(x1, x3 - step, s, c))
-        return -here[0] / (2.0 * step), -here[1] / (2.0 * step)
-
-    for name, (s, c) in {"ecc_sine": (step, 0.0), "ecc_cosine": (0.0, step)}.items():
-        more, less = slope_by(s, c), slope_by(-s, -c)
-        for place, row in enumerate(("link", "motor")):
-            coefficient = f"{('theta', 'alpha')[place]}_{name}"
-            found = regressors[row][0, model.rows[place].coefficients.index(coefficient)]
-            expected = (more[place] - less[place]) / (2.0 * step)
-            assert found == pytest.approx(expected, abs=1e-6)

@@ -3,8 +3,6 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from flexid.errors import ExpressionError, ModelError
 from flexid.models.model_file import read_model
@@ -103,29 +101,3 @@ def test_hostile_expression_names_file_and_coefficient(text: str, tmp_path: Path
         read_model(file)
     assert str(caught.value).startswith(f"{file}: pendulum: arm.friction: ")
     assert "\n" not in str(caught.value)
-
-
-EXPRESSIONS = st.recursive(
-    st.sampled_from(["q", "v", "u", "inertia", "2", "0.5", "pi", "1e-3"]),
-    lambda inner: st.one_of(
-        st.tuples(inner, st.sampled_from([" + ", "*", " - ", "/"]), inner).map("".join),
-        st.tuples(st.sampled_from(["sin", "tanh", "sign", "exp"]), inner).map(
-            lambda part: f"{part[0]}({part[1]})"
-        ),
-        inner.map(lambda text: f"-({text})"),
-    ),
-    max_leaves=8,
-)
-
-
-@settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60
-)
-@given(st.dictionaries(st.sampled_from("abcde"), EXPRESSIONS, min_size=1), EXPRESSIONS)
-def test_any_model_is_what_its_file_says(tmp_path: Path, regressors: dict[str, str], known: str):
-    """Assert that every model of the whitelist is read as it was written, name by name."""
-    lines = [GOOD.partition("[rows.coefficients]")[0].replace("u/inertia", known)]
-    lines += ["[rows.coefficients]", *(f'{name} = "{text}"' for name, text in regressors.items())]
-    (row,) = read_model(write(tmp_path, "\n".join(lines))).rows
-    assert dict(row.regressors) == regressors
-    assert row.known == known

@@ -1,7 +1,5 @@
 """What is made of the flexible joint: the rigid joint, and one row alone."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from flexid.models.flexible_joint import TERMS, flexible_joint
@@ -56,16 +54,6 @@ def test_known_total_inertia():
     system = rigid_joint(("coulomb",), {"beta1": 2.0}, coulomb_velocity=0.02)
     assert system.coefficients == ("gamma_coulomb",)
     assert system.constants == {"beta1": 2.0, "coulomb_velocity": 0.02}
-
-
-def test_smoothing_needs_no_other_kernel():
-    """Assert that another Coulomb velocity has the same digest and acts in the free run."""
-    coarse = rigid_joint(("coulomb",), coulomb_velocity=0.5)
-    fine = replace(coarse, constants={"coulomb_velocity": 0.01})
-    assert coarse.digest == fine.digest
-    values, u = {"gamma_coulomb": 0.5, "beta1": 1.0}, np.full((500, 1), 0.4)
-    far, near = (free_run(s, values, np.zeros(2), u, 2e-3)[-1, 0] for s in (coarse, fine))
-    assert near < 0.1 * far  # friction holds against a torque below it, but for its creep
 
 
 def test_a_row_alone():

@@ -68,14 +68,6 @@ def test_convergence_is_of_fourth_order():
     np.testing.assert_allclose(slopes, -4, atol=0.25)
 
 
-def test_energy_is_conserved():
-    """Assert that a frictionless pendulum keeps its energy over many swings."""
-    pendulum = ParametricSystem("pendulum", (Row("arm", "q", "v", {"g": "-sin(q)"}),))
-    x = free_run(pendulum, {"g": 9.81}, [2.0, 0.0], np.zeros(10_001), 1e-3)
-    energy = x[:, 1] ** 2 / 2 - 9.81 * np.cos(x[:, 0])
-    np.testing.assert_allclose(energy, energy[0], atol=1e-8)
-
-
 def test_steep_friction_is_resolved():
     """Assert that a stiff model gives the motion of a hundred times the sample rate."""
     joint = flexible_joint(("gravity", "motor_viscous", "motor_coulomb"))
@@ -154,14 +146,6 @@ def test_position_loop_against_scipy():
     )
     exact = solve_ivp(rates, (0, TIME[-1]), np.zeros(4), t_eval=TIME, rtol=1e-10, atol=1e-12)
     assert np.abs(states[:, ::2] - exact.y.T[:, ::2]).max() < 0.02
-
-
-def test_scaling_keeps_the_first_position():
-    """Assert that a scaled reference starts where it did and moves in proportion."""
-    reference = np.column_stack((0.5 + np.sin(TIME), np.cos(TIME)))
-    scaled = Command(np.zeros(N), reference, np.ones(2)).scaled(0.5)
-    assert scaled.reference[0, 0] == 0.5
-    assert np.ptp(scaled.reference[:, 0]) == pytest.approx(0.5 * np.ptp(reference[:, 0]))
 
 
 def test_a_run_that_runs_away():

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
-from flexid.analysis.lyapunov import ALLOWED_RISE
-from flexid.studies.readings import SIMULATED, closed_loop_poles
+from flexid.studies.readings import closed_loop_poles
 from flexid.studies.reproduction import Claim, Finding
 
 VERDICTS = {
@@ -69,11 +68,6 @@ def cases(reproduction):
     return {case.name: case for case in reproduction.cases}
 
 
-def test_value_never_rises_in_any_case(reproduction):
-    """Assert that V of eq. (8) does not rise, whatever the excitation."""
-    assert all(case.monitor.rise_in_tolerances <= ALLOWED_RISE for case in reproduction.cases)
-
-
 def test_errors_vanish_where_a4_holds(cases):
     """Assert that along Table I's reference, run for 300 s, all four errors go to zero."""
     case = cases["(A4) holds"]
@@ -111,12 +105,6 @@ def test_small_sinusoid_leaves_the_direction_it_does_not_see(cases):
     unseen /= np.linalg.norm(unseen)
     expected = unseen * (unseen @ [-2.5, -50.0])
     np.testing.assert_allclose([limit.last for limit in case.limits], expected, rtol=5e-3)
-
-
-@pytest.mark.parametrize("row", ["link", "motor"])
-def test_measured_rate_exceeds_the_guaranteed_one(reproduction, row):
-    """Assert that at every gain the errors shrink at least as fast as the bound says."""
-    assert all(point.measured >= point.guaranteed > 0 for point in reproduction.rates[row])
 
 
 def test_bound_is_close_where_the_gain_is_small(reproduction):
@@ -211,9 +199,3 @@ def test_larger_k_shrinks_the_tracking_error_of_increasing_gains(reproduction):
     product = np.array([point.max_tracking_error * point.k**2 for point in points])
     assert product.max() / product.min() < 1.2
     assert points[-1].k == 1000.0
-
-
-def test_simulated_readings_are_the_two_of_the_figures(reproduction):
-    """Assert that runs of 30 s exist for (1,2,3) and (1,1,3), in this order."""
-    assert list(reproduction.runs) == ["1,2,3", "1,1,3"]
-    assert SIMULATED == ((1, 2, 3), (1, 1, 3))

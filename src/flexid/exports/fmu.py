@@ -290,47 +290,17 @@ def _library(model: FmuModel, version: str, texts: dict[str, str]) -> dict[str, 
         with tempfile.TemporaryDirectory() as made:
             for name, text in texts.items():
                 Path(made, name).write_text(text, encoding="utf-8")
-            _compile(command, made)
+            subprocess.run(
+                command, cwd=made, capture_output=True, text=True, errors="replace", check=True
+            )
             return {f"binaries/{folder}/{library}": Path(made, library).read_bytes()}
-    except OSError as error:
-        where = f" of {error.filename}" if error.filename else ""
+    except (OSError, subprocess.CalledProcessError) as error:
+        said = " ".join((getattr(error, "stderr", "") or str(error)).split())
         raise SettingError(
             "fmu",
-            f"its library cannot be made in a temporary folder ({error.strerror}{where}): make "
-            f"room there, or set TMPDIR to another folder",
+            f"{compiler} makes no library of it ({cut(said, 300)}): correct that, or export "
+            f"without a compiler on the path to get only sources",
         ) from None
-
-
-def _compile(command: list[str], folder: str) -> None:
-    """Run a compiler, or raise with its message."""
-    try:
-        done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
-        )
-    except OSError as error:
-        raise SettingError(
-            "fmu", f"{command[0]} cannot be run ({error.strerror}): check its installation"
-        ) from None
-    if done.returncode:
-        raise _failed(command[0], done)
-
-
-def _failed(compiler: str, done: "subprocess.CompletedProcess[str]") -> SettingError:
-    """The error of a compiler that failed or was ended."""
-    hide = "export without a compiler on the path to get only sources"
-    if done.returncode < 0:
-        return SettingError(
-            "fmu",
-            f"{compiler} was ended by signal {-done.returncode} before the library was made: give "
-            f"it more memory, or {hide}",
-        )
-    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    said = next((line for line in lines if "error" in line.lower()), (lines or ["nothing"])[-1])
-    return SettingError(
-        "fmu",
-        f"{compiler} ended with status {done.returncode}, {cut(said, 200)!r}: correct that, or "
-        f"{hide}",
-    )
 
 
 def _compiler() -> str | None:

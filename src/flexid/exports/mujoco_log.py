@@ -3,8 +3,7 @@
 # MuJoCo's compiled half has no type stubs, so pyright cannot see what it exports.
 # pyright: reportAttributeAccessIssue=false
 
-from os import PathLike
-from pathlib import Path
+from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -21,26 +20,20 @@ if TYPE_CHECKING:
     """A scene: its file, or as MuJoCo has loaded it."""
 
 _SAME_STEP = 1e-6  # of a step, by which a sample may miss being a whole number of them
+_LINK, _MOTOR = "link", "motor"  # names of the hinges; of the actuator as well
 
 
 def mujoco_log(
-    model: "Model",
-    torque: FloatArray,
-    sample_time: float,
-    *,
-    hold: Hold = "zero",
-    link: str | None = "link",
-    motor: str = "motor",
-    actuator: str = "motor",
-    positions: tuple[float, float] = (0.0, 0.0),
-    velocities: tuple[float, float] = (0.0, 0.0),
+    model: "Model", torque: FloatArray, sample_time: float, *, hold: Hold = "zero"
 ) -> Recording:
     """Play a torque to a MuJoCo scene and record what its encoders read.
 
     Parameters
     ----------
     model : path or mujoco.MjModel
-        The scene. A sample must be a whole number of its steps.
+        A scene as `flexid.export` writes it: a hinge and an actuator called motor, and a hinge
+        called link if there is one. It begins at rest. A sample must be a whole number of its
+        steps.
     torque : array, shape (n,)
         Values of the actuator's input, one per sample; before the first it was constant, which
         matters where the actuator has a delay.
@@ -48,10 +41,6 @@ def mujoco_log(
         Time between samples in s.
     hold : {"zero", "linear", "cubic"}, optional
         What the torque does between samples. The engine holds it over each of its steps.
-    link, motor, actuator : str, optional
-        Names of the two hinges and of the actuator; link None where there is one hinge.
-    positions, velocities : tuple of float, optional
-        Where link and motor begin, in rad and rad/s; all else begins as the scene has it.
 
     Returns
     -------
@@ -61,25 +50,22 @@ def mujoco_log(
     Raises
     ------
     SettingError
-        If MuJoCo is not installed, the scene cannot be loaded, or something is not in it.
+        If MuJoCo is not installed, or the scene or the torque cannot be played.
     SimulationError
         If the motion diverges.
     """
-    engine = _engine()
-    scene, name = _loaded(engine, model)
+    try:
+        import mujoco as engine
+    except ImportError:
+        raise SettingError("mujoco_log", "needs MuJoCo: pip install 'flexid[mujoco]'") from None
+    scene, name = (model, "scene") if isinstance(model, engine.MjModel) else _loaded(engine, model)
+    hinges, played = _parts(engine, scene, name)
     inputs = np.asarray(torque, dtype=np.float64)
     if inputs.ndim != 1 or len(inputs) == 0 or not np.all(np.isfinite(inputs)):
         raise SettingError("torque", "must be a list of finite numbers: give one for each sample")
     steps = _steps(sample_time, scene.opt.timestep)
-    hinges = [(_place(engine, scene, "joint", motor), positions[1], velocities[1])]
-    if link is not None:
-        hinges.insert(0, (_place(engine, scene, "joint", link), positions[0], velocities[0]))
-    played = _place(engine, scene, "actuator", actuator)
     state = engine.MjData(scene)
-    places = scene.jnt_qposadr[[joint for joint, _, _ in hinges]]
-    for place, (joint, position, velocity) in zip(places, hinges, strict=True):
-        state.qpos[place] = position
-        state.qvel[scene.jnt_dofadr[joint]] = velocity
+    places = scene.jnt_qposadr[hinges]
     if scene.actuator_delay[played] > 0.0:
         before = np.full(scene.actuator_history[played][0], inputs[0])
         engine.mj_initCtrlHistory(scene, state, played, None, before)
@@ -96,37 +82,33 @@ def mujoco_log(
                 "the motion diverges: give the scene a shorter timestep, or less torque",
                 sample * sample_time,
             )
-    return Recording(
-        sample_time,
-        0.0,
-        None if link is None else angles[:, 0].copy(),
-        angles[:, -1].copy(),
-        inputs,
-        "N m",
-        source=name,
-    )
+    link = angles[:, 0].copy() if len(hinges) > 1 else None
+    return Recording(sample_time, 0.0, link, angles[:, -1].copy(), inputs, "N m", source=name)
 
 
-def _engine() -> Any:
+def _loaded(engine: Any, model: str | PathLike[str]) -> tuple[Any, str]:
+    """The scene of a file, and the file's name."""
+    name = fspath(model)
     try:
-        import mujoco
-    except ImportError:
-        raise SettingError("mujoco_log", "needs MuJoCo: pip install 'flexid[mujoco]'") from None
-    return mujoco
-
-
-def _loaded(engine: Any, model: "Model") -> tuple[Any, str]:
-    """The scene, and a name for what it moves."""
-    if isinstance(model, engine.MjModel):
-        return model, "MuJoCo scene"
-    path = Path(model)
-    if not path.is_file():
-        raise SettingError("model", f"{path}: there is no such file: give a scene in MuJoCo's XML")
-    try:
-        return engine.MjModel.from_xml_path(str(path)), str(path)
+        return engine.MjModel.from_xml_path(name), name
     except ValueError as error:
         reason = " ".join(str(error).split())
-        raise SettingError("model", f"{path}: MuJoCo cannot load it: {reason}") from None
+        raise SettingError("model", f"{name}: MuJoCo cannot load it: {reason}") from None
+
+
+def _parts(engine: Any, scene: Any, name: str) -> tuple[list[int], int]:
+    """Numbers of the hinges, the link's first, and of the actuator."""
+    link, motor, actuator = (
+        engine.mj_name2id(scene, kind, part)
+        for kind, part in (
+            (engine.mjtObj.mjOBJ_JOINT, _LINK),
+            (engine.mjtObj.mjOBJ_JOINT, _MOTOR),
+            (engine.mjtObj.mjOBJ_ACTUATOR, _MOTOR),
+        )
+    )
+    if motor < 0 or actuator < 0:
+        raise SettingError("model", f"{name} needs a hinge and an actuator: call both motor")
+    return [hinge for hinge in (link, motor) if hinge >= 0], actuator
 
 
 def _steps(sample_time: float, timestep: float) -> int:
@@ -139,19 +121,6 @@ def _steps(sample_time: float, timestep: float) -> int:
             f"one of the two",
         )
     return round(steps)
-
-
-def _place(engine: Any, scene: Any, kind: str, name: str) -> int:
-    """Number of a hinge or an actuator."""
-    of_kind = {"joint": engine.mjtObj.mjOBJ_JOINT, "actuator": engine.mjtObj.mjOBJ_ACTUATOR}
-    found = engine.mj_name2id(scene, of_kind[kind], name)
-    if found < 0:
-        count = scene.njnt if kind == "joint" else scene.nu
-        names = [engine.mj_id2name(scene, of_kind[kind], i) or f"number {i}" for i in range(count)]
-        raise SettingError(
-            kind, f"{name!r} is not in the scene, which has {', '.join(names) or 'none'}"
-        )
-    return found
 
 
 def _diverged(engine: Any, state: Any) -> bool:
