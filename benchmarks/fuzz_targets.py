@@ -145,11 +145,10 @@ def _descriptions() -> dict[str, Callable[[], Target]]:
 def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
     from flexid.comparisons.comparison import compare_estimates
     from flexid.experiment_design.drive import read_drive
+    from flexid.library.validation import EstimateComparison
     from flexid.recording.frame import table_of_arrays
     from flexid.recording.read import log_of_table
-    from flexid.report.comparison import charts, page, parts
     from flexid.report.page import page_html
-    from flexid.report.terminal import laid_out
     from flexid.stored_estimates.estimate_file import read_estimate
     from flexid.stored_estimates.validate_estimate import validate_estimate
 
@@ -167,8 +166,8 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
 
     def compared(path: Path) -> object:
         """Compare with what was not mutated, print it and make its page."""
-        found = compare_estimates(other, read_estimate(path).of_joint)
-        return [*laid_out(parts(found), 80)], page_html(page(found, charts(found)))
+        found = EstimateComparison(compare_estimates(other, read_estimate(path).of_joint))
+        return found.summary(), page_html(found._page())
 
     return {
         "estimate": lambda: of(lambda path: read_estimate(path).of_joint),

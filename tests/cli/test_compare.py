@@ -82,7 +82,7 @@ def test_the_library_takes_whatever_holds_an_estimate(folders):
     assert answer.probability < 1e-4
     assert "logs" in answer.settings
     assert repr(answer) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
-    frame = answer.to_dataframe("pandas")
+    frame = answer.to_dataframe()
     assert list(frame["kind"]) == ["parameter"] * 5 + ["coefficient"] * 5
     assert "Changed: joint_stiffness" in answer.summary()
     assert "&lt;" not in answer._repr_html_()

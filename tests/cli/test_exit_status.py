@@ -83,19 +83,15 @@ def break_identification(monkeypatch):
     monkeypatch.setattr(module, "identify", fail)
 
 
-def test_a_defect_says_how_to_report_it(flexid, monkeypatch, examples, tmp_path):
-    """Assert that an unforeseen error exits 70 with a paragraph, and its traceback in a file."""
+def test_a_defect_says_how_to_report_it(flexid, monkeypatch, examples):
+    """Assert that an unforeseen error exits 70 with a paragraph that says how to see it whole."""
     break_identification(monkeypatch)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     outcome = flexid("identify", examples / "flexible_joint.csv")
     assert outcome.status == 70
     assert "Traceback" not in outcome.stderr
-    assert "Please report it" in " ".join(outcome.stderr.split())
-    (file,) = tmp_path.iterdir()
-    assert file.name in outcome.stderr
-    content = file.read_text()
-    assert "ZeroDivisionError: division by zero" in content
-    assert content.startswith("flexid identify")
+    said = " ".join(outcome.stderr.split())
+    assert "ZeroDivisionError" in said
+    assert "with what this prints: flexid --debug identify" in said
 
 
 def test_debug_prints_the_traceback(flexid, monkeypatch, examples):

@@ -8,16 +8,14 @@ import sys
 
 import pytest
 from rich.console import Console
-from rich.text import Text
 
 from flexid.cli.generated import (
     hand_over,
     print_document,
     print_warnings,
-    spell_what_cannot_be_encoded,
+    replace_what_cannot_be_encoded,
 )
 from flexid.library.answer import Answer
-from flexid.report.terminal import Column, Table, print_parts
 
 LITTLE_ROOM = """
 import resource
@@ -86,24 +84,11 @@ def printed(request, monkeypatch):
         stream = io.TextIOWrapper(raw, encoding=request.param, write_through=True)
         with monkeypatch.context() as patched:
             patched.setattr(sys, "stdout", stream)
-            spell_what_cannot_be_encoded()
+            replace_what_cannot_be_encoded()
             printing()
         return raw.getvalue().decode(request.param)
 
     return by
-
-
-def test_tables_without_greek(printed, monkeypatch):
-    """Assert that a table keeps its width and its numbers where characters are spelled."""
-    monkeypatch.setenv("COLUMNS", "60")
-    table = Table("θ ± 1", [Column("name"), Column("β₁ ± γ", right=True)])
-    for i in range(5):
-        table.add(f"θ{i} of the claim", "1.25 ≤ 3.75 ± 0.5, 2.25 ± 1.75 rad")
-    page = printed(lambda: print_parts([table, Text("φ " * 40 + "α₂ = 1.5 ± 0.25")]))
-    assert max(map(len, page.splitlines())) <= 60
-    assert page.count("theta") == 6
-    assert "alpha2 = 1.5" in " ".join(page.split())
-    assert "…" not in page
 
 
 def test_json_without_greek_is_the_same(printed):

@@ -168,7 +168,7 @@ def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     assert outcome.status == 0, outcome.stderr
     assert max(map(len, outcome.stdout.splitlines())) <= 80
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"command.csv", "design.json", "design.png"}
+    assert names == {"command.csv", "design.json", "design.png", "report.html"}
     document = json.loads((tmp_path / "design.json").read_text())
     assert document["drive"]["criterion"] == "D"
     assert document["provenance"]["inputs"][0]["file"] == "drive.toml"

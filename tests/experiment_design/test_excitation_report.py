@@ -169,7 +169,8 @@ def test_command_says_it_all(flexid, faint, tmp_path):
     assert max(map(len, outcome.stdout.splitlines())) <= 80
     assert "Add a sine of" in outcome.stdout
     assert "rad/s" in outcome.stdout
-    assert {p.name for p in tmp_path.iterdir()} == {"excitation.json", "excitation.png"}
+    names = {p.name for p in tmp_path.iterdir()}
+    assert names == {"excitation.json", "excitation.png", "report.html"}
     document = json.loads((tmp_path / "excitation.json").read_text())
     assert document["advice"]["sine"]["angular_frequency"] > 0
     assert document["supported"] is (outcome.status == 0)

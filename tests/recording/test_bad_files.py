@@ -76,7 +76,7 @@ TEXTS: list[tuple[Edit, str]] = [
     (header("motor_position", "motor_positon"), "no motor_position .did you mean 'motor_positon'"),
     (
         header("link_position", "link_position [furlong!]"),
-        r"line 1, column 'link_position \[furlong!\]'.*not known for this column: write \[rad\], \[deg\]",
+        r"line 1, column 'link_position \[furlong!\]'.*not known for this column: write \[rad\]",
     ),
     (
         header("link_position", "link_position [count]"),

@@ -4,9 +4,8 @@ import numpy as np
 from rich.text import Text
 
 from flexid.report.chart import Axis, Band, Chart, Level, Line, Panel, Points
-from flexid.report.page import Answer, Command, Facts, Folded, Item, Page, Section, Warned
-from flexid.report.page import Bullets as Bullets
-from flexid.report.terminal import Cell, Column, Table, numbers
+from flexid.report.page import Answer, Command, Page, Section
+from flexid.report.terminal import Column, Table, numbers
 
 TIME = np.linspace(0.0, 10.0, 501)
 WAVE = np.sin(TIME)
@@ -63,15 +62,15 @@ def made_other_charts() -> list[Chart]:
     ]
 
 
-def made_page(word: str = "stiffness", items: tuple[Item, ...] = ()) -> Page:
+def made_page(word: str = "stiffness") -> Page:
     """Return a page on which a word from outside stands wherever one may stand."""
     table = Table("Parameters", (Column("name"), *numbers("value"), Column("unit"), Column("why")))
     for verdict, colour in (("determined", "green"), ("weak", "yellow"), ("lost", "red")):
-        table.add(word, "1.00", "kg m^2", Cell((verdict,), colour))
-    answer = Answer(f"Is {word} right?", word, "fair", [Text(word), Command(f"flexid {word}")])
+        table.add(word, "1.00", "kg m^2", Text(verdict, colour))
+    answer = Answer(f"Is {word} right?", word, "fair", [word, Command(f"flexid {word}")])
+    charts = [made_chart("fit", word), made_chart("again"), *made_other_charts()]
     sections = [
-        Section("fit", word, [made_chart("fit", word), made_chart("again"), *made_other_charts()]),
-        Section("more", "More", [Warned(word), Bullets([word]), Facts([(word, word)]), table]),
-        Section("less", "Less", [Folded(word, [Text(word), table]), *items]),
+        Section("fit", word, charts),
+        Section("more", "More", [Text(word, "yellow"), word, table]),
     ]
-    return Page("test", word, word, table, [answer], sections, [word])
+    return Page(word, word, table, [answer], sections)

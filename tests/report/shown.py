@@ -1,18 +1,15 @@
 """What an answer shows, as lines that stand in ``texts/``; ``pytest --update-golden`` writes it."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
 from pathlib import Path
 
-import numpy as np
 import pytest
 from rich.text import Text
 
 import flexid
-from flexid.arrays import FloatArray
-from flexid.report.chart import Axis, Chart, Level, Mark
-from flexid.report.page import Answer, Bullets, Command, Facts, Folded, Item, Link, Page, Warned
-from flexid.report.terminal import Table, laid_out
+from flexid.report.chart import Chart
+from flexid.report.page import Answer, Command, Item, Page
+from flexid.report.terminal import Table, as_text
 
 TEXTS = Path(__file__).parent / "texts"
 WIDTH = 80
@@ -29,10 +26,9 @@ def check(name: str, lines: Iterable[str], request: pytest.FixtureRequest) -> No
 
 def page_lines(page: Page) -> Iterator[str]:
     """All of a page."""
-    yield f"{page.kind}: {page.title} / {page.subject}"
+    yield f"{page.title} / {page.subject}"
     yield from item_lines(page.lead)
     yield from answer_lines(page.answers)
-    yield from page.notes
     for section in page.sections:
         yield f"## {section.name}: {section.title}"
         for item in section.content:
@@ -51,57 +47,8 @@ def item_lines(item: Item) -> Iterator[str]:
     """One item of a page."""
     match item:
         case Table() | Text() | str():
-            yield from (line.plain for line in laid_out([item], WIDTH))
+            yield from as_text([item], WIDTH).splitlines()
         case Chart():
-            yield from chart_lines(item)
+            yield f"figure {item.name}: {item.says}"
         case Command(text):
             yield f"$ {text}"
-        case Bullets(lines):
-            yield from (f"- {line}" for line in lines)
-        case Facts(entries):
-            yield from (f"{name}: {value}" for name, value in entries)
-        case Warned(text):
-            yield f"! {text}"
-        case Link(text, section):
-            yield f"-> {section}: {text}"
-        case Folded(summary, content):
-            yield f"+ {summary}"
-            for inner in content:
-                yield from item_lines(inner)
-
-
-def chart_lines(chart: Chart) -> Iterator[str]:
-    """A chart: its words, axes, and the marks of each panel with what they span."""
-    yield f"figure {chart.name}: {chart.title}"
-    yield chart.says
-    for panel in chart.panels:
-        yield f"| {' / '.join(panel.title.splitlines())} ({panel.colour})"
-        yield f"|   over {_axis(panel.x)}: {_axis(panel.y)}"
-        yield from (f"|   {_mark(mark)}" for mark in panel.marks)
-
-
-def _axis(axis: Axis) -> str:
-    logarithmic = " logarithmic" if axis.logarithmic else ""
-    limits = "" if axis.limits is None else " {:.4g} to {:.4g}".format(*axis.limits)
-    return f"{axis.label} ({axis.unit}){logarithmic}{limits} {', '.join(axis.categories)}".strip()
-
-
-def _mark(mark: Mark) -> str:
-    said = f"{type(mark).__name__.lower()} {mark.colour} {getattr(mark, 'dash', '')}"
-    said += f" {mark.label!r}"
-    if isinstance(mark, Level):
-        return f"{said} {mark.along} = {mark.value:.4g}"
-    arrays = {f.name: getattr(mark, f.name) for f in fields(mark)}
-    spans = (_span(name, a) for name, a in arrays.items() if isinstance(a, np.ndarray))
-    flags = [name for name in ("filled", "faint", "stems") if arrays.get(name)]
-    return " ".join([said, *spans, *flags])
-
-
-def _span(name: str, values: FloatArray) -> str:
-    """Number of values, the first, the ends of all, and the last; and how many there are not."""
-    known = values[np.isfinite(values)]
-    lost = f", {len(values) - len(known)} lost" if len(known) < len(values) else ""
-    if not len(known):
-        return f"{name}[{len(values)}{lost}]"
-    several = np.round((known[0], known.min(), known.max(), known[-1]), 12) + 0.0
-    return f"{name}[{len(values)}{lost}] " + " ".join(f"{x:.4g}" for x in several)

@@ -11,7 +11,7 @@ from flexid.report.chart import Level, Line, Points
 
 def test_the_document_is_json():
     """Assert that numbers that JSON does not have become null."""
-    nothing = Result("settling_time.theta1", np.array([NAN]), 1, (NAN, NAN, NAN), (), ())
+    nothing = Result("settling_time.theta1", np.array([NAN]), 1, (NAN, NAN, NAN), ())
     document = CampaignResult(made_summary(results=(nothing,))).document
     found = document["results"]["settling_time.theta1"]
     assert found["quantiles"] == {"0.05": None, "0.5": None, "0.95": None}

@@ -52,19 +52,20 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
     page.keyboard.press("Enter")
     page.wait_for_selector("#found")
     assert "terms=gravity%2Cmotor_viscous" in page.url
-    table = page.inner_text("#found table.values >> nth=0")
+    report = page.frame_locator("#report")
+    table = report.locator(".lead table").inner_text()
     assert re.search(r"joint_stiffness\s+(100\.\d+|99\.9\d+)", table)
-    page.locator("#result-charts .chart.wide").nth(2).wait_for()
+    report.locator(".chart").nth(2).wait_for()
+    frame = page.locator("#report").bounding_box()
+    assert frame is not None
+    assert frame["height"] > 2000.0  # all of it
     assert serious_faults(page) == []
 
     tab_to(page, "[href='#found']")  # what the page says of itself leads there
     tab_to(page, "[href$='report.html']")
     with page.expect_download() as download:
         page.keyboard.press("Enter")
-    report = download.value.path().read_text()
-    assert "joint_stiffness" in report
-    for word in page.locator("#found .answers .word").all_inner_texts():
-        assert f">{word}</p>" in report  # the page and the report answer alike
+    assert "joint_stiffness" in download.value.path().read_text()
     tab_to(page, "[href$='estimate.json']")
     with page.expect_download() as download:
         page.keyboard.press("Enter")

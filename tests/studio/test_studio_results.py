@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import re
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from math import sin
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from rich.text import Text
 
-from flexid.identification.vocabulary.evidence import CoefficientEstimate
-from flexid.report.identification import estimates_table
-from flexid.report.page import Answer as PageAnswer
-from flexid.report.page import Bullets, Command, Link
-from flexid.report.terminal import Table
 from flexid.studio import jobs
-from flexid.studio.jobs import Found, JobError, Workers
-from flexid.studio.window import Offer, Rooms, Window, fragment
-
-NOTHING = Found("", (), 1e-3)
+from flexid.studio.jobs import JobError, Workers
+from flexid.studio.window import Offer, Rooms, Window
 
 
 class Here(Workers):
@@ -52,14 +42,14 @@ class Here(Workers):
             patch.chdir(folder)
             return job(said, *arguments)
 
-    async def _identify(self, into: Path, log: Path) -> Found:
+    async def _identify(self, into: Path, log: Path) -> float:
         assert log.exists()
         self.runs += 1
         (into / jobs.ESTIMATE).write_text(f"run {self.runs}")
         (into / jobs.REPORT).write_text(f"run {self.runs}")
         if self.hold is not None:
             await self.hold.wait()
-        return NOTHING
+        return 1e-3  # s, the sample time
 
 
 @dataclass
@@ -180,26 +170,6 @@ async def test_a_result_says_that_something_else_was_chosen(
     await studio.ask("run", values)
     await studio.idle()
     assert studio.shown("result-state") == ""
-
-
-def test_a_result_is_that_of_the_report():
-    """Assert that words, tones, values, and why one is not determined are the report's."""
-    content = [Text("All are."), Link("2 warnings", "warnings"), Bullets(["a", "b"]), Command("c")]
-    weak = CoefficientEstimate("alpha_coulomb", "", 2.0, 0.5, (1.0, 3.0), "weak", "it is wide")
-    page = fragment(
-        "found.html",
-        answers=[PageAnswer("Can I?", "With care", "fair", content)],
-        parameters=Table("", ()),
-        coefficients=estimates_table("Coefficients", {weak.name: weak}),
-        reasons={weak.name: weak.reason},
-        result=SimpleNamespace(warnings=["w"], summary=["s"]),
-    )
-    assert 'class="word tone fair">With care<' in page
-    said = re.findall(r"<p>(?:<code>)?([^<]*)", page)
-    assert said[:4] == ["All are.", "a", "b", "c"]
-    row = page[page.index("alpha_<wbr>coulomb") :]
-    assert "[1.0, 3.0]" in row
-    assert '<span class="tone fair">weak</span> <span class="muted">it is wide<' in row
 
 
 async def test_a_question_of_the_columns_is_asked_once(studio: Opened):

@@ -4,12 +4,15 @@ Their words stand in ``commands.toml``. Errors become one sentence and an exit s
 """
 
 import os
+import shlex
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
+from textwrap import fill
 
 import click
 
@@ -23,8 +26,8 @@ from flexid.cli.generated import (
     present,
     print_document,
     print_warnings,
+    replace_what_cannot_be_encoded,
     show,
-    spell_what_cannot_be_encoded,
     working,
 )
 from flexid.errors import ConvergenceError, FlexidError, SettingError, SimulationError
@@ -208,8 +211,8 @@ def command_line(only: str = "") -> click.Group:
         no_args_is_help=True,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    version = "Show the version and exit."
-    click.version_option(package_name="flexid", message="flexid %(version)s", help=version)(group)
+    shown = "Show the version and exit."
+    click.version_option(package_name="flexid", message="flexid %(version)s", help=shown)(group)
     defect = "Print the traceback of a defect of flexid."
     return click.option("--debug", is_flag=True, expose_value=False, help=defect)(group)
 
@@ -224,7 +227,7 @@ def _asked_for(arguments: Sequence[str]) -> str:
 def run() -> ExitStatus:
     """Run the command line as far as its exit status."""
     open_what_is_closed()
-    spell_what_cannot_be_encoded()
+    replace_what_cannot_be_encoded()
     try:
         group = command_line(_asked_for(sys.argv[1:]))
         return ExitStatus(group.main(prog_name="flexid", standalone_mode=False) or 0)
@@ -263,39 +266,11 @@ def run() -> ExitStatus:
 
 
 def defect_message(error: Exception, arguments: Sequence[str]) -> str:
-    """One paragraph: what happened, and how to report it.
-
-    The traceback goes into a temporary file.
-    """
-    import tempfile
-    from traceback import format_exception
-
-    from flexid.report.terminal import USUAL, wrapped
-
-    command = " ".join(["flexid", *arguments])
-    again = " ".join(["flexid", "--debug", *arguments])
+    """One paragraph: what happened, and how to report it."""
+    again = shlex.join(["flexid", "--debug", *arguments])
     said = (
-        f"flexid: this is a defect of flexid, not of your input: {type(error).__name__} "
-        f"({str(error) or 'without a message'}). Please report it where you got flexid from, "
+        f"flexid: this is a defect of flexid {version('flexid')}, not of your input: "
+        f"{type(error).__name__} ({str(error) or 'without a message'}). Please report it where you "
+        f"got flexid from, with what this prints: {again}"
     )
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="flexid-defect-", suffix=".txt", delete=False, encoding="utf-8"
-        ) as file:
-            file.write(f"{command}\n{_versions()}\n\n{''.join(format_exception(error))}")
-        said += (
-            f"with the file {file.name}: it holds the command, the versions and the traceback, and "
-            f"none of your data. To see the traceback here: {again}"
-        )
-    except OSError:
-        said += f"with what this prints: {again}"
-    return "\n".join(wrapped(said, USUAL))
-
-
-def _versions() -> str:
-    import platform
-    from importlib.metadata import version
-
-    names = ("flexid", "numpy", "scipy", "numba", "polars")
-    found = ", ".join(f"{name} {version(name)}" for name in names)
-    return f"{found}, Python {platform.python_version()}, {sys.platform}"
+    return fill(said, 80, break_long_words=False, break_on_hyphens=False)

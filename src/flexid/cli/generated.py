@@ -4,7 +4,6 @@ Signature, defaults and docstring become options; an answer leaves on standard o
 as an exit status.
 """
 
-import codecs
 import inspect
 import io
 import json
@@ -72,8 +71,7 @@ def hand_over(
 
     def write() -> None:
         if files is not None:
-            out, csv = str(flags["out"]), flags.get("csv", False)
-            answer._write_files(files, as_typed(), out, csv=csv)
+            answer._write_files(files, as_typed(), csv=flags.get("csv", False))
 
     print_warnings(answer.warnings, errors, rest)
     failures = []
@@ -138,20 +136,11 @@ def open_what_is_closed() -> None:
         sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115 - it stays open
 
 
-def spell_what_cannot_be_encoded() -> None:
-    """Let standard output and error spell what their encoding lacks: alpha2 for α₂, +- for ±."""
-    codecs.register_error("flexid.spelled", _spelled)
+def replace_what_cannot_be_encoded() -> None:
+    """Let standard output and error print a question mark for what their encoding lacks."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="flexid.spelled")
-
-
-def _spelled(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    from flexid.report.terminal import spelled
-
-    return spelled(error.object[error.start : error.end]), error.end
+            stream.reconfigure(errors="replace")
 
 
 _OF_PYTHON = ("progress", "thresholds")  # parameters that only a program can give

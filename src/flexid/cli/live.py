@@ -52,7 +52,7 @@ def watch(command: Command, options: Options, flags: Options) -> None:
         if watched.has_begun:
             _end(watched, checkpoint, as_json=flags["json"])
             if files is not None:
-                watched._write_files(files, as_typed(), str(flags["out"]), csv=False)
+                watched._write_files(files, as_typed(), csv=False)
         if failure is not None:
             raise failure
     if asked:
@@ -86,11 +86,10 @@ def _follow(
     """Follow the stream until it ends, or an interruption; show what is known meanwhile."""
     from rich.live import Live
 
-    from flexid.report.watch import Sparks, live_view
+    from flexid.report.watch import live_view
 
     saved = drawn = time.monotonic()
     warned = 0
-    sparks = Sparks()
     terminal = not as_json and errors.is_terminal
     live = Live(console=errors, transient=True, auto_refresh=False)
     with live if terminal else nullcontext():
@@ -102,7 +101,7 @@ def _follow(
                 click.echo(json.dumps(watched.document))
             if terminal and now - drawn > _DRAWN_EVERY:
                 session = watched.session if watched.has_begun else None
-                live.update(live_view(session, sparks, errors.width), refresh=True)
+                live.update(live_view(session, errors.width), refresh=True)
                 drawn = now
             if checkpoint is not None and watched.has_begun and now - saved > _SAVED_EVERY:
                 try:
@@ -128,9 +127,7 @@ def _end(watched: "Watch", checkpoint: Path | None, *, as_json: bool) -> None:
             print_parts(watched._parts())
 
 
-def studio(
-    log: Path | None = None, *, host: str = "127.0.0.1", port: int = 8765, browser: bool = True
-) -> None:
+def studio(log: Path | None = None, *, port: int = 8765, browser: bool = True) -> None:
     """Serve a page in which logs are checked and identified.
 
     Drop a log, say which column is what, see what it can tell before anything is run, identify,
@@ -140,9 +137,6 @@ def studio(
     ----------
     log : path, optional
         A log that each window opens with, in any format that flexid identify takes.
-    host : str, optional
-        Where to listen. Off the loopback the address that is printed has a token in it, and only
-        who knows it is let in.
     port : int, optional
         Port of the machine; 0 for any that is free.
     browser : bool, optional
@@ -164,4 +158,4 @@ def studio(
 
             webbrowser.open(address)
 
-    serve(log, host, port, announce)
+    serve(log, port, announce)

@@ -130,7 +130,6 @@ OPTIONS = {
         "NAMES",
         note="Such as 'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.",
     ),
-    "host": Option(str, "ADDRESS"),
     "input_delay": _DELAY,
     "known": _pairs(
         "NAME=VALUE", parse_known, "Such as motor_inertia=0.3 or joint_stiffness=100+-5."

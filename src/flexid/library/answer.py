@@ -17,6 +17,7 @@ from flexid.arrays import to_json
 from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
+    import polars as pl
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from flexid.report.chart import Chart
     from flexid.report.page import Page, Presenter
     from flexid.report.terminal import Part
-
-_WIDTH = 100  # columns of a text
 
 
 class Answer:
@@ -67,10 +66,9 @@ class Answer:
         """Figures, the most important one first."""
         return self._presenter.charts(*self._shown)
 
-    def _page(self, command: str = "", out: str = "") -> Page | None:
-        """A page to send; `command` repeats the answer, whose files are in `out`."""
-        page = self._presenter.page
-        return None if page is None else page(*self._shown, self._drawn, command, out)
+    def _page(self, command: str = "") -> Page:
+        """A page to send; `command` repeats the answer."""
+        return self._presenter.page(self._shown, self._drawn, self.warnings, command)
 
     @cached_property
     def _drawn(self) -> Sequence[Chart]:
@@ -89,6 +87,8 @@ class Answer:
 
     def summary(self) -> str:
         """The answer as text: what the command of the same name prints."""
+        from flexid.report.terminal import as_text
+
         return as_text(self._parts())
 
     @entrance
@@ -119,27 +119,40 @@ class Answer:
         with output_directory(Path(directory)) as files:
             save_charts(self._drawn, files, self._formats)
 
-    def _write_files(self, directory: Path, command: str, out: str, *, csv: bool) -> None:
+    @entrance
+    def report(self, path: FilePath) -> None:
+        """Write a page to send: one HTML file with the answer, its tables and all figures.
+
+        Figures of time series are left out where there are none, as in a loaded estimate.
+
+        Parameters
+        ----------
+        path : path
+            The file, such as ``"report.html"``; one that is there is replaced.
+        """
+        from flexid.files import write_document
+        from flexid.report.page import page_html
+
+        write_document(Path(path), page_html(self._page()))
+
+    def _write_files(self, directory: Path, command: str, *, csv: bool) -> None:
         """Write what the command writes: document, time series, figures and page."""
         from flexid.report.figure import save_charts
-        from flexid.report.page import save_page
+        from flexid.report.page import NAME, page_html
 
         (directory / self._file).write_text(to_json(self._document()), encoding="utf-8")
         self._presenter.write_data(*self._shown, directory, csv)
         save_charts(self._drawn, directory, self._formats)
-        page = self._page(command, out)
-        if page is not None:
-            save_page(page, directory)
+        (directory / NAME).write_text(page_html(self._page(command)), encoding="utf-8")
 
     def _repr_html_(self) -> str:
         from rich.console import Console
 
-        from flexid.report.terminal import laid_out
+        from flexid.report.terminal import WIDEST, laid_out
 
         with io.StringIO() as nowhere:
-            console = Console(record=True, file=nowhere, width=_WIDTH)
-            for line in laid_out(self._parts(), _WIDTH):
-                console.print(line, soft_wrap=True)
+            console = Console(record=True, file=nowhere, width=WIDEST, highlight=False)
+            console.print(laid_out(self._parts(), WIDEST), crop=False)
             text = console.export_html(inline_styles=True, code_format="<pre>{code}</pre>")
         warnings = (f"<p>Warning: {escape(warning)}</p>" for warning in self.warnings)
         shown = ""
@@ -157,28 +170,6 @@ class Answer:
         return draw(self._drawn[0]) if self._drawn else None
 
 
-class ReportedAnswer(Answer):
-    """An answer that has a page to send."""
-
-    @entrance
-    def report(self, path: FilePath) -> None:
-        """Write a page to send: one HTML file with the answer, its tables and all figures.
-
-        Figures of time series are left out where there are none, as in a loaded estimate.
-
-        Parameters
-        ----------
-        path : path
-            The file, such as ``"report.html"``; one that is there is replaced.
-        """
-        from flexid.files import write_document
-        from flexid.report.page import page_html
-
-        page = self._page()
-        assert page is not None
-        write_document(Path(path), page_html(page))
-
-
 class TabularAnswer(Answer):
     """An answer that is a data frame, too."""
 
@@ -186,15 +177,11 @@ class TabularAnswer(Answer):
     def _columns(self) -> Mapping[str, Any]:
         """The columns of the data frame."""
 
-    def to_dataframe(self, backend: str = "polars") -> Any:
-        """The answer as a data frame.
+    def to_dataframe(self) -> pl.DataFrame:
+        """The answer as a data frame of Polars, which has ``to_pandas`` and ``to_arrow``."""
+        import polars as pl
 
-        Parameters
-        ----------
-        backend : {"polars", "pandas", "pyarrow"}, optional
-            Whose data frame; the library has to be installed.
-        """
-        return data_frame(self._columns(), backend)
+        return pl.DataFrame(self._columns())
 
 
 class PlottedAnswer(Answer):
@@ -211,25 +198,3 @@ class PlottedAnswer(Answer):
         from flexid.report.figure import draw
 
         return draw(self._drawn[0], ax=ax)
-
-
-def as_text(parts: Iterable[Part]) -> str:
-    """Tables and sentences as lines of text, without colour."""
-    from flexid.report.terminal import laid_out
-
-    return "\n".join(line.plain for line in laid_out(parts, _WIDTH))
-
-
-def data_frame(columns: Mapping[str, Any], backend: str) -> Any:
-    """A data frame of a library; a `SettingError` if that library is not installed."""
-    import narwhals as nw
-
-    from flexid.errors import SettingError
-
-    known = ("polars", "pandas", "pyarrow")
-    if backend not in known:
-        raise SettingError("backend", f"must be one of {', '.join(known)}, got {backend!r}")
-    try:
-        return nw.from_dict(columns, backend=backend).to_native()  # type: ignore[arg-type]
-    except ImportError:
-        raise SettingError("backend", f"{backend} is not installed: install it") from None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import ReportedAnswer
+from flexid.library.answer import Answer
 from flexid.library.arguments import entrance, joint_settings, one_thread
 
 if TYPE_CHECKING:
@@ -129,9 +129,8 @@ def identify(
         if thresholds is not None:
             raise SettingError("thresholds", "are not for a stream: leave them out")
         return JointEstimate(_streamed(logs, columns, settings, progress))
-    read = all_logs(logs, columns)
-    found = run(read, settings, progress, thresholds or THRESHOLDS)
-    return JointEstimate(found, made_from=(read, settings))
+    found = run(all_logs(logs, columns), settings, progress, thresholds or THRESHOLDS)
+    return JointEstimate(found)
 
 
 def _streamed(logs: Any, columns: Any, settings: Settings, progress: Progress) -> Any:
@@ -175,7 +174,7 @@ def estimated(estimate: JointEstimate | FilePath | Mapping[str, Any]) -> StoredE
     return StoredEstimate(estimate.result, "", hashlib.sha256(text.encode()).hexdigest())
 
 
-class ArmEstimate(ReportedAnswer):
+class ArmEstimate(Answer):
     """Parameters of each joint of an arm, with intervals and verdicts."""
 
     _report = "arm"

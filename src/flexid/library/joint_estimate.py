@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -24,24 +22,21 @@ from flexid.identification.vocabulary.evidence import (
     slopes_of,
 )
 from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
-from flexid.library.answer import ReportedAnswer, as_text, data_frame
+from flexid.library.answer import Answer
 from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
+    import polars as pl
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from flexid.frequency.frequency_response import FrequencyResponse
-    from flexid.identification.preparation.settings import Settings
     from flexid.library.estimate_plots import EstimatePlots
     from flexid.library.logs import Columns, Logs, OneLog
     from flexid.library.validation import EstimateValidation, Prediction
-    from flexid.recording.recording import Log
-    from flexid.report.chart import Chart
-    from flexid.report.page import Page
 
 
-class JointEstimate(ReportedAnswer):
+class JointEstimate(Answer):
     """Parameters of a joint, with intervals and verdicts, and the model that they make.
 
     `flexid.identify` returns one, `flexid.load` reads one that was saved.
@@ -50,11 +45,7 @@ class JointEstimate(ReportedAnswer):
     _report = "identification"
     _file = "estimate.json"
 
-    def __init__(
-        self, result: Identification, *, made_from: tuple[Sequence[Log], Settings] | None = None
-    ) -> None:
-        self.result = result
-        self._made_from = made_from
+    result: Identification
 
     def __getitem__(self, name: str) -> ValueEstimate:
         """A parameter or coefficient by name."""
@@ -226,18 +217,18 @@ class JointEstimate(ReportedAnswer):
         made = correlated_values(values, self.covariance[np.ix_(known, known)])
         return dict(zip(names, made, strict=True))
 
-    def to_dataframe(self, backend: str = "polars", *, level: float = CONFIDENCE) -> Any:
-        """Parameters and coefficients as a data frame, with a row each.
+    def to_dataframe(self, *, level: float = CONFIDENCE) -> pl.DataFrame:
+        """Parameters and coefficients as a data frame of Polars, with a row each.
 
         Its columns are name, kind, value, unit, std, lower, upper, verdict and reason.
 
         Parameters
         ----------
-        backend : {"polars", "pandas", "pyarrow"}, optional
-            Whose data frame; the library has to be installed.
         level : float, optional
             Nominal coverage of the intervals.
         """
+        import polars as pl
+
         every = self._every
         ends = self.intervals(level)
         columns = {
@@ -251,7 +242,7 @@ class JointEstimate(ReportedAnswer):
             "verdict": [e.verdict for e in every.values()],
             "reason": [e.reason for e in every.values()],
         }
-        return data_frame(columns, backend)
+        return pl.DataFrame(columns)
 
     def summary(self, *, explain: bool = False) -> str:
         """The answer as text: what ``flexid identify`` prints.
@@ -261,6 +252,8 @@ class JointEstimate(ReportedAnswer):
         explain : bool, optional
             Add the evidence for every choice.
         """
+        from flexid.report.terminal import as_text
+
         return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
     @property
@@ -332,27 +325,6 @@ class JointEstimate(ReportedAnswer):
         return frequency_response(
             self.result, given, frequency=frequency, position=position, level=level
         )
-
-    def _charts(self) -> Sequence[Chart]:
-        from flexid.report.identification_charts import identification_charts
-
-        return identification_charts(self.result)
-
-    def _page(self, command: str = "", out: str = "") -> Page:
-        from flexid.report.identification_page import identification_page
-
-        stored = shlex.quote(str(Path(out) / self._file))
-        return identification_page(self.result, self._drawn, command, stored, self._advice())
-
-    def _advice(self) -> list[str]:
-        """What motion would determine more, where something is lacking: it takes some seconds."""
-        if self.verdict == "determined" or self._made_from is None:
-            return []
-        from flexid.experiment_design.excitation_report import look_into
-        from flexid.report.excitation import advice_lines
-
-        found = look_into(self.result, *self._made_from)
-        return [*advice_lines(found.advice, found.input_unit)]
 
     def __repr__(self) -> str:
         verdicts = Counter(p.verdict for p in self.parameters.values())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import ReportedAnswer, TabularAnswer
+from flexid.library.answer import Answer, TabularAnswer
 from flexid.library.arguments import entrance, one_thread
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexid.studies.reproduction import Claim, Reproduction
 
 
-class SimulatedRun(ReportedAnswer, TabularAnswer):
+class SimulatedRun(TabularAnswer):
     """A closed loop over time: plant, controller and observer.
 
     As a data frame it has all time series: the columns of ``run.parquet``.
@@ -113,7 +113,7 @@ def simulate(
     return SimulatedRun(chosen, chosen.run())
 
 
-class CampaignResult(ReportedAnswer, TabularAnswer):
+class CampaignResult(TabularAnswer):
     """What a campaign says, finished or not; as a data frame, a row for each run that is done."""
 
     _report = "campaign"
@@ -195,7 +195,7 @@ def campaign(
     return CampaignResult(summarise(directory))
 
 
-class PaperReproduction(ReportedAnswer):
+class PaperReproduction(Answer):
     """Huang (2003) reproduced: Table I, Figures 1 to 5, the readings, every claim."""
 
     _report = "reproduction"

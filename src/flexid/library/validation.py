@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import SettingError
-from flexid.library.answer import PlottedAnswer, ReportedAnswer, TabularAnswer, data_frame
+from flexid.library.answer import PlottedAnswer, TabularAnswer
 from flexid.library.arguments import entrance, one_thread
 from flexid.library.identify import estimated
 
 if TYPE_CHECKING:
+    import polars as pl
+
     from flexid.comparisons.comparison import Comparison
     from flexid.comparisons.differences import Difference
     from flexid.identification.vocabulary.evidence import Validation
@@ -61,22 +63,18 @@ class Prediction:
             found.fit_percent,
         )
 
-    def to_dataframe(self, backend: str = "polars") -> Any:
-        """Time, and each channel measured and predicted, as a data frame.
+    def to_dataframe(self) -> pl.DataFrame:
+        """Time, and each channel measured and predicted, as a data frame of Polars."""
+        import polars as pl
 
-        Parameters
-        ----------
-        backend : {"polars", "pandas", "pyarrow"}, optional
-            Whose data frame; the library has to be installed.
-        """
         columns = {"time": self.time}
         for channel in self.measured:
             columns[channel] = self.measured[channel]
             columns[f"predicted_{channel}"] = self.predicted[channel]
-        return data_frame(columns, backend)
+        return pl.DataFrame(columns)
 
 
-class EstimateValidation(ReportedAnswer, TabularAnswer):
+class EstimateValidation(TabularAnswer):
     """How well, and for how long, an estimate predicts logs that it was not made from.
 
     `flexid.validate` and `JointEstimate.validate` return one. As a data frame it has a row for each
@@ -181,7 +179,7 @@ def validate(
     return EstimateValidation(validate_arm(stored, paths, Path(columns) if columns else None))
 
 
-class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
+class EstimateComparison(TabularAnswer, PlottedAnswer):
     """What differs between two estimates, and whether chance explains it.
 
     `flexid.compare` returns one. As a data frame it has a row for each number, with the columns

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from math import isclose
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
 from flexid.recording.channel import INPUTS, SI_UNITS, Channel
 from flexid.recording.clock import Clock, is_stamp
 from flexid.recording.names import (
-    LONGEST,
     Usual,
     common_words,
     did_you_mean,
@@ -20,11 +18,10 @@ from flexid.recording.names import (
     named_channel,
     quoted,
     split_header,
-    usual_channel,
 )
 from flexid.recording.recipes import ColumnMap, MapSource, Recipe, made, read_map, recipe_of_column
 from flexid.recording.table import Table
-from flexid.recording.units import UnitError, is_relative, scale_to_si
+from flexid.recording.units import is_relative
 
 if TYPE_CHECKING:
     import polars
@@ -64,38 +61,6 @@ def recipes_of(
     recipes = plan.wanted()
     plan.name_unused()
     return recipes, tuple(f"{table.file}: {warning}" for warning in plan.warnings)
-
-
-def is_by_name(channel: str, origin: Mapping[str, Any]) -> bool:
-    """Whether a column's name alone says how a channel was computed.
-
-    >>> usual = {"columns": {"q_link [deg]": 1.0}, "factor": 0.017453292519943295, "offset": 0.0}
-    >>> is_by_name("link_position", {**usual, "gear_ratio": None})
-    True
-    >>> is_by_name("link_position", {**usual, "gear_ratio": 100.0})
-    False
-    """
-    if [*origin["columns"].values()] != [1.0] or origin["offset"] or origin["gear_ratio"]:
-        return False
-    (header,) = origin["columns"]
-    starts = [0, *(match.end() for match in re.finditer(r"[./]", header[:LONGEST]))]
-    return any(_says(header[start:], channel, origin["factor"]) for start in starts)
-
-
-def _says(name: str, channel: str, factor: float) -> bool:
-    """Whether a name, or the end of a path, stands for a channel in a unit with this factor."""
-    own, unit = _canonical(name)
-    if own != channel:
-        usual = usual_channel(name)
-        if usual is None or not channel.endswith(usual[0]):  # a side is not always named
-            return False
-        unit = usual[1]
-    if unit is None:
-        return factor == 1.0
-    try:
-        return isclose(scale_to_si(unit, SI_UNITS.get(channel, ()))[0], factor)
-    except UnitError:
-        return False
 
 
 def _canonical(name: str) -> tuple[str | None, str | None]:

@@ -1,18 +1,15 @@
-"""A campaign as tables, JSON, figures and a page."""
+"""A campaign as tables, JSON and figures."""
 
-import shlex
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
-import flexid
 from flexid.arrays import FloatArray
 from flexid.campaigns.summary import QUANTILES, Result, Summary
 from flexid.report.chart import Axis, Chart, Dash, Level, Line, Panel, Points, whole_decades
-from flexid.report.page import Answer, Bullets, Page, Presenter, Section, sections_of
+from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
 DETAILS = ("final_error.", "final_state.")
@@ -26,13 +23,13 @@ def parts(summary: Summary) -> Iterator[Part]:
     yield from status_lines(summary)
     yield ""
     yield quantiles_table(summary)
-    yield from importance_parts(summary)
+    yield from _importance(summary)
 
 
-def importance_parts(summary: Summary) -> Iterator[Part]:
+def _importance(summary: Summary) -> Iterator[Part]:
     """What matters for each result, as tables."""
     shown = [result for result in summary.results if not result.name.startswith(DETAILS)]
-    columns = (Column("result"), Column("inputs", wraps=True))
+    columns = (Column("result"), Column("inputs"))
     correlations = Table("What matters most: rank correlation", columns)
     for result in shown:
         named = [f"{one.input} {one.value:+.2f}" for one in result.correlations if one.significant]
@@ -190,48 +187,9 @@ def _logarithmic(values: FloatArray) -> bool:
     return bool(values.min() > 0.0 and values.max() > _LOGARITHMIC_FROM * values.min())
 
 
-_NAMED = 3
-
-
-def page(summary: Summary, charts: Sequence[Chart], _command: str = "", _out: str = "") -> Page:
-    """What there is to say of a campaign."""
-    first, *rest = status_lines(summary)
-    directory = str(summary.directory)
-    command = shlex.join(["flexid", "campaign", "--summary", directory])
-    facts = (("flexid", flexid.__version__), ("rows", directory))
-    matters = Section("matters", "What matters", [*charts, *importance_parts(summary)])
-    return Page(
-        "campaign",
-        f"Campaign {summary.directory.name}",
-        first,
-        quantiles_table(summary),
-        (_finished(summary, rest), _matters(summary)),
-        sections_of((), [matters], command, facts),
-    )
-
-
-def _finished(summary: Summary, lines: Sequence[str]) -> Answer:
-    done, wanted = summary.finished, summary.manifest.runs
-    word = "All of them" if done == wanted else f"{done} of {wanted}"
-    tone = "good" if done == wanted else "fair" if done else "bad"
-    return Answer("Did the runs finish?", word, tone, [*lines])
-
-
-def _matters(summary: Summary) -> Answer:
-    """The input that most results depend on most, and on which the first ones depend."""
-    strongest = {
-        result.name: max(found, key=lambda one: abs(one.value))
-        for result in summary.results
-        if (found := [one for one in result.correlations if one.significant])
-        and not result.name.startswith(DETAILS)
-    }
-    question = "What matters most?"
-    if not strongest:
-        return Answer(question, "Nothing that was varied", "", [])
-    (most, _), *_ = Counter(one.input for one in strongest.values()).most_common()
-    lines = [f"{name}: {one.input} ({one.value:+.2f})" for name, one in strongest.items()]
-    shown = ["Strongest rank correlation of each result:", Bullets(lines[:_NAMED])]
-    return Answer(question, most, "", shown)
+def heading(summary: Summary) -> tuple[str, str]:
+    """Name and folder."""
+    return f"Campaign {summary.directory.name}", str(summary.directory)
 
 
 def document(summary: Summary) -> dict[str, Any]:
@@ -265,4 +223,4 @@ def document(summary: Summary) -> dict[str, Any]:
     }
 
 
-PRESENTER = Presenter(parts, document, charts, page)
+PRESENTER = Presenter(heading, parts, document, charts)

@@ -1,21 +1,29 @@
-"""A comparison as tables, JSON, a figure and a page."""
+"""A comparison as tables, sentences, JSON and a figure."""
 
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
 import numpy as np
+from rich.text import Text
 
 from flexid.arrays import plain
 from flexid.comparisons.comparison import Comparison
 from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
+from flexid.identification.vocabulary.intervals import CONFIDENCE
 from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
-from flexid.report.comparison_summary import comparison_summary, largest
 from flexid.report.identification import COEFFICIENTS, PARAMETERS
-from flexid.report.page import Answer, Bullets, Item, Page, Presenter, Section, Tone, sections_of
-from flexid.report.terminal import Cell, Column, Part, Table, numbers, value_cells
+from flexid.report.page import Presenter
+from flexid.report.terminal import (
+    Column,
+    Part,
+    Table,
+    format_with_interval,
+    listed,
+    numbers,
+    value_texts,
+)
 
 OUTCOME_COLOURS: dict[Outcome, str] = {
     "changed": "red",
@@ -27,7 +35,6 @@ OUTCOME_COLOURS: dict[Outcome, str] = {
     "not compared": "",
 }
 
-_NONE = Cell(("–",))
 _LONGEST = 60  # characters of a setting
 
 
@@ -51,33 +58,17 @@ def parts(comparison: Comparison) -> Iterator[Part]:
 
 def differences_table(title: str, differences: Mapping[str, Difference]) -> Table:
     """Both values of each number, what is between them, and the verdict on that."""
-    columns = (
-        Column("name"),
-        *numbers("A", "B"),
-        Column("unit", spare=2),
-        Column("B - A", right=True, spare=1),  # in the middle of its interval
-        *numbers("95 % interval"),
-        Column("verdict"),
-    )
+    columns = (Column("name"), *numbers("A", "B", "B - A, 95 % interval"), Column("verdict"))
     table = Table(title, columns)
     for d in differences.values():
-        change, interval = _change(d)
-        outcome = Cell(outcome_texts(d), OUTCOME_COLOURS[d.outcome])
-        a, b = (value_cells(v.value, *v.interval)[0] if v else "none" for v in (d.a, d.b))
-        table.add(d.name, a, b, d.unit, change, interval, outcome)
-    return table
-
-
-def lead_table(differences: Mapping[str, Difference]) -> Table:
-    """What is between both values of each number, and the verdict on that in a word."""
-    columns = (Column("name"), *numbers("B - A", "95 % interval"), Column("unit"))
-    table = Table("Differences", (*columns, Column("verdict")))
-    for d in differences.values():
-        relative = isfinite(d.percent)
-        shown = (d.percent, *d.percent_interval) if relative else (d.value, *d.interval)
-        change, interval = value_cells(*shown) if d.compared else (_NONE, _NONE)
-        verdict = Cell((d.outcome,), OUTCOME_COLOURS[d.outcome])
-        table.add(d.name, change, interval, "%" if relative else d.unit, verdict)
+        a, b = (value_texts(v.value, *v.interval)[0] if v else "none" for v in (d.a, d.b))
+        interval = ""
+        if d.compared:
+            relative = isfinite(d.percent)
+            shown = (d.percent, *d.percent_interval) if relative else (d.value, *d.interval)
+            interval = f"{value_texts(*shown)[1]} {'%' if relative else d.unit}"
+        outcome = Text(outcome_text(d), OUTCOME_COLOURS[d.outcome])
+        table.add(d.name, a, b, interval, outcome)
     return table
 
 
@@ -93,30 +84,15 @@ def remarks(differences: Mapping[str, Difference]) -> Iterator[str]:
 
 def settings_table(comparison: Comparison) -> Table:
     """What was asked for, chosen or used otherwise."""
-    table = Table("Different logs or settings", (Column(""), Column("A"), Column("B", wraps=True)))
+    table = Table("Different logs or settings", (Column(""), Column("A"), Column("B")))
     for name, pair in comparison.settings.items():
         table.add(name, *map(shortened, pair))
     return table
 
 
-def _change(d: Difference) -> tuple[Cell, Cell]:
-    """Difference and interval: in per cent, or in the unit where that says nothing."""
-    if not d.compared:
-        return Cell(("",)), Cell(("",))
-    if isfinite(d.percent):
-        change, interval = value_cells(d.percent, *d.percent_interval)
-        return change.with_unit("%"), interval.with_unit("%")
-    change, interval = value_cells(d.value, *d.interval)
-    bare = interval.texts[-1]  # the verdict has the unit as well
-    return change.with_unit(d.unit), Cell((*interval.with_unit(d.unit).texts, bare))
-
-
-def outcome_texts(d: Difference) -> tuple[str, ...]:
-    """The verdict in words, and in fewer where there is no room."""
-    if d.outcome != "no change":
-        return (d.outcome,)
-    bound = largest(d)
-    return f"no change larger than {bound}", f"same to {bound}"
+def outcome_text(d: Difference) -> str:
+    """The verdict in words."""
+    return f"same to {largest(d)}" if d.outcome == "no change" else d.outcome
 
 
 def shortened(text: str) -> str:
@@ -157,9 +133,8 @@ def _panel(d: Difference) -> Panel | None:
     margin = _MARGIN * (high - low)
     if not isfinite(margin):
         return None
-    outcome = f"no change larger than {largest(d)}" if d.outcome == "no change" else d.outcome
     return Panel(
-        f"{d.name}\n{outcome}",
+        f"{d.name}\n{outcome_text(d)}",
         Axis(
             "relative to A" if relative else d.name,
             "%" if relative else d.unit,
@@ -186,97 +161,117 @@ def _interval(place: float, colour: Colour, value: float, low: float, high: floa
     ]
 
 
-_IN_MEMORY = ("A", "B")  # labels of estimates that come from no file
-
-_NOTES = (
-    "changed: beyond chance, however many numbers are compared; perhaps changed: its own interval "
-    "excludes zero, which chance does to one number in twenty",
-)
-
-
-def page(
-    comparison: Comparison, charts: Sequence[Chart], command: str = "", _out: str = ""
-) -> Page:
-    """What there is to say of a comparison."""
-    a, b = comparison.labels
-    if not command and comparison.labels != _IN_MEMORY:
-        command = shlex.join(["flexid", "compare", a, b])
-    question = (
-        "Do they agree on this log?" if comparison.logs == "same" else "Has anything changed?"
-    )
-    sections, facts = _sections(comparison, charts), _facts(comparison)
-    return Page(
-        "comparison",
-        "Two estimates side by side",
-        f"A: {a}; B: {b}",
-        lead_table(comparison.decisive),
-        (
-            Answer(question, *_judged(comparison), [*comparison_summary(comparison)]),
-            _next_step(comparison),
-        ),
-        sections_of(comparison.warnings, sections, command, facts),
-        _NOTES,
-    )
+def comparison_summary(comparison: Comparison) -> Iterator[str]:
+    """What has changed, how sure that is, and what it rests on."""
+    compared = [d for d in comparison.decisive.values() if d.compared]
+    if not compared:
+        yield "Nothing can be compared: no number was estimated in both."
+    elif comparison.logs == "same":
+        yield _of_one_log(comparison, compared)
+    else:
+        yield _answer(comparison, compared)
+        yield from _perhaps(comparison, compared)
+    yield from _all_at_once(comparison)
+    if comparison.lacking:
+        yield f"Not determined in A or in B, and so not compared: {_names(comparison.lacking)}."
 
 
-def _sections(comparison: Comparison, charts: Sequence[Chart]) -> Iterator[Section]:
-    figure = [chart for chart in charts if chart.panels]
-    both = [*figure, *_both_values(PARAMETERS, comparison.parameters)]
-    yield Section("values", "Both values of each parameter", both)
-    if comparison.coefficients:
-        both = [*_both_values(COEFFICIENTS, comparison.coefficients)]
-        yield Section("coefficients", "Coefficients of the model", both)
-    if comparison.settings:
-        yield Section("settings", "Different logs or settings", [settings_table(comparison)])
+def largest(d: Difference) -> str:
+    """The most that a difference may be, with its unit."""
+    if isfinite(d.largest_percent):
+        return f"{_rounded_up(d.largest_percent)} %"
+    return f"{_rounded_up(d.largest)} {d.unit}"
 
 
-def _both_values(title: str, differences: Mapping[str, Difference]) -> Iterator[Item]:
-    yield differences_table(title, differences)
-    if lines := [*remarks(differences)]:
-        yield Bullets(lines)
+def _rounded_up(number: float) -> str:
+    """Two digits, which promise no less than the number."""
+    if not isfinite(number):
+        return "any"
+    shown = f"{number:.2g}"
+    return shown if float(shown) >= number else f"{number * 1.05:.2g}"
 
 
-def _judged(comparison: Comparison) -> tuple[str, Tone]:
-    if comparison.differ:
-        return ("No" if comparison.logs == "same" else "Yes"), "bad"
-    if comparison.lacking or not any(d.compared for d in comparison.decisive.values()):
-        return "Not all of it is known", "fair"
-    if comparison.logs == "same":
-        return "Yes", "good"
-    if comparison.having("perhaps changed"):
-        return "Perhaps", "fair"
-    return "Nothing is seen", "good"
-
-
-def _next_step(comparison: Comparison) -> Answer:
-    """What to do with that."""
-    word, said = "Nothing", "To see smaller changes record longer, or move more."
-    if comparison.logs == "same":
-        if comparison.differ:
-            word = "Look for what one model lacks"
-            said = "Another log decides which of both predicts it: flexid validate."
-        else:
-            said = "The different settings make no difference that this log can show."
-    elif comparison.differ or comparison.having("perhaps changed"):
-        word = "Record B once more"
-        said = (
-            "With the motion of A. What has changed is seen again; what was chance, or the work of "
-            "another motion, is not."
+def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:
+    changed = comparison.having("changed")
+    if changed:
+        listed = ", ".join(f"{d.name} by {_change(d)}" for d in changed)
+        return (
+            f"Changed: {listed}. That is beyond chance for {_count(compared)} together: where "
+            f"nothing has changed, at most one comparison in twenty names anything."
         )
-    elif comparison.lacking:
-        word = "Record another motion"
-        said = "flexid excitation says of either log which one determines what is lacking."
-    return Answer("What do I do next?", word, "", [said])
+    said = f"No change is seen in {_count(compared)}"
+    known = [d for d in compared if isfinite(d.largest_percent)]
+    if not known:
+        return f"{said}."
+    worst = max(known, key=lambda d: d.largest_percent)
+    return f"{said}; the largest that may hide is one of {largest(worst)} of {worst.name}."
 
 
-def _facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
-    yield "flexid", str(comparison.provenance.get("flexid_version", "unknown"))
-    for side, label in zip("AB", comparison.labels, strict=True):
-        yield side, label
-        for log in comparison.provenance.get(side.lower(), {}).get("inputs", ()):
-            yield f"log of {side}", str(log.get("file") or "data in memory")
-            if log.get("sha256"):
-                yield "SHA-256", str(log["sha256"])
+def _perhaps(comparison: Comparison, compared: Sequence[Difference]) -> Iterator[str]:
+    perhaps = comparison.having("perhaps changed")
+    if perhaps:
+        count = len(compared)
+        missed = f"With {count} intervals that hold 95 % each, one or more misses"
+        if count == 1:
+            missed = "An interval that holds 95 % misses"
+        yield (
+            f"Perhaps changed: {_names(perhaps)}. {missed} by chance in up to about "
+            f"{100.0 * (1.0 - CONFIDENCE**count):.0f} % of comparisons; a third log would tell."
+        )
+
+
+def _of_one_log(comparison: Comparison, compared: Sequence[Difference]) -> str:
+    contradictory = comparison.having("contradictory")
+    begin = "Both estimates are of the same logs, so the drive cannot have changed."
+    if contradictory:
+        return (
+            f"{begin} Yet {_names(contradictory)} {_differ(contradictory)} by more than both "
+            f"intervals allow: at least one of the two models is wrong."
+        )
+    return f"{begin} {_count(compared)} {_differ(compared)} by no more than both intervals allow."
+
+
+def _differ(differences: Sequence[Difference]) -> str:
+    return "differ" if len(differences) > 1 else "differs"
+
+
+def _all_at_once(comparison: Comparison) -> Iterator[str]:
+    together = comparison.together
+    if together is None:
+        return
+    count, chance = len(together.names), together.probability
+    shown = f"{chance:.2g}" if chance >= 1e-4 else "less than 0.0001"
+    begin = f"All {count} coefficients that both have, at once: chance makes a difference as large"
+    end = ""
+    if together.significant:
+        end = "; it is not the same drive as before"
+        if not comparison.having("changed"):
+            end += ", though no number shows it by itself"
+    elif not comparison.having("changed"):
+        end = "; nothing speaks against one and the same drive"
+    yield f"{begin} with probability {shown}{end}."
+
+
+def _change(difference: Difference) -> str:
+    relative = isfinite(difference.percent)
+    value = difference.percent if relative else difference.value
+    ends = difference.percent_interval if relative else difference.interval
+    shown, low, high = format_with_interval(value, *ends)
+    return f"{shown} [{low}, {high}] {'%' if relative else difference.unit}"
+
+
+def _count(compared: Sequence[Difference]) -> str:
+    return f"{len(compared)} number{'s' if len(compared) > 1 else ''}"
+
+
+def _names(differences: Sequence[Difference]) -> str:
+    return listed([d.name for d in differences])
+
+
+def heading(comparison: Comparison) -> tuple[str, str]:
+    """What is held against what."""
+    a, b = comparison.labels
+    return "Two estimates side by side", f"A: {a}; B: {b}"
 
 
 def document(comparison: Comparison) -> dict[str, Any]:
@@ -307,4 +302,4 @@ def _differences(differences: Mapping[str, Difference]) -> dict[str, Any]:
     return found
 
 
-PRESENTER = Presenter(parts, document, charts, page)
+PRESENTER = Presenter(heading, parts, document, charts)

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from flexid.experiment_design.design import Design, Extreme, Prediction
+from flexid.experiment_design.design import Design, Prediction
 from flexid.experiment_design.drive import DOUBT
 from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points, whole_decades
 from flexid.report.page import Presenter
-from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
+from flexid.report.terminal import Column, Part, Table, number, numbers
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
 
@@ -46,23 +46,16 @@ def _predictions(result: Design) -> Table:
         table.add(
             name,
             *(_percent(one.deviations[name]) for one in inputs),
-            _of_drive(f"{100 * extreme.value:.3g} %", extreme),
+            f"{100 * extreme.value:.3g} % ({extreme.case})",
         )
-    table.rule()
     table.add("worst", *(_percent(one.worst) for one in inputs))
     table.add("criterion E", *(_percent(one.e_deviation) for one in inputs))
     table.add("criterion D", *(_percent(one.d_deviation) for one in inputs))
     table.add("torque, peak", *(number(one.peaks["torque"], 3, "N m") for one in inputs))
     table.add("torque, rms", *(number(one.torque_rms, 3, "N m") for one in inputs))
-    table.rule()
     within = (result.prediction, *result.kept_references)
     table.add("within limits", *(_percent(one.worst) for one in within))
     return table
-
-
-def _of_drive(value: str, extreme: Extreme) -> Cell:
-    """A value and the drive that it is of, which is left out where there is no room."""
-    return Cell((f"{value} ({extreme.case})", value))
 
 
 def _limits(result: Design) -> Table:
@@ -74,12 +67,12 @@ def _limits(result: Design) -> Table:
             channel,
             number(getattr(result.drive.limits, channel), 3, unit),
             number(result.prediction.peaks[channel], 3, unit),
-            _of_drive(f"{100 * extreme.value:.0f} %", extreme),
+            f"{100 * extreme.value:.0f} % ({extreme.case})",
         )
     return table
 
 
-def _percent(share: float) -> Cell:
+def _percent(share: float) -> str:
     return number(100 * share, 3, "%")
 
 
@@ -182,6 +175,12 @@ def _rounded(values: np.ndarray) -> np.ndarray:
     return np.round(values, max(0, _DIGITS - 1 - int(np.floor(np.log10(size))))) + 0.0
 
 
+def heading(result: Design) -> tuple[str, str]:
+    """What is designed."""
+    wanted = result.drive.experiment
+    return f"A {wanted.criterion}-optimal {wanted.kind}", f"{wanted.duration:g} s"
+
+
 def document(result: Design) -> dict[str, Any]:
     """A design and what it would determine, for JSON."""
     cosines, sines = np.split(result.weights, 2)
@@ -206,4 +205,4 @@ def document(result: Design) -> dict[str, Any]:
     }
 
 
-PRESENTER = Presenter(parts, document, charts, write_data=save_command)
+PRESENTER = Presenter(heading, parts, document, charts, write_data=save_command)

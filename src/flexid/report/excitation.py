@@ -5,6 +5,7 @@ from math import isfinite, isnan, pi
 from typing import Any
 
 import numpy as np
+from rich.text import Text
 
 from flexid.experiment_design.advice import Addition, Advice
 from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
@@ -21,8 +22,8 @@ from flexid.report.chart import (
     whole_decades,
 )
 from flexid.report.identification import excitation_lines, verdict_reasons
-from flexid.report.page import Presenter
-from flexid.report.terminal import Column, Part, Table, value_cells, verdict_cell
+from flexid.report.page import Presenter, logs_of
+from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, numbers, value_texts
 
 _MANY = 99  # times, beyond which a factor is no more than large
 _LITTLE = 1e-4  # share below which one is no more than small
@@ -43,29 +44,25 @@ def parts(report: ExcitationReport) -> Iterator[Part]:
 
 def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
     columns = (
-        Column("coefficient"),
-        Column("value", right=True),
+        Column("name"),
+        *numbers("value"),
         Column("unit"),
-        Column("±", right=True),
-        Column("± alone", right=True, spare=2),
-        Column("factor", right=True, spare=1),
-        Column("partner", spare=1),
+        *numbers("±", "± alone", "factor"),
+        Column("partner"),
         Column("verdict"),
     )
-    table = Table(
-        "Half-widths (±) of 95 % intervals, and the factor by which the partner widens them",
-        columns,
-    )
+    title = "Half-widths (±) of 95 % intervals, and the factor by which the partner widens them"
+    table = Table(title, columns)
     for name, c in coefficients.items():
         table.add(
             name,
-            value_cells(c.value, *c.interval)[0],
+            value_texts(c.value, *c.interval)[0],
             c.unit,
             c.reason if c.std == 0.0 else format_percent(c.width),
             "" if c.std == 0.0 or isnan(c.width_alone) else format_percent(c.width_alone),
             _cost(c),
             f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
-            verdict_cell(c.verdict),
+            Text(c.verdict, VERDICT_STYLES[c.verdict]),
         )
     return table
 
@@ -238,6 +235,11 @@ def _spectrum(report: ExcitationReport) -> Panel:
     )
 
 
+def heading(report: ExcitationReport) -> tuple[str, str]:
+    """What is looked at, and the files."""
+    return "What a log determines", logs_of(report.identification.provenance)
+
+
 def document(report: ExcitationReport) -> dict[str, Any]:
     """What a log determines, and what to add, for JSON."""
     found = report.identification
@@ -260,4 +262,4 @@ def document(report: ExcitationReport) -> dict[str, Any]:
     }
 
 
-PRESENTER = Presenter(parts, document, charts)
+PRESENTER = Presenter(heading, parts, document, charts)

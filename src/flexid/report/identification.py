@@ -1,6 +1,6 @@
 """An identification as tables and sentences, with the evidence that ``--explain`` adds."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isclose, isfinite, isnan
 from types import MappingProxyType
 from typing import Any
@@ -15,18 +15,18 @@ from flexid.identification.vocabulary.evidence import (
     Validation,
     ValueEstimate,
 )
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.parameter_kinds import ANGLES
-from flexid.report.page import Presenter
+from flexid.report.chart import Chart
+from flexid.report.page import Answer, Command, Presenter, Tone, logs_of
 from flexid.report.terminal import (
     VERDICT_STYLES,
-    Cell,
     Column,
     Part,
     Table,
     number,
     numbers,
-    value_cells,
-    verdict_cell,
+    value_texts,
 )
 from flexid.stored_estimates.estimate_file import estimate_document
 
@@ -147,18 +147,19 @@ def removed_lines(result: Identification) -> Iterator[str]:
 def estimates_table(
     title: str,
     estimates: Mapping[str, ValueEstimate],
-    more: Mapping[Column, Callable[[str], Cell | str]] = MappingProxyType({}),
+    more: Mapping[Column, Callable[[str], Text | str]] = MappingProxyType({}),
 ) -> Table:
     """Values by name, with intervals and verdicts; more columns with what they say of a name."""
     usual = (Column("name"), *numbers("value", "95 % interval"), Column("unit"), Column("verdict"))
     table = Table(title, (*usual, *more))
     for name, e in estimates.items():
-        value, interval = value_cells(e.value, *e.interval)
+        value, interval = value_texts(e.value, *e.interval)
         if e.interval[0] == e.interval[1]:
             known = e.reason in ("given", "at its bound")
-            interval = Cell((e.reason if known else "fixed",))  # why there is none
-        others = (cell(name) for cell in more.values())
-        table.add(name, value, interval, e.unit, verdict_cell(e.verdict), *others)
+            interval = e.reason if known else "fixed"  # why there is none
+        others = (text(name) for text in more.values())
+        verdict = Text(e.verdict, VERDICT_STYLES[e.verdict])
+        table.add(name, value, interval, e.unit, verdict, *others)
     return table
 
 
@@ -202,7 +203,7 @@ def _terms(choices: Choices) -> Table:
     for e in choices.term_evidence:
         kept = "yes" if e.kept else "no"
         std = number(e.std, 2) if isfinite(e.std) else "unknown"
-        value, _ = value_cells(e.value, e.value - e.std, e.value + e.std)
+        value, _ = value_texts(e.value, e.value - e.std, e.value + e.std)
         p = f"{e.probability:.2g}" if isfinite(e.probability) else "unknown"
         if e.probability < _LEAST_PROBABILITY:
             p = f"< {_LEAST_PROBABILITY:g}"
@@ -231,8 +232,8 @@ def _delays(result: Identification) -> Table:
     if result.model == "link":
         del channels["input"]
     for name, delay in channels.items():
-        value, interval = value_cells(*(1e3 * x for x in (delay.value, *delay.interval)))
-        table.add(name, value.with_unit("ms"), interval.with_unit("ms"), delay.status)
+        value, interval = value_texts(*(1e3 * x for x in (delay.value, *delay.interval)))
+        table.add(name, f"{value} ms", f"{interval} ms", delay.status)
     return table
 
 
@@ -252,8 +253,80 @@ def _least_squares(result: Identification) -> Table:
     table = Table(f"Least squares for comparison, filter rate {rate:.6g} 1/s", columns)
     for name, value in result.least_squares.items():
         estimate = result.coefficients[name]
-        table.add(name, value_cells(estimate.value, *estimate.interval)[0], number(value, 6))
+        table.add(name, value_texts(estimate.value, *estimate.interval)[0], number(value, 6))
     return table
 
 
-PRESENTER = Presenter(identification_parts, estimate_document, evidence=explanation)
+_TITLES = {"flexible": "Flexible joint", "link": "Link of a flexible joint", "rigid": "Rigid joint"}
+
+
+def heading(result: Identification) -> tuple[str, str]:
+    """The kind of joint, and the files with what was recorded."""
+    named = logs_of(result.provenance)
+    if result.recordings:
+        duration = sum(len(r) * r.sample_time for r in result.recordings)
+        named += f": {duration:.4g} s"
+    return _TITLES[result.model], named
+
+
+def answers(result: Identification) -> tuple[Answer, Answer]:
+    """Whether the parameters can be trusted, and what to do next."""
+    lacking = [e for e in result.parameters.values() if e.verdict != "determined"]
+    lacking = lacking or [e for e in result.coefficients.values() if e.verdict != "determined"]
+    trust = Answer("Can I trust them?", *_judged(result), [*_grounds(result, lacking)])
+    return trust, _next_step(result, lacking)
+
+
+def _judged(result: Identification) -> tuple[str, Tone]:
+    if result.verdict == "undetermined":
+        usable = any(p.verdict != "undetermined" for p in result.parameters.values())
+        return ("Not all of them" if usable else "No"), "bad"
+    if any(fit < 0.0 for fit in result.validation.fit_percent.values()):  # worse than the mean
+        return "With care, and not for long predictions", "bad"
+    if result.verdict == "weak" or result.warnings:
+        return "With care", "fair"
+    return "Yes", "good"
+
+
+def _grounds(result: Identification, lacking: Sequence[ValueEstimate]) -> Iterator[str]:
+    """What is not determined, and what data say that the fit never saw."""
+    yield (
+        f"Not determined: {', '.join(e.name for e in lacking)}."
+        if lacking
+        else "Each interval reaches "
+        f"{100 * THRESHOLDS.determined_width:g} % of the value to either side at most."
+    )
+    fits = {c: fit for c, fit in result.validation.fit_percent.items() if isfinite(fit)}
+    if fits:
+        worst = min(fits, key=lambda channel: fits[channel])
+        yield f"A free run over held-out data explains {fits[worst]:.1f} % of {worst}."
+    else:
+        yield "Nothing moves in the held-out data, so nothing was tested."
+    if result.warnings:
+        yield "There are warnings."
+
+
+def _next_step(result: Identification, lacking: Sequence[ValueEstimate]) -> Answer:
+    """What to do with the estimate, or what would mend what is lacking."""
+    question = "What do I do next?"
+    if not lacking:
+        test = Command("flexid validate estimate.json NEXT.csv")
+        return Answer(question, "Test it on another log", "", [test])
+    worst = min(lacking, key=lambda e: e.verdict)  # undetermined before weak
+    word = "Record another motion"
+    if result.model_error.share > 0.0:
+        word = "Look for what the model lacks"
+    said = f"{worst.name}: {worst.reason}. Whether another motion would help, says"
+    return Answer(question, word, "", [said, Command("flexid excitation LOG.csv")])
+
+
+def charts(result: Identification) -> Sequence[Chart]:
+    """All that the result has the data for."""
+    from flexid.report.identification_charts import identification_charts
+
+    return identification_charts(result)
+
+
+PRESENTER = Presenter(
+    heading, identification_parts, estimate_document, charts, answers, explanation
+)

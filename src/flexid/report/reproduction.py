@@ -1,16 +1,17 @@
-"""The reproduction of Huang (2003) as tables, JSON and a page."""
+"""The reproduction of Huang (2003) as tables and JSON."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
+
+from rich.text import Text
 
 import flexid
 from flexid.analysis.excitation import Excitation
 from flexid.arrays import plain
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
-from flexid.report.chart import Chart
-from flexid.report.page import Answer, Page, Presenter, Section, sections_of
+from flexid.report.page import Presenter
 from flexid.report.reproduction_charts import reproduction_charts
-from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
+from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.studies.cases import TheoremCase
 from flexid.studies.readings import (
     AMPLITUDE,
@@ -38,16 +39,16 @@ _SHORT = {"depends on the reading": "depends"}
 
 def parts(result: Reproduction) -> Iterator[Part]:
     """Tables and sentences of the answer."""
+    yield _claims(result.claims)
     yield _readings(result)
     yield _parameter_errors(result)
     yield _cases(result.cases)
-    yield _claims(result.claims)
 
 
 def _readings(result: Reproduction) -> Table:
     columns = (
         Column("reading"),
-        Column("", wraps=True),
+        Column(""),
         *numbers("rightmost pole (1/s)", "|x1 - qd| to 0.3 s (rad)", "20-30 s (rad)"),
     )
     title = f"Readings (a,b,c) of the gains k^a JlM/kem, k^b, k^c JrM, with k = {ATTENUATION:g}"
@@ -57,9 +58,7 @@ def _readings(result: Reproduction) -> Table:
         table.add(
             f"({reading.name})",
             reading.meaning,
-            Cell(
-                (f"{pole.real:+.3g} ± {abs(pole.imag):.3g}j",), "green" if pole.real < 0 else "red"
-            ),
+            Text(f"{pole.real:+.3g} ± {abs(pole.imag):.3g}j", "green" if pole.real < 0 else "red"),
             number(reading.early_tracking_error, 4),
             number(run.max_tracking_error, 4) if run else "not simulated",
         )
@@ -71,7 +70,7 @@ def _parameter_errors(result: Reproduction) -> Table:
     headings = (text for name in runs for text in (f"({name})", "share"))
     table = Table("Parameter errors at 30 s", (Column("coefficient"), *numbers("true", *headings)))
     for name in UNKNOWN:
-        cells: list[Cell] = []
+        cells: list[str] = []
         for run in runs.values():
             share = 100 * run.relative_errors[name]
             cells += [number(run.parameter_errors[name], 6), number(share, 2, "%")]
@@ -82,7 +81,7 @@ def _parameter_errors(result: Reproduction) -> Table:
 def _cases(cases: tuple[TheoremCase, ...]) -> Table:
     columns = (
         Column("case"),
-        Column("reference", wraps=True),
+        Column("reference"),
         Column("rows"),
         *numbers("condition number", "settled", "largest error left"),
     )
@@ -100,32 +99,21 @@ def _cases(cases: tuple[TheoremCase, ...]) -> Table:
     return table
 
 
-def claim_verdicts(claims: tuple[Claim, ...]) -> Table:
-    """Claims without what decides them."""
-    table = Table("Claims of the paper", (Column("claim", wraps=True), Column("verdict")))
-    for claim in claims:
-        verdict = Cell((claim.verdict,), _COLOURS[claim.verdict])
-        table.add(f"{claim.statement} [{claim.source}]", verdict)
-    return table
-
-
 def _claims(claims: tuple[Claim, ...]) -> Table:
-    columns = (Column("claim, and what decides it", wraps=True), *numbers("value", "wanted"))
+    columns = (Column("claim, and what decides it"), *numbers("value", "wanted"))
     table = Table("Claims of the paper", (*columns, Column("", right=True)))
     for claim in claims:
-        verdict = Cell((_SHORT.get(claim.verdict, claim.verdict),), _COLOURS[claim.verdict])
+        verdict = Text(_SHORT.get(claim.verdict, claim.verdict), _COLOURS[claim.verdict])
         table.add(f"{claim.statement} [{claim.source}]", "", "", verdict)
         for finding in claim.findings:
             relation = {"<=": "≤", ">=": "≥"}[finding.relation]
             subject = "" if finding.subject == "any" else f"{finding.subject}: "
             table.add(
-                Cell((f"  {subject}{finding.quantity}",), "dim"),
+                Text(f"  {subject}{finding.quantity}", "dim"),
                 number(finding.value, 4, "" if finding.unit == "1" else finding.unit),
                 f"{relation} {finding.limit:g}",
-                Cell(("yes",), "green") if finding.holds else Cell(("no",), "red"),
+                Text("yes", "green") if finding.holds else Text("no", "red"),
             )
-        if claim is not claims[-1]:
-            table.rule()
     return table
 
 
@@ -224,46 +212,9 @@ _PAPER = (
 )
 
 
-def page(result: Reproduction, charts: Sequence[Chart], _command: str = "", _out: str = "") -> Page:
-    """What there is to say of the paper."""
-    facts = (
-        ("flexid", flexid.__version__),
-        ("duration of a run", f"{DURATION:g} s"),
-        ("integrator", f"Rodas5P, relative tolerance {TOLERANCE:g}"),
-    )
-    sections = (
-        Section("figures", "Its figures, and Theorem 1", charts),
-        Section("numbers", "The numbers behind each verdict", [*parts(result)]),
-    )
-    return Page(
-        "reproduction",
-        "Huang (2003), reproduced",
-        _PAPER,
-        claim_verdicts(result.claims),
-        (_holds(result), _which_readings(result)),
-        sections_of((), sections, "flexid reproduce", facts),
-    )
+def heading(_result: Reproduction) -> tuple[str, str]:
+    """What is reproduced."""
+    return "Huang (2003), reproduced", _PAPER
 
 
-def _holds(result: Reproduction) -> Answer:
-    verdicts = [claim.verdict for claim in result.claims]
-    hold, depend = verdicts.count("holds"), verdicts.count("depends on the reading")
-    content = [
-        f"{depend} more depend on how the printed gains are read.",
-        f"{len(verdicts) - hold - depend} do not hold.",
-    ]
-    word = f"{hold} of {len(verdicts)}"
-    return Answer("Do its claims hold?", word, "good" if hold == len(verdicts) else "fair", content)
-
-
-def _which_readings(result: Reproduction) -> Answer:
-    """Which readings of the gains keep the loop stable."""
-    stable = [f"({r.name})" for r in result.readings.values() if r.rightmost.real < 0.0]
-    said = (
-        f"As powers (a,b,c) of k; of {len(result.readings)} readings only these keep the closed "
-        f"loop stable."
-    )
-    return Answer("How are its gains to be read?", ", ".join(stable) or "None", "", [said])
-
-
-PRESENTER = Presenter(parts, document, reproduction_charts, page)
+PRESENTER = Presenter(heading, parts, document, reproduction_charts)

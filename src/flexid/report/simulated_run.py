@@ -1,7 +1,6 @@
-"""A simulated run as tables, JSON, figures, time series and a page."""
+"""A simulated run as tables, JSON, figures and time series."""
 
-import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from flexid.experiments.measures import (
 )
 from flexid.recording.frame import write_parquet
 from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Panel
-from flexid.report.page import Answer, Bullets, Command, Page, Presenter, Section, sections_of
+from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.simulation.closed_loop import Run
 
@@ -161,52 +160,9 @@ def save_series(
             table.write_csv(directory / f"{name}.csv")
 
 
-def page(
-    experiment: Experiment,
-    run: Run,
-    measures: Measures,
-    charts: Sequence[Chart],
-    command: str = "",
-    out: str = "",
-) -> Page:
-    """What there is to say of a run."""
-    answers = [_settles(measures)]
-    if out and is_joint(run):
-        said = "The log of its sensors is one like any other:"
-        asked = Command(f"flexid identify {shlex.quote(str(Path(out) / 'log.parquet'))}")
-        answers.append(Answer("What do I do next?", "Identify it", "", [said, asked]))
-    facts = (
-        ("flexid", flexid.__version__),
-        ("experiment", experiment.path or "in memory"),
-        ("digest of the experiment", experiment.digest),
-    )
-    sections = (
-        Section("figures", "Motion and estimates", charts),
-        Section("numbers", "The run in numbers", [Bullets([*run_lines(run, measures)])]),
-    )
-    return Page(
-        "simulation",
-        experiment.name,
-        f"{run.time[-1]:g} s, {experiment.mode}",
-        estimates_table(experiment, run, measures),
-        answers,
-        sections_of((), sections, command, facts),
-    )
-
-
-def _settles(measures: Measures) -> Answer:
-    """Whether the observer finds the coefficients."""
-    times = measures.settling_times
-    settled = {name: time for name, time in times.items() if isfinite(time)}
-    word = "All of them" if len(settled) == len(times) else f"{len(settled)} of {len(times)}"
-    tone = "good" if len(settled) == len(times) else "fair" if settled else "bad"
-    content = [f"Settled: within {100 * SETTLED:g} % of the true value until the end."]
-    if settled:
-        last = max(settled, key=lambda name: settled[name])
-        content.append(f"The last is {last}, from {settled[last]:.3g} s on.")
-    if lost := [name for name in times if name not in settled]:
-        content.append(f"Not settled: {', '.join(lost)}.")
-    return Answer("Do the estimates settle?", word, tone, content)
+def heading(experiment: Experiment, run: Run, _measures: Measures) -> tuple[str, str]:
+    """What is simulated, and for how long."""
+    return experiment.name, f"{run.time[-1]:g} s, {experiment.mode}"
 
 
 def document(experiment: Experiment, run: Run, measures: Measures) -> dict[str, Any]:
@@ -243,4 +199,4 @@ def document(experiment: Experiment, run: Run, measures: Measures) -> dict[str, 
     }
 
 
-PRESENTER = Presenter(parts, document, charts, page, write_data=save_series)
+PRESENTER = Presenter(heading, parts, document, charts, write_data=save_series)

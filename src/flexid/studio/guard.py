@@ -3,7 +3,6 @@
 A page of another origin can make a browser send requests to the loopback, and with a name of its
 own that it lets resolve to 127.0.0.1 it could read the answers. So the name by which the studio is
 called has to be one of its own, and a request that says where it comes from has to come from here.
-Off the loopback there is a token besides.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import os
 import re
 import secrets
 import shutil
-import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +19,7 @@ from urllib.parse import urlsplit
 
 from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.websockets import WebSocketClose
 
 from flexid.errors import FlexidError
@@ -31,11 +29,11 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 
-COOKIE = "flexid_studio"
 _HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; "
-        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
+        "frame-ancestors 'none'"
     ),
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
@@ -46,26 +44,11 @@ _HEADERS = {
 }
 
 
-def is_loopback(host: str) -> bool:
-    """Whether an address or a name can be reached from this machine alone."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
 class Guard:
     """An ASGI application that lets through to another what may pass."""
 
-    def __init__(self, app: ASGIApp, host: str, token: str) -> None:
+    def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._token = token
-        self._names = {"localhost"}
-        self._is_open = not is_loopback(host)
-        if self._is_open:
-            self._names |= {host.lower(), socket.gethostname().lower(), socket.getfqdn().lower()}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or hand it on."""
@@ -87,7 +70,7 @@ class Guard:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in _HEADERS.items():
-                    headers[name] = value
+                    headers.setdefault(name, value)
             await send(message)
 
         return sending
@@ -96,7 +79,7 @@ class Guard:
         """The answer to who is not let in; None for who is."""
         connection = HTTPConnection(scope)
         host = connection.headers.get("host", "")
-        if not self._is_ours(host):
+        if not _is_ours(host):
             return _refused("the studio is not called so: open the address that it printed")
         origin = connection.headers.get("origin")
         acts = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
@@ -104,35 +87,16 @@ class Guard:
             origin is not None and origin not in (f"http://{host}", f"https://{host}")
         ):
             return _refused("the request comes from another page")
-        return self._without_token(connection) if self._token else None
+        return None
 
-    def _is_ours(self, host: str) -> bool:
-        """Whether a Host header names the studio: by a number, which nobody can redirect, or so."""
-        try:
-            name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return False
-        try:
-            address = ipaddress.ip_address(name)
-        except ValueError:
-            return name in self._names
-        return address.is_loopback or self._is_open
 
-    def _without_token(self, connection: HTTPConnection) -> Response | None:
-        """The answer to who does not know the token, or brings it in the address."""
-        if self._is_token(connection.cookies.get(COOKIE, "")):
-            return None
-        pages = connection.scope["type"] == "http" and connection.scope["method"] == "GET"
-        if not (pages and self._is_token(connection.query_params.get("token", ""))):
-            return _refused("the studio needs its token: open the address that it printed")
-        rest = connection.url.remove_query_params("token")
-        answer = RedirectResponse(f"{rest.path}?{rest.query}" if rest.query else rest.path, 303)
-        answer.set_cookie(COOKIE, self._token, httponly=True, samesite="lax")
-        return answer
-
-    def _is_token(self, text: str) -> bool:
-        """Whether a text is the token; how long that takes does not say how much of it is right."""
-        return secrets.compare_digest(text.encode(), self._token.encode())
+def _is_ours(host: str) -> bool:
+    """Whether a Host header names the loopback by its number, which nobody can redirect."""
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+        return name == "localhost" or ipaddress.ip_address(name).is_loopback
+    except ValueError:
+        return False
 
 
 def _refused(reason: str) -> Response:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flexid.studio.window import Window
 
 ROOM = "identify"
-_FILLED = ("columns", "check", "check-charts", "run", "run-state", "result", "result-charts")
+_FILLED = ("columns", "check", "check-charts", "run", "run-state", "result")
 EXPORTS = {
     "c99": "the online estimator in C99",
     "fmu": "plant and estimator as FMUs",
@@ -188,7 +188,7 @@ class IdentifyRoom:
             by_name=not self._choices.sources, open_question="",
         )  # fmt: skip
         await window.show("check", "check.html", survey=found.survey, found=found)
-        await window.show("check-charts", "figures.html", figures=(found.figure,))
+        await window.show("check-charts", "drawn.html", figure=found.figure)
         await window.show(
             "run", "run.html", choices=self._choices, models=MODELS, holds=HOLDS, found=found
         )
@@ -203,7 +203,7 @@ class IdentifyRoom:
         await window.show("run-state", "run_state.html", text="Starting ...", busy=True)
         folder = Path(tempfile.mkdtemp(prefix="run-", dir=window.folder))
         try:
-            found: jobs.Found = await window.offer.long.run(
+            sample_time: float = await window.offer.long.run(
                 jobs.identify, log.name, choices, str(folder),
                 folder=log.parent, said=window.saying("run-line"),
             )  # fmt: skip
@@ -214,13 +214,10 @@ class IdentifyRoom:
             shutil.rmtree(folder, ignore_errors=True)
             raise
         window.cancel("export")  # of what was shown before
-        self._keep(_Shown(choices, folder, found.sample_time), files)
+        self._keep(_Shown(choices, folder, sample_time), files)
         self._choices = replace(self._choices, ran=True)
         await window.show("run-state", "done.html", seconds=monotonic() - begun)
-        await window.show(
-            "result", "result.html", found=found, files=[*window.files], exports=EXPORTS
-        )
-        await window.show("result-charts", "figures.html", figures=found.figures)
+        await window.show("result", "result.html", files=[*window.files], exports=EXPORTS)
         await self._mark()
         await window.address(ROOM, self._choices.query)
 

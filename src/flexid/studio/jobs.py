@@ -17,7 +17,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from anyio import BrokenWorkerProcess, CapacityLimiter, to_process
 
@@ -26,7 +26,6 @@ from flexid.errors import FlexidError
 if TYPE_CHECKING:
     from flexid.identification.vocabulary.progress import Progress
     from flexid.recording.overview import FileOverview, LogSurvey
-    from flexid.report.svg import Drawn
     from flexid.studio.choices import Choices
 
 
@@ -49,14 +48,15 @@ class Workers:
 
     def __init__(self, most: int) -> None:
         self._free = asyncio.Semaphore(most)  # lets in one after the other
-        self._waiting: list[Said] = []
 
     async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path, said: Said) -> Any:
         """Do a job, and return what it returns.
 
         Cancel the coroutine to cancel the job, whether it waits or runs.
         """
-        async with self._turn(said), _said_in_a_file(said) as line:
+        if self._free.locked():
+            said("waiting for a free process")
+        async with self._free, _said_in_a_file(said) as line:
             try:
                 return await to_process.run_sync(
                     _do,
@@ -72,26 +72,6 @@ class Workers:
                     "the work ended early, perhaps for lack of memory: close other windows, or "
                     "give a shorter log"
                 ) from None
-
-    @asynccontextmanager
-    async def _turn(self, said: Said) -> AsyncIterator[None]:
-        """Wait for a process; all who wait are told their place whenever it changes."""
-        self._waiting.append(said)
-        try:
-            if self._free.locked():
-                self._tell_places()
-            await self._free.acquire()
-        finally:
-            self._waiting.remove(said)
-            self._tell_places()
-        try:
-            yield
-        finally:
-            self._free.release()
-
-    def _tell_places(self) -> None:
-        for place, said in enumerate(self._waiting, 1):
-            said(f"waiting for a free process, number {place} in the queue")
 
 
 @asynccontextmanager
@@ -150,16 +130,8 @@ class Checked:
     survey: LogSurvey  # what it shows at a glance
     warnings: tuple[str, ...]  # what was mended, or looks odd
     origins: dict[str, str]  # the columns of each channel
-    figure: Drawn  # its channels over time
+    figure: str  # its channels over time, as HTML
     kinds_of: dict[str, str]  # by term, the kinds of joint that have it
-
-
-class Found(NamedTuple):
-    """What an identification found."""
-
-    html: str  # answers, tables and sentences
-    figures: tuple[Drawn, ...]  # what the report has too
-    sample_time: float  # of the log, in s
 
 
 def look(_: Progress, name: str) -> FileOverview:
@@ -175,8 +147,8 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
     from flexid.recording.overview import survey
     from flexid.recording.read import read_log
     from flexid.report.response_charts import log_chart
-    from flexid.report.svg import drawn
     from flexid.studio.choices import ALL_TERMS
+    from flexid.studio.window import fragment
 
     log = read_log(Path(name), choices.column_map)
     kinds_of = {
@@ -184,40 +156,22 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
         for term in ALL_TERMS
     }
     origins = {channel: " + ".join(origin.columns) for channel, origin in log.columns.items()}
-    return Checked(survey(log), log.warnings, origins, drawn(log_chart(log)), kinds_of)
+    figure = fragment("figure.html", chart=log_chart(log))
+    return Checked(survey(log), log.warnings, origins, figure, kinds_of)
 
 
-def identify(progress: Progress, name: str, choices: Choices, into: str) -> Found:
-    """Identify a log, and leave estimate and report in a folder."""
-    from flexid.files import write_document
+def identify(progress: Progress, name: str, choices: Choices, into: str) -> float:
+    """Leave estimate and report of a log in a folder; return the log's sample time in s."""
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
-    from flexid.report.identification import COEFFICIENTS, PARAMETERS, estimates_table
-    from flexid.report.identification_charts import identification_charts
-    from flexid.report.identification_page import identification_page
-    from flexid.report.page import page_html
-    from flexid.report.svg import drawn
-    from flexid.studio.window import fragment
 
     progress("reading the log (the first run on a machine compiles for up to a minute)")
     log = read_log(Path(name), choices.column_map)
     estimate = run(log, **choices.settings, progress=progress)
     progress("report and figures")
     estimate.save(Path(into) / ESTIMATE)
-    result = estimate.result
-    estimates = {**result.parameters, **result.coefficients}
-    charts = identification_charts(result)
-    page = identification_page(result, charts)
-    write_document(Path(into) / REPORT, page_html(page))
-    html = fragment(
-        "found.html",
-        answers=page.answers,
-        parameters=estimates_table(PARAMETERS, result.parameters),
-        coefficients=estimates_table(COEFFICIENTS, result.coefficients),
-        reasons={name: e.reason for name, e in estimates.items() if e.interval[0] != e.interval[1]},
-        result=result,
-    )
-    return Found(html, tuple(map(drawn, charts)), log.recordings[0].sample_time)
+    estimate.report(Path(into) / REPORT)
+    return log.recordings[0].sample_time
 
 
 def export(_: Progress, to: str, sample_time: float, folder: str) -> str:

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
     from flexid.identification.vocabulary.progress import Progress
-    from flexid.report.svg import Drawn
     from flexid.simulation.closed_loop import ClosedLoop, Run
     from flexid.simulation.sampled import Sampling
     from flexid.studio.window import Window
@@ -168,15 +167,13 @@ class PlayedRuns:
 
     rows: tuple[tuple[str, str, str], ...]  # what is measured, of the run and of the pinned one
     problems: tuple[str, ...]  # why a run has no figures
-    figure: Drawn  # both
+    figure: str  # both, as HTML
     seconds: float  # how long it took
 
 
-def play(
-    _: Progress, chosen: PlayChoices, pinned: PlayChoices | None, window: str = "wide"
-) -> PlayedRuns:
+def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
     """Simulate a loop, and say what came of it beside a pinned one."""
-    from flexid.report.svg import drawn
+    from flexid.studio.window import fragment
 
     begun = perf_counter()
     runs: list[Played | None] = []
@@ -191,7 +188,7 @@ def play(
             why = error.reason.partition(":")[0]  # what it advises is not to be had here
             problems.append(f"{which} stops at {error.time:.3g} s: {why}. Move a slider back.")
     run, pin = runs
-    figure = drawn(play_chart(run, pin), (window,))
+    figure = fragment("figure.html", chart=play_chart(run, pin))
     return PlayedRuns(_rows(run, pin), tuple(problems), figure, perf_counter() - begun)
 
 
@@ -352,12 +349,12 @@ class PlayRoom:
         window = self._window
         try:
             found: PlayedRuns = await window.brief(
-                window.offer.play, play, chosen, pinned, window.kind, place="play-line"
+                window.offer.play, play, chosen, pinned, place="play-line"
             )
             problems = (refused, *found.problems) if refused else found.problems
             await window.show("play-problem", "play_problems.html", problems=problems)
             await window.show("play-figures", "play_figures.html", found=found)
-            await window.show("play-charts", "figures.html", figures=(found.figure,))
+            await window.show("play-charts", "drawn.html", figure=found.figure)
         except Exception:
             await window.played()  # the page waits for it before it asks again
             raise

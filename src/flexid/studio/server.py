@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import secrets
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -20,14 +19,16 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from flexid.errors import SettingError
 from flexid.readers.formats import kinds, suffixes
-from flexid.studio.guard import Guard, UploadError, is_loopback, save
-from flexid.studio.jobs import Workers
+from flexid.studio.guard import Guard, UploadError, save
+from flexid.studio.jobs import REPORT, Workers
 from flexid.studio.window import Offer, Rooms, Window, assets, fragment
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
 MOST_WINDOWS = 40
+_LOOPBACK = "127.0.0.1"
+_FRAMED = {"Content-Security-Policy": "frame-ancestors 'self'", "X-Frame-Options": "SAMEORIGIN"}
 _LONG, _SHORT, _PLAY = 2, 1, 1  # processes
 
 
@@ -45,6 +46,7 @@ class Studio:
             Route("/assets/{name}", self.asset),
             Route("/upload/{key}", self.upload, methods=["POST"]),
             Route("/files/{key}/{name}", self.file),
+            Route("/report/{key}", self.report),
             WebSocketRoute("/socket", self.window),
         ]
         return Starlette(routes=routes)
@@ -113,27 +115,34 @@ class Studio:
             return Response(status_code=404)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
 
+    async def report(self, request: Request) -> Response:
+        """The report, whose own policy allows no script, for a frame of the page."""
+        rooms = self.windows.get(request.path_params["key"])
+        path = rooms and rooms.window.files.get(REPORT)
+        if path is None:
+            return Response(status_code=404)
+        return FileResponse(path, media_type="text/html", headers=_FRAMED)
 
-def studio(log: Path | None, host: str, token: str) -> ASGIApp:
+
+def studio(log: Path | None) -> ASGIApp:
     """The studio as an ASGI application; each window opens with the log, if there is one."""
     log = log and log.absolute()  # each process changes its folder from job to job
     offer = Offer(log, *(Workers(most) for most in (_LONG, _SHORT, _PLAY)))
-    return Guard(Studio(offer).application(), host, token)
+    return Guard(Studio(offer).application())
 
 
-def serve(log: Path | None, host: str, port: int, announce: Callable[[str], None]) -> None:
+def serve(log: Path | None, port: int, announce: Callable[[str], None]) -> None:
     """Serve the studio until it is interrupted."""
-    token = "" if is_loopback(host) else secrets.token_urlsafe(32)
-    listening = _listening(host, port)
+    listening = _listening(port)
     port = listening.getsockname()[1]
 
     class Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
             await super().startup(sockets)
-            announce(_address(host, port, token))
+            announce(f"http://{_LOOPBACK}:{port}/")
 
     config = uvicorn.Config(
-        studio(log, host, token),
+        studio(log),
         log_level="warning",
         ws_max_size=1_000_000,
         timeout_graceful_shutdown=2,
@@ -143,19 +152,11 @@ def serve(log: Path | None, host: str, port: int, announce: Callable[[str], None
         Server(config).run(sockets=[listening])
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def _listening(port: int) -> socket.socket:
     try:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        return socket.create_server((host, port), family=family)
+        return socket.create_server((_LOOPBACK, port))
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SettingError(
-            "port", f"cannot listen on {host} port {port} ({reason}): give another with --port"
+            "port", f"cannot listen on port {port} ({reason}): give another with --port"
         ) from None
-
-
-def _address(host: str, port: int, token: str) -> str:
-    name = f"[{host}]" if ":" in host else host
-    if host in ("0.0.0.0", "::"):
-        name = socket.gethostname()
-    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")

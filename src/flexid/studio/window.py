@@ -10,10 +10,8 @@ from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
-from math import log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexid.errors import FlexidError
 from flexid.report.page import drawing_style, page_environment
@@ -22,32 +20,21 @@ from flexid.studio.identify_room import IdentifyRoom
 from flexid.studio.jobs import Workers
 from flexid.studio.play import PlayRoom
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-
 _ASSETS = {"studio.css": "text/css", "studio.js": "text/javascript"}
 
 
-@cache
-def _environment() -> Environment:
-    from jinja2 import PackageLoader
-
-    environment = page_environment(PackageLoader("flexid.studio", "page"))
-    environment.filters["log10"] = log10
-    return environment
+_PAGE = Path(__file__).parent / "page"
 
 
 def fragment(template: str, **content: Any) -> str:
     """A part of the page as HTML."""
-    return _environment().get_template(template).render(content)
+    return page_environment(_PAGE).get_template(template).render(content)
 
 
 @cache
 def assets() -> dict[str, tuple[bytes, str]]:
     """Scripts and style sheets by name, with their types."""
-    page = files("flexid.studio") / "page"
-    own = {name: ((page / name).read_bytes(), kind) for name, kind in _ASSETS.items()}
+    own = {name: ((_PAGE / name).read_bytes(), kind) for name, kind in _ASSETS.items()}
     return {**own, "chart.css": (drawing_style().encode(), "text/css")}
 
 
@@ -73,7 +60,6 @@ class Window:
         self.key = secrets.token_urlsafe(16)
         self.folder = Path(tempfile.mkdtemp(prefix="flexid-studio-"))
         self.files: dict[str, Path] = {}
-        self.kind = "wide"  # or "narrow"
         self._send = send
         self._room = "identify"
         self._tasks: dict[str, asyncio.Task[None]] = {}
@@ -164,7 +150,6 @@ class Rooms:
 
     async def handle(self, request: Mapping[str, object]) -> None:
         """Do what the page asks for; what is not known is not done."""
-        self.window.kind = "narrow" if request.get("narrow") is True else "wide"
         name = f"on_{request.get('kind')}"
         for room in (self, self.identify, self.play):
             if (answer := getattr(room, name, None)) is not None:

@@ -9,7 +9,7 @@
   const socket = new WebSocket(address);
 
   const ask = (kind, more) => {
-    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ kind, narrow: matchMedia("(max-width: 40rem)").matches, ...more }));
+    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ kind, ...more }));
   };
 
   // All forms together: what the address holds, too.
@@ -137,6 +137,10 @@
         "unused", !event.target.closest("tr").querySelector("select").value);
       if (form.classList.contains("settings")) ask(form.dataset.kind, { values: values() });
     });
+    // The report is a page of its own, as high as what it holds.
+    document.addEventListener("load", ({ target }) => {
+      if (target.id === "report") target.style.height = `${target.contentDocument.documentElement.scrollHeight + 8}px`;
+    }, true);
     document.addEventListener("submit", (event) => {
       event.preventDefault();
       if (event.target.id === "run-form") ask("run", { values: values() });
