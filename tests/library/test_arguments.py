@@ -111,14 +111,11 @@ def test_wrong_values_are_one_sentence(case):
 def test_options_mean_what_the_commands_mean():
     """Assert that values, pairs, ends that are open and names in one text become settings."""
 
-    class Uncertain:
-        nominal_value, std_dev = 0.3, 0.01
-
     @entrance
     def options(known: Known, bounds: Bounds, terms: Terms, input_delay: AutoNumber):
         return joint_settings(known=known, bounds=bounds, terms=terms, input_delay=input_delay)
 
-    known: dict[str, Any] = {"alpha1": 3, "motor_inertia": Uncertain(), "theta1": (5.0, 0.1)}
+    known: dict[str, Any] = {"alpha1": 3, "motor_inertia": (0.3, 0.01), "theta1": (5.0, 0.1)}
     settings = options(
         known=known,
         bounds={"theta2": (50, None), "alpha2": (None, 2.0)},

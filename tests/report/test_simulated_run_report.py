@@ -58,8 +58,6 @@ def test_the_motion_is_that_of_the_run(run: Run):
     for found, values in zip(drawn, wanted, strict=True):
         assert np.array_equal(found, values)
     assert [panel.y.unit for panel in chart.panels] == ["rad", "rad", "N m"]
-    largest = np.abs(run.tracking_error[run.time >= 12.5]).max()
-    assert f"stays within {largest:.3g} rad" in chart.says
 
 
 def test_every_estimate_is_drawn_beside_its_truth(run: Run):
@@ -75,5 +73,3 @@ def test_every_estimate_is_drawn_beside_its_truth(run: Run):
         assert true.value == run.loop.coefficients[name]
         assert [band.low[0], band.high[0]] == pytest.approx([0.95 * true.value, 1.05 * true.value])
         assert np.array_equal(estimate.y, run.estimates[:, place])
-    settled = sum(abs(e) < 0.05 * run.loop.coefficients[n] for n, e in run.final_errors().items())
-    assert f"At the end {settled} of 4" in chart.says

@@ -143,35 +143,6 @@ async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
     assert sorted(files) == ["estimate.json", "mjcf.zip", "report.html"]
 
 
-@pytest.mark.parametrize(
-    ("values", "other"),
-    [
-        ({"hold": "zero"}, True),
-        ({"model": "link"}, True),
-        ({"terms": ""}, True),
-        ({"terms": "gravity"}, True),
-        ({"column.time": "time", "column.motor_position": "motor_position"}, True),
-        ({"model": "auto", "hold": "auto"}, False),
-        ({f"column.{name}": name for name in ("time", "motor_position", "link_position")}, False),
-    ],
-)
-async def test_a_result_says_that_something_else_was_chosen(
-    studio: Opened, values: dict[str, str], other: bool
-):
-    """Assert that this is said of whatever would be asked for otherwise, and of nothing else.
-
-    The log is not checked again: the form would be, under the hands that fill it in.
-    """
-    await studio.identify("a.csv")
-    await studio.ask("settings", values)
-    await studio.idle()
-    assert ("has been chosen since" in studio.shown("result-state")) is other
-    assert studio.workers.checks == 1
-    await studio.ask("run", values)
-    await studio.idle()
-    assert studio.shown("result-state") == ""
-
-
 async def test_a_question_of_the_columns_is_asked_once(studio: Opened):
     """Assert that a log whose names do not say it all is checked when somebody has answered."""
     studio.upload("a.csv", "stamp,motor_position,other")
@@ -189,20 +160,6 @@ async def test_a_question_of_the_columns_is_asked_once(studio: Opened):
     assert "problem" not in studio.shown("columns-state")
 
 
-async def test_what_is_chosen_during_a_run_is_marked_after_it(studio: Opened):
-    """Assert that a result is held against the choices of the page when it comes."""
-    studio.upload("a.csv")
-    await studio.idle()
-    studio.workers.hold = asyncio.Event()
-    await studio.ask("run", {})
-    while not studio.workers.runs:
-        await asyncio.sleep(0)
-    await studio.ask("settings", {"hold": "zero"})
-    studio.workers.hold.set()
-    await studio.idle()
-    assert "has been chosen since" in studio.shown("result-state")
-
-
 async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: Path):
     """Assert that reading the log of the command line does not take back what was said."""
     studio.window.offer = Offer(short_log, *[studio.workers] * 3)
@@ -212,19 +169,16 @@ async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: P
 
 
 async def test_other_columns_do_not_change_what_was_found(studio: Opened):
-    """Assert that a result says that its columns were changed, and is exported as it was found."""
+    """Assert that a result is exported as it was found."""
     await studio.identify("a.csv")
     names = "time", "motor_position", "link_position"
     columns = {f"column.{name}": name for name in names}
     await studio.ask("columns", {**columns, "scale.time": "10"})
     await studio.idle()
     assert "100 Hz" in studio.shown("check")
-    assert "has been chosen since" in studio.shown("result-state")
     await studio.ask("export", target="c99")
     await studio.idle()
     assert studio.workers.exported == [1e-3]
-    await studio.ask("columns", {})
-    assert studio.shown("result-state") == ""
 
 
 async def test_a_log_that_is_sent_replaces_another(studio: Opened):

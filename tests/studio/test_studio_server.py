@@ -120,13 +120,6 @@ def test_other_kinds_are_refused(name: str):
         safe_name(name)
 
 
-def test_a_full_disk_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that logs do not fill the disk."""
-    monkeypatch.setattr(guard, "LEAST_FREE", 10**18)
-    with pytest.raises(UploadError, match="disk"):
-        asyncio.run(save(chunks(b"1"), "a.csv", tmp_path))
-
-
 @pytest.mark.parametrize(("parts", "status"), [((b"12345", b"678901"), 413), ((), 400)])
 def test_size_is_bounded(
     parts: tuple[bytes, ...], status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -158,27 +151,6 @@ def test_a_port_that_is_taken(flexid):
     assert outcome.status == 2
     assert f"port {port}" in outcome.stderr
     assert "--port" in outcome.stderr
-
-
-def test_one_window_too_many_is_told():
-    """Assert that the window says why it stays empty."""
-    sent: list[dict[str, Any]] = []
-
-    class Socket:
-        async def accept(self) -> None:
-            """Take the window."""
-
-        async def send_json(self, message: dict[str, Any]) -> None:
-            sent.append(message)
-
-        async def iter_text(self) -> AsyncIterator[str]:
-            yield '{"kind": "open"}'
-
-    full = server.Studio(Offer(None, *[Workers(0)] * 3))
-    full.windows = cast("Any", dict.fromkeys(map(str, range(server.MOST_WINDOWS))))
-    asyncio.run(full.window(cast("Any", Socket())))
-    assert "close one and reload" in sent.pop()["text"]
-    assert sent == []
 
 
 class Sent:

@@ -260,8 +260,7 @@ def _known(value: Any) -> dict[str, float | tuple[float, float]]:
     example = "{'motor_inertia': 0.3} or {'motor_inertia': (0.3, 0.01)}"
     found: dict[str, float | tuple[float, float]] = {}
     for name, given in _mapping(value, example).items():
-        pair = (given.nominal_value, given.std_dev) if hasattr(given, "nominal_value") else given
-        pair = pair if isinstance(pair, list | tuple) else (pair,)
+        pair = given if isinstance(given, list | tuple) else (given,)
         part = f"[{name!r}]"
         if len(pair) not in (1, 2):
             raise _UnfitError("is neither a value nor (value, standard deviation)", part)

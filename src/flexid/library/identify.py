@@ -70,8 +70,7 @@ def identify(
         hold, ``{"motor_position": {"column": pot_V, "scale": 35.32, "unit": "deg"}}``.
     known : mapping of str to float or (float, float), optional
         Physical parameters or coefficients that are known, with their standard deviation if they
-        have one. For example ``{"motor_inertia": (0.3, 0.01)}``, or values of the package
-        ``uncertainties``.
+        have one. For example ``{"motor_inertia": (0.3, 0.01)}``.
     bounds : mapping of str to (float, float), optional
         Lower and upper end of physical parameters or coefficients. None where there is no end:
         ``{"joint_stiffness": (50, None)}``.

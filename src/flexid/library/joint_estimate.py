@@ -198,25 +198,6 @@ class JointEstimate(Answer):
         checked_level(level)
         return {name: value.interval_at(level) for name, value in self._every.items()}
 
-    def correlated(self) -> dict[str, Any]:
-        """Values to compute with: numbers of ``uncertainties``, correlated as the log leaves them.
-
-        Of all parameters and coefficients that the log does not leave free.
-        """
-        try:
-            from uncertainties import correlated_values
-        except ImportError:
-            raise SettingError(
-                "correlated", "needs uncertainties: pip install 'flexid[uncertainties]'"
-            ) from None
-        known = np.isfinite(np.diag(self.covariance))
-        names = [name for name, usable in zip(self.names, known, strict=True) if usable]
-        if not names:
-            return {}
-        values = [self._every[name].value for name in names]
-        made = correlated_values(values, self.covariance[np.ix_(known, known)])
-        return dict(zip(names, made, strict=True))
-
     def to_dataframe(self, *, level: float = CONFIDENCE) -> pl.DataFrame:
         """Parameters and coefficients as a data frame of Polars, with a row each.
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from flexid.experiment_design.design import Design, Prediction
+from flexid.experiment_design.design import Design
 from flexid.experiment_design.drive import DOUBT
 from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points, whole_decades
 from flexid.report.page import Presenter
@@ -82,21 +82,12 @@ _APART = 0.2  # of the distance of two coefficients, between the inputs of one
 
 def charts(result: Design) -> tuple[Chart]:
     """Torque, positions, tones and predicted deviations."""
-    peak = float(np.abs(result.run.torque).max())
-    others = ", ".join(f"{one.name} {_worst(one)}" for one in result.references)
     says = (
-        "The coefficient that it determines the least would have a standard deviation of "
-        f"{_worst(result.prediction)} at a peak torque of {peak:.3g} N m; "
-        f"at the same peak, {others}."
+        "What the drive is to do, and how well it would determine each coefficient, next to other "
+        "inputs of the same peak torque."
     )
     panels = (*_over_time(result), _tones(result), _deviations(result))
     return (Chart("design", "The design", says, panels, columns=2),)
-
-
-def _worst(prediction: Prediction) -> str:
-    """The largest deviation that an input leaves, and of which coefficient."""
-    name, deviation = max(prediction.deviations.items(), key=lambda item: item[1])
-    return f"{100.0 * deviation:.2g} % ({name})"
 
 
 def _over_time(result: Design) -> Iterator[Panel]:

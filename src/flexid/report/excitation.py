@@ -157,21 +157,11 @@ def charts(report: ExcitationReport) -> tuple[Chart]:
     coefficients = [c for c in report.coefficients.values() if c.std > 0.0]
     panels = _widths(coefficients), _spectrum(report)
     title = "What the log determines, and the tones of its input"
-    chart = Chart("excitation", title, _says(coefficients), panels, columns=2, linked=False)
-    return (chart,)
-
-
-def _says(coefficients: Sequence[CoefficientAssessment]) -> str:
     says = (
         "Each line ends at a coefficient's interval, and begins where it would be if all others "
         "were known: a long line means correlation with another coefficient."
     )
-    if coefficients:
-        order = [*VERDICT_COLOURS]  # from the best verdict to the worst
-        worst = max(coefficients, key=lambda c: (order.index(c.verdict), c.width))
-        partner = f", most with {worst.partner}" if worst.partner else ""
-        says += f" The worst is {worst.name}, {worst.verdict}{partner}."
-    return says
+    return (Chart("excitation", title, says, panels, columns=2, linked=False),)
 
 
 def _widths(coefficients: Sequence[CoefficientAssessment]) -> Panel:

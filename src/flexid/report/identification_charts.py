@@ -125,18 +125,11 @@ def confidence_regions_chart(
     level: float = CONFIDENCE,
 ) -> Chart:
     """The joint region of each pair."""
-    panels, correlated = [], []
-    for pair in pairs:
-        region = confidence_region(fit, pair, level)
-        panels.append(_panel(pair, region, label, units))
-        if region is not None:
-            correlated.append(f"{pair[0]} and {pair[1]} by {region.correlation:+.2f}")
+    panels = [_panel(pair, confidence_region(fit, pair, level), label, units) for pair in pairs]
     says = (
         f"Both values of a pair lie in the ellipse with {100 * level:g} % confidence. A narrow, "
         "tilted ellipse: the log determines a combination of the two better than either of them."
     )
-    if correlated:
-        says += f" The estimates correlate: {', '.join(correlated)}."
     title = "Joint confidence regions"
     columns = max(1, len(panels))
     return Chart("regions", title, says, tuple(panels), columns, linked=False)
@@ -219,16 +212,9 @@ def fit_chart(result: Identification) -> Chart:
 def excitation_chart(result: Identification) -> Chart:
     """Singular values of each row's normalised Gram matrix, and its condition number."""
     rows = [*result.excitation.values()]
-    worst = max(rows, key=lambda row: row.condition_number)
-    pair = ""
-    if worst.correlated:
-        first, second = worst.correlated
-        pair = f", where {first} and {second} correlate by {worst.correlation:.2f}"
     says = (
         "Each point is a combination of a row's coefficients; its height is how well the motion "
-        "excites it, relative to the best. Near the red line it is not determined. "
-        f"The weakest is in the {worst.row} row, at {1.0 / worst.condition_number:.2g}"
-        f"{pair}."
+        "excites it, relative to the best. Near the red line it is not determined."
     )
     title = "Excitation: singular values of each row"
     return Chart(
@@ -275,10 +261,9 @@ def estimates_chart(result: Identification) -> Chart:
     panels = [
         _estimate_panel(p, result.observer.time, arrived.get(p.name), histories) for p in parameters
     ]
-    determined = sum(p.verdict == "determined" for p in parameters)
     says = (
-        f"Determined by the log: {determined} of {len(panels)}. The paper's observer, which reads "
-        f"the same log once as a stream, converges to {len(arrived)} of these estimates."
+        "Each estimate with its interval, and the paper's observer, which reads the same log once "
+        f"as a stream: it converges to {len(arrived)} of these {len(panels)}."
     )
     title = "Physical parameters, and the paper's observer over time"
     return Chart("estimates", title, says, tuple(panels), columns=2)

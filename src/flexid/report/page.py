@@ -121,7 +121,7 @@ def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
     """Names with values of what lies within each other; what is not there is left out."""
     if isinstance(value, Mapping):
         for key, part in value.items():
-            yield from _flat(part, f"{name} {key}".strip().replace("_", " "))
+            yield from _flat(part, f"{name} {key}".strip())
     elif isinstance(value, list | tuple) and any(isinstance(part, Mapping) for part in value):
         for part in value:
             yield from _flat(part, name)

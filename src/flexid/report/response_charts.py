@@ -1,7 +1,7 @@
 """Motion over time and over frequency: logs, free runs beside them, and Bode plots."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from math import isfinite, isnan
+from collections.abc import Mapping, Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from flexid.report.chart import (
     with_margin,
 )
 from flexid.report.identification import format_fit
-from flexid.report.terminal import format_with_interval, listed
+from flexid.report.terminal import format_with_interval
 
 _MARGIN = 0.15  # of the measured range, above and below it
 _BELOW = 0.5  # height of a panel of residuals over that of the motion above it
@@ -36,7 +36,11 @@ def free_run_chart(
     for place, (channel, fit) in enumerate(validation.fit_percent.items()):
         label = channel.replace("_", " ")
         panels += _panels(label, fit, validation.runs, place, noise.get(channel))
-    return Chart(name, title, _says(validation, noise), tuple(panels))
+    says = (
+        "The model runs from the first state alone, on data not used for the fit. Below each "
+        "channel is what it leaves, which should look like the sensors' noise."
+    )
+    return Chart(name, title, says, tuple(panels))
 
 
 def _panels(
@@ -77,43 +81,6 @@ def _panels(
     )
 
 
-def _says(validation: Validation, noise: Mapping[str, float]) -> str:
-    """How far the model follows what it has not seen."""
-    labels = {channel: channel.replace("_", " ") for channel in validation.fit_percent}
-    lost = [labels[name] for name, error in _errors(validation) if not isfinite(_largest(error))]
-    if lost:
-        return (
-            f"The free run diverges from the measured {listed(lost)}: trust the model for short "
-            "predictions at most."
-        )
-    fits = {labels[name]: fit for name, fit in validation.fit_percent.items() if not isnan(fit)}
-    if not fits:
-        return "Nothing moves in these data: they do not test the model."
-    missed = [label for label, fit in fits.items() if fit <= 0.0]
-    if missed:
-        return (
-            f"On data not used for the fit the model does not follow the {listed(missed)}: trust "
-            "it for short predictions at most."
-        )
-    shown = {n: f"{f:.2f}" if 99.0 <= f < 99.995 else f"{f:.1f}" for n, f in fits.items()}
-    followed = listed([f"the {label} to {fit} %" for label, fit in shown.items()])
-    over = {
-        labels[name]: float(np.sqrt(np.mean(error**2))) / noise[name]
-        for name, error in _errors(validation)
-        if noise.get(name, 0.0) > 0.0
-    }
-    ratios = {name: f"{x:.1f}" if x < 10.0 else f"{x:.3g}" for name, x in over.items()}
-    times = [f"{ratio} times its noise in the {name}" for name, ratio in ratios.items()]
-    said = f"; the residual is {listed(times)}" if times else ""
-    return f"On data not used for the fit the model follows {followed}{said}."
-
-
-def _errors(validation: Validation) -> Iterator[tuple[str, FloatArray]]:
-    """What the runs leave of each channel."""
-    for place, channel in enumerate(validation.fit_percent):
-        yield channel, np.concatenate([_error(run, place) for run in validation.runs])
-
-
 def _error(run: FreeRun, place: int) -> FloatArray:
     return run.measured[:, place] - run.simulated[:, place]
 
@@ -133,7 +100,7 @@ _SIGNIFICANT = 1.96  # standard deviations of the autocorrelation of white noise
 def residual_chart(validation: Validation) -> Chart:
     """Residual of each channel over time, and its autocorrelation with the band of white noise."""
     longest = max(validation.runs, key=lambda run: len(run.time))
-    panels, outside = [], []
+    panels = []
     for place, channel in enumerate(validation.fit_percent):
         label = channel.replace("_", " ")
         lines = [
@@ -142,23 +109,17 @@ def residual_chart(validation: Validation) -> Chart:
         ]
         time, below = Axis("time", "s"), Axis("residual", "rad")
         panels.append(Panel(label, time, below, tuple(lines)))
-        repeated, share = _autocorrelation_panel(label, longest.time, _error(longest, place))
-        panels.append(repeated)
-        if np.isfinite(share):
-            outside.append(f"{100.0 * share:.0f} % of the {label}'s")
-    found = f": here {', '.join(outside)}" if outside else ""
+        panels.append(_autocorrelation_panel(label, longest.time, _error(longest, place)))
     says = (
-        "Of white noise, a twentieth of the autocorrelation lies outside the grey band"
-        f"{found}. A larger share shows a model error, or noise of the input."
+        "Of white noise, a twentieth of the autocorrelation lies outside the grey band. A larger "
+        "share shows a model error, or noise of the input."
     )
     title = "Residuals, and their autocorrelation"
     return Chart("residuals", title, says, tuple(panels), columns=2)
 
 
-def _autocorrelation_panel(
-    label: str, time: FloatArray, residual: FloatArray
-) -> tuple[Panel, float]:
-    """The autocorrelation, and the share of it beyond lag 0 that white noise would not have."""
+def _autocorrelation_panel(label: str, time: FloatArray, residual: FloatArray) -> Panel:
+    """The autocorrelation, with the band of white noise."""
     lag = time[: max(2, int(_LONGEST_LAG * len(time)))] - time[0]
     band = _SIGNIFICANT / np.sqrt(len(residual))
     edges = np.full(2, band)
@@ -166,13 +127,11 @@ def _autocorrelation_panel(
         Band("95 % of white noise", lag[[0, -1]], -edges, edges, "grey"),
         Level("", 0.0, "y", "ink"),
     ]
-    share = np.nan
     if np.isfinite(residual).all():
         found = autocorrelation(residual)[: len(lag)]
         marks.append(Line("autocorrelation", lag, found, "blue"))
-        share = float(np.mean(np.abs(found[1:]) > band))
     y = Axis("autocorrelation", limits=(-1.05, 1.05))
-    return Panel(f"{label}: autocorrelation", Axis("lag", "s"), y, tuple(marks)), share
+    return Panel(f"{label}: autocorrelation", Axis("lag", "s"), y, tuple(marks))
 
 
 def autocorrelation(values: FloatArray) -> FloatArray:
@@ -259,7 +218,8 @@ def bode_chart(described: FrequencyResponse) -> Chart:
     return Chart(
         "bode",
         "Frequency response of the joint, for small motions",
-        _says_of_responses(described),
+        "Where the coherence is high, the log's own points should lie on the model; the band is "
+        "what the log leaves open at each frequency.",
         tuple(Panel(name, x, y, (*marks, *marked), height) for name, y, marks, height in panels),
         columns=len(responses),
     )
@@ -335,12 +295,3 @@ def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
 def _with_interval(found: Frequency) -> str:
     shown, low, high = format_with_interval(found.value, *found.interval)
     return f"{found.name} {shown} [{low}, {high}] Hz"
-
-
-def _says_of_responses(described: FrequencyResponse) -> str:
-    """What is characteristic of the joint, and what to compare."""
-    found = " and ".join(map(_with_interval, described.characteristic))
-    said = f"The joint has {found}. " if found else ""
-    if any(response.measured for response in described.responses):
-        return said + "Where the coherence is high, the log's own points should lie on the model."
-    return said + "The band is what the log leaves open at each frequency."

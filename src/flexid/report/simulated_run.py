@@ -113,10 +113,7 @@ def motion_chart(name: str, run: Run) -> Chart:
             drive,
         ),
     )
-    half = 0.5 * float(run.time[-1])
-    largest = run.largest_tracking_error(half, float(run.time[-1]))
-    said = f"{largest:.3g} {unit}".rstrip()
-    says = f"In the second half of the run the tracking error stays within {said}."
+    says = "A few samples that would hide all others leave the frame, and the title says so."
     return Chart("motion", name, says, panels)
 
 
@@ -134,9 +131,7 @@ def observer_chart(name: str, run: Run) -> Chart:
         )
         y = Axis("estimate", coefficient_unit(run, coefficient))
         panels.append(Panel(coefficient, Axis("time", "s"), y, marks))
-    true = run.loop.coefficients
-    kept = sum(abs(error) <= SETTLED * abs(true[n]) for n, error in run.final_errors().items())
-    says = f"At the end {kept} of {len(panels)} estimates are in the band of the true value."
+    says = "An estimate that stays in the band of the true value has settled."
     return Chart("estimates", name, says, tuple(panels), columns=2 if len(panels) > 1 else 1)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any
 from urllib.parse import urlencode
 
@@ -76,11 +76,6 @@ class Choices:
     hold: str = "auto"
     terms: tuple[str, ...] | None = None  # terms of the model; chosen from the log if None
     ran: bool = False  # whether it was run
-
-    @property
-    def asked(self) -> Choices:
-        """What is asked for, whether it was run or not."""
-        return replace(self, ran=False)
 
     @property
     def column_map(self) -> dict[str, Any] | None:

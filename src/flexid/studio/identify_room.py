@@ -32,13 +32,8 @@ EXPORTS = {
 class _Shown:
     """A result that the page shows."""
 
-    choices: Choices  # with which it was found
     folder: Path  # that holds its files, and nothing of another run
     sample_time: float  # of the log as it was read for it, in s
-
-    def is_of(self, choices: Choices) -> bool:
-        """Whether these choices ask for it."""
-        return self.choices.asked == choices.asked
 
 
 class IdentifyRoom:
@@ -112,7 +107,6 @@ class IdentifyRoom:
             and self._choices.sources == _guessed(found)
         ):
             self._choices = replace(self._choices, sources={})  # a link need not say so
-        await self._mark()
         await self._window.address(ROOM, self._choices.query)
 
     def _take(self, path: Path) -> None:
@@ -214,11 +208,10 @@ class IdentifyRoom:
             shutil.rmtree(folder, ignore_errors=True)
             raise
         window.cancel("export")  # of what was shown before
-        self._keep(_Shown(choices, folder, sample_time), files)
+        self._keep(_Shown(folder, sample_time), files)
         self._choices = replace(self._choices, ran=True)
         await window.show("run-state", "done.html", seconds=monotonic() - begun)
         await window.show("result", "result.html", files=[*window.files], exports=EXPORTS)
-        await self._mark()
         await window.address(ROOM, self._choices.query)
 
     def _keep(self, shown: _Shown | None, files: list[Path]) -> None:
@@ -226,12 +219,6 @@ class IdentifyRoom:
         if self._shown is not None:
             shutil.rmtree(self._shown.folder, ignore_errors=True)
         self._shown, self._window.files = shown, {path.name: path for path in files}
-
-    async def _mark(self) -> None:
-        """Say of a result that is shown whether something else has been chosen since."""
-        if self._shown is not None:
-            template = "nothing.html" if self._shown.is_of(self._choices) else "stale.html"
-            await self._window.show("result-state", template)
 
     async def _export(self, target: str, shown: _Shown) -> None:
         window = self._window

@@ -26,7 +26,6 @@ from flexid.studio.window import Offer, Rooms, Window, assets, fragment
 if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
-MOST_WINDOWS = 40
 _LOOPBACK = "127.0.0.1"
 _FRAMED = {"Content-Security-Policy": "frame-ancestors 'self'", "X-Frame-Options": "SAMEORIGIN"}
 _LONG, _SHORT, _PLAY = 2, 1, 1  # processes
@@ -59,12 +58,6 @@ class Studio:
                 await socket.send_json(message)
 
         await socket.accept()
-        if len(self.windows) >= MOST_WINDOWS:
-            text = f"{MOST_WINDOWS} windows are open, the most there may be: close one and reload"
-            await send({"kind": "say", "place": "log-state", "text": text})
-            async for _ in socket.iter_text():
-                pass  # the page says why it stays empty until it is closed
-            return
         rooms = Rooms(Window(self._offer, send))
         self.windows[rooms.window.key] = rooms
         try:
