@@ -35,6 +35,7 @@ USUAL = {
         *("i_m_A", "i_q [A]", "iq", "Iststrom [A]", "motor_current", "Motor (mA)", "current_mA"),
     ),
     "motor_voltage": ("u_V", "voltage", "v_m (V)", "V [mV]"),
+    "deflection": ("torsion angle [deg]", "Verdrehwinkel / °", "joint_deflection", "扭转角度"),
     "position": ("position", "angle", "q"),
     "velocity": ("velocity", "speed_rpm"),
 }
@@ -43,7 +44,7 @@ STRANGE = (
     *("u", "temperature", "torque_cmd", "position_desired", "motor_link_angle", "q_dot_dot"),
     *("position[0]", "pot_V", "", "torque ²", "Winkel * 2", "q̇_m", "-tau", "T [°C]", "tau*1000"),
     *("last_position", "POS_A", "pos_V", "v", "v [m/s]", "u [rad]", "position error", "τ̇"),
-    "tension",
+    *("tension", "spring_torque", "torsional torque", "link_deflection", "twist.linear.x", "input"),
 )
 
 
@@ -99,11 +100,39 @@ def of_names(**names: str) -> Log:
     return read_columns({names.get(name, name): values for name, values in columns.items()})
 
 
-def test_a_position_beside_the_motors_is_the_links() -> None:
+@pytest.mark.parametrize(
+    ("names", "side"),
+    [
+        ({"link_position": "q", "motor_position": "theta_m"}, "link"),
+        ({"link_position": "/load_encoder/position", "motor_position": "/state/position"}, "motor"),
+        ({"link_position": "SecondaryPosition", "motor_position": "ActualPosition"}, "motor"),
+    ],
+)
+def test_a_position_beside_that_of_one_side_is_of_the_other(
+    names: dict[str, str], side: str
+) -> None:
     """Assert that a name without a side is of the other side, with a warning."""
-    log = of_names(link_position="q", motor_position="theta_m")
-    np.testing.assert_array_equal(log.recordings[0].link_position, joint_columns()["link_position"])
-    assert "'q' for link_position in rad" in log.warnings[0]
+    log = of_names(**names)
+    for name in ("link_position", "motor_position"):
+        np.testing.assert_array_equal(getattr(log.recordings[0], name), joint_columns()[name])
+    assert f"{names[f'{side}_position']!r} for {side}_position in rad" in log.warnings[0]
+
+
+def test_a_torque_beside_two_encoders_may_be_the_springs() -> None:
+    """Assert that a sensor's torque is not taken for the motor's."""
+    log = of_names(motor_position="position", link_position="load_pos", motor_torque="joint_torque")
+    assert log.recordings[0].input is None
+
+
+def test_a_deflection_by_its_usual_name() -> None:
+    """Assert that it is taken beside the motor's position, and in no unit of another kind."""
+    columns = joint_columns()
+    deflection = columns.pop("link_position") - columns["motor_position"]
+    columns = without(columns, "velocity")
+    log = read_columns({**columns, "spring_deflection_deg": np.degrees(deflection)})
+    link = joint_columns()["link_position"]
+    np.testing.assert_allclose(log.recordings[0].link_position, link, rtol=1e-12)
+    assert read_columns({**columns, "torsion_V": deflection}).recordings[0].link_position is None
 
 
 def test_a_command_counts_where_nothing_was_measured() -> None:
@@ -156,6 +185,7 @@ def test_one_encoder() -> None:
     (recording,) = read_columns(single).recordings
     np.testing.assert_array_equal(recording.motor_position, columns["motor_position"])
     assert recording.motor_velocity is not None
+    del single["position"]
     single["link_position"] = columns["link_position"]
     assert "there is no motor_position" in refused(read_columns, single)
 

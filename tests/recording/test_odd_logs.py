@@ -90,6 +90,7 @@ READ: dict[str, str | bytes] = {
     "a time for each channel": times_per_channel(),
     "comments at the end": f"{TEXT}# end\n\n% of the log\n",
     "rows of empty cells at the end": f"{TEXT},,,\n;;;\n",
+    "a column of remarks": f"Samples,400,400,400\n{headed(HEADER + ',Comment')}",
     "UTF-16 without a mark": TEXT.encode("utf-16-le"),
     "UTF-16 of the other order": TEXT.encode("utf-16-be"),
 }
@@ -112,6 +113,10 @@ LEFT_OUT = {
         "line 12 was left out, as the column names once more$",
     ),
     "all of them": (interrupted("% x", HEADER, ""), "as a comment or the column .* or blank$"),
+    "a scope's rows": (
+        headed(f"{HEADER}\nLREAL,LREAL,LREAL,LREAL\nport,801,of,task"),
+        "lines 2 to 3 were not read, since the numbers begin in line 4: check that they do$",
+    ),
     "a line between two": ("\n\n".join([HEADER, *LINES]), "and 398 more were left out"),
 }
 
@@ -150,13 +155,9 @@ def test_read(name: str, tmp_path: Path) -> None:
 
 
 REFUSED = {
-    "two logs": (
+    "a log twice": (
         f"{TEXT}{TEXT}",
-        "line 403, column 'time': time runs backwards .*cut the file there into two logs",
-    ),
-    "a row of types": (
-        headed(f"{HEADER}\nLREAL,LREAL,LREAL,LREAL\ns,rad,rad,Nm"),
-        "line 2: .*neither a row of 4 values nor of units: mend or remove it",
+        "line 403, column 'time': the same samples follow once more: remove them",
     ),
     "two times that differ": (
         times_per_channel().replace("\n0.005,", "\n0.006,", 1),
@@ -195,6 +196,10 @@ REFUSED = {
     "units in cells": (
         headed("time,link_position,motor_position,motor_torque").replace("\n1.0,", "\n1.0 s,"),
         "line 202, column 'time': '1.0 s' has letters behind its digits: write the unit in",
+    ),
+    "positions of several things": (
+        headed("time,robot_pos_estimate,tool_pos_estimate,tau"),
+        "say in a column map which is which, as motor_position = 'robot_pos_estimate'$",
     ),
     "numbers of samples": (
         headed(HEADER.replace("time", "sample")),
@@ -384,3 +389,37 @@ def test_a_column_with_the_unit_of_an_input_is_named(tmp_path: Path) -> None:
         log = read_log(written(tmp_path, headed(HEADER.replace("motor_torque", name))))
         assert log.recordings[0].input is None
         assert_words(words, log.warnings[0])
+
+
+def test_runs_one_after_the_other(tmp_path: Path) -> None:
+    """Assert that each becomes a recording of the numbers it has, with one warning of lines."""
+    half = len(LINES) // 2
+    again = [line.split(",", 1)[1] for line in LINES[half:]]
+    second = [f"{line.split(',', 1)[0]},{rest}" for line, rest in zip(LINES, again, strict=False)]
+    log = read_log(written(tmp_path, "\n".join([HEADER, *LINES[:half], *second]) + "\n"))
+    assert [len(recording) for recording in log.recordings] == [half, half]
+    found = np.concatenate([recording.motor_position for recording in log.recordings])
+    np.testing.assert_allclose(found, COLUMNS["motor_position"], rtol=1e-12)
+    assert log.recordings[1].sample_time == pytest.approx(0.005, rel=1e-9)
+    (warning,) = log.warnings
+    assert_words(f"begins again .line {half + 2}, .*into 2 recordings: check that all", warning)
+
+
+def test_a_time_in_nanoseconds_since_1970(tmp_path: Path) -> None:
+    """Assert that it needs no unit, in a file and in memory, to the last digit."""
+    stamps = 1_700_000_000_000_000_000 + (5_000_000 * np.arange(len(LINES)))
+    lines = [f"{t},{line.split(',', 1)[1]}" for t, line in zip(stamps, LINES, strict=True)]
+    same_numbers(read_log(written(tmp_path, "\n".join([HEADER, *lines]) + "\n")))
+    same_numbers(read_columns({**COLUMNS, "time": stamps}))
+
+
+def test_whole_milliseconds_that_repeat() -> None:
+    """Assert that a clock that cuts digits off asks for its unit, and is even in that."""
+    columns = dict(COLUMNS)
+    time = np.floor(np.arange(400) - 0.3 * (np.arange(400) % 3 == 1))  # 0, 0, 2, 3, 3, ...
+    message = refused(read_columns, {**columns, "time": time})
+    assert_words("the sample time would be 1 s, .*: name the unit of the time, as in", message)
+    del columns["time"]
+    (recording,) = read_columns({"time [ms]": time, **columns}).recordings
+    assert recording.sample_time == pytest.approx(1e-3, rel=1e-4)
+    np.testing.assert_array_equal(recording.motor_position, COLUMNS["motor_position"])

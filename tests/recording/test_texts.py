@@ -234,7 +234,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
         r"'\(0\.\d+\)' is not a number",
     ),
     "a name too many": (
-        lambda text: "Log\n" + text.replace("\n", ",comment\n", 1),
+        lambda text: "Log\n" + text.replace("\n", ",enabled\n", 1),
         "line 3: the row has 4 cells where the header has 5: let the names in line 2 be as many",
     ),
     "JSON": (

@@ -38,6 +38,7 @@ _DAYS = r"\d+ days?,? "  # before a time of day, as Python writes a duration
 _STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ])|{_DAYS})?{_TIME}({_ZONE})?\s*")
 _LONGEST = 48  # characters of a stamp
 _EXACT = 2**53  # integers up to which are floating-point numbers, too
+_SINCE_1970 = (1e18, 2**63)  # nanoseconds, from 2001 on; any other unit has no such numbers
 _LARGEST = 2**62  # differences up to which those of integers do not wrap
 _PLACES = 12  # behind the point of a decimal that is read exactly, of 38 digits in all
 _DAY = 86_400
@@ -149,6 +150,13 @@ class Clock:
         """Numbers of the next so many rows, from 0."""
         self._rows += rows
         return np.arange(self._rows - rows, self._rows, dtype=np.float64)
+
+    def counts_nanoseconds(self, table: Table, header: str) -> bool:
+        """Whether numbers without a unit can only be nanoseconds since 1970, as ROS writes them."""
+        first = next(iter(table.frame[header].drop_nulls().head(1)), None)
+        count = str(first).strip()
+        least, most = _SINCE_1970
+        return re.fullmatch(r"\d{19}", count) is not None and least <= int(count) < most
 
     def numbers(self, table: Table, header: str, scale: float) -> FloatArray:
         """Numbers of a column of so many s each, from the first one on where that is long ago."""

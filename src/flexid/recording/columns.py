@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
-from flexid.recording.channel import INPUTS, SI_UNITS, Channel
+from flexid.recording.channel import INPUTS, POSITIONS, SI_UNITS, Channel
 from flexid.recording.clock import Clock, is_stamp
 from flexid.recording.names import (
     Usual,
@@ -18,6 +18,7 @@ from flexid.recording.names import (
     named_channel,
     quoted,
     split_header,
+    words_of,
 )
 from flexid.recording.recipes import ColumnMap, MapSource, Recipe, made, read_map, recipe_of_column
 from flexid.recording.table import Table
@@ -106,7 +107,8 @@ class _Plan:
     def name_unused(self) -> None:
         """Name columns that no channel is made of; a bag holds much that no joint needs."""
         taken = {header for recipe in self.found.values() for header in recipe.weights}
-        unused = [name for name in self.table.names if name not in taken]
+        # A column without a name numbers the rows, or ends where a line has a separator too many.
+        unused = [n for n in self.table.names if n not in taken and not _is_unnamed(n)]
         if unused and not (self.is_mapped or self.table.kinds):
             are = "is" if len(unused) == 1 else "are"
             what = f"{quoted(unused)} {are} not used"
@@ -191,12 +193,13 @@ class _Plan:
         if any(plain.get(name) for name in INPUTS):
             found = {n: own for n, own in found.items() if n not in INPUTS or plain[n]}
         known = {*self.found, *found}
-        if not known & {"motor_position", "link_position", "deflection"}:  # one encoder
-            for quantity in ("position", "velocity", "torque"):
-                if f"motor_{quantity}" not in known and quantity in found:
-                    found[f"motor_{quantity}"] = found[quantity]
-        elif not known & {"link_position", "deflection"} and len(found.get("position", ())) == 1:
-            found["link_position"] = found["position"]  # what is not the motor's: q and theta_m
+        side = _side_of_bare(known & {*POSITIONS}, len(found.get("position", ())))
+        for quantity in ("position", "velocity", "torque"):
+            name = f"{side}_{quantity}"
+            # Beside two encoders it may be the spring's torque that is measured.
+            is_springs = quantity == "torque" and known & {*POSITIONS}
+            if side and quantity in found and name not in known and not is_springs:
+                found[name] = found[quantity]
         if stamp:
             found.setdefault("time", [(stamp, Usual("time", "s"))])
         return found
@@ -251,9 +254,32 @@ class _Plan:
             raise self._refusal(f"{lacks}; {found}: {remedy}")
         else:
             remedy = f"rename the columns or say in {what} which is which"
+            likely = [f"{name} = {h!r}" for label in missing for name, h in _likely(label, bare)]
+            remedy += f", as {likely[0]}" if likely else ""
             if missing == ["time"]:
                 remedy += "; for rows without a time, write sample_time = 0.001 for 1 ms there"
             raise self._refusal(f"{lacks}; {found}: {remedy}")
+
+
+def _likely(label: str, columns: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """A missing channel, and columns that measure what it does, by a word of their names."""
+    name = label.partition(" ")[0]
+    for header in columns:
+        words = words_of(split_header(header)[0])
+        if words is not None and name.rpartition("_")[2] in words.quantities:
+            yield name, header
+
+
+def _side_of_bare(known: Collection[str], count: int) -> str:
+    """The side of the joint that names without one have, beside positions that are known.
+
+    `count` is how many positions have no side; the side is empty where they may be of either.
+    """
+    if not known:
+        return "motor"  # of a drive with one encoder
+    if count == 1 and known == {"motor_position"}:
+        return "link"  # as q beside theta_m
+    return "motor" if count == 1 and known == {"link_position"} else ""
 
 
 def _stamp_of_two(table: Table) -> Recipe | None:
@@ -273,6 +299,11 @@ def _has_stamps(column: polars.Series) -> bool:
     first = next(iter(column.drop_nulls().head(1)), None)
     is_text = isinstance(first, str) and is_stamp(first.strip())
     return is_text or column.dtype.is_temporal()
+
+
+def _is_unnamed(header: str) -> bool:
+    """Whether a column has no name, as flexid and pandas call it."""
+    return re.match(r"(?i)unnamed\b", header) is not None
 
 
 def _is_plain(column: Recipe, usual: Usual) -> bool:

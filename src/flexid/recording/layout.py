@@ -38,7 +38,7 @@ class Layout:
     header_line: int  # from 1
     first_line: int  # of the values
     start: int  # where that line begins, in bytes
-    skipped: tuple[int, int] | tuple[()] = ()  # lines of a preamble that is no comment
+    skipped: Mapping[tuple[int, int], str] = field(default_factory=dict)  # lines, and why
     left_out: Mapping[int, str] = field(default_factory=dict)  # lines without a sample, and why
     twins: tuple[tuple[str, str], ...] = ()  # columns of one name: the first, and what another got
 
@@ -118,16 +118,15 @@ def layout_of(file: str, text: bytes) -> Layout:
     first, separator, width = found
     if not split(first.text, separator)[-1]:
         lines = [_ended(line, separator, width) for line in lines]
-        plain = [line for line in lines if not line.is_comment]
+    lines = [_without_remarks(line, separator, width) for line in lines]
+    plain = [line for line in lines if not line.is_comment]
     header, units = _above(lines[: lines.index(first)], first, separator, width)
-    # A row before it may have another length, and is refused later.
-    below = (line for line in plain if line.number > header.number and line is not units)
-    first = next(line for line in below if not line.label(separator))
-    if len(header.cells(separator)) == width and not _is_row(split(first.text, separator)):
-        raise first.refusal(
-            f"the line stands between the column names and the numbers, and is neither a row of "
-            f"{width} values nor of units: mend or remove it"
-        )
+    below = [line for line in plain if line.number > header.number and line is not units]
+    below = [line for line in below if not line.label(separator)]
+    if len(header.cells(separator)) == width:
+        # A row before the first may have another length, and is refused later.
+        below = [line for line in below if _is_row(split(line.text, separator))]
+    first = below[0]
     return _layout(lines, header, units, separator, (first.number, first.begin))
 
 
@@ -150,6 +149,13 @@ def _ended(line: _Line, separator: str, width: int) -> _Line:
     """A line with a separator at its end, where the rows have one and it has not."""
     is_short = len(line.cells(separator)) == width - 1
     return replace(line, text=line.text + separator) if is_short else line
+
+
+def _without_remarks(line: _Line, separator: str, width: int) -> _Line:
+    """A line without the last name where that is of remarks, of which LabVIEW's rows have none."""
+    cells = line.cells(separator)
+    has_one_more = len(cells) == width + 1 and cells[-1].casefold() == "comment"
+    return replace(line, text=line.text.rpartition(separator)[0]) if has_one_more else line
 
 
 def _above(
@@ -298,8 +304,15 @@ def _layout(
     )
     again = {*(other for _, other in twins)}
     names = [own if (own := f"{name} #{n}") in again else name for n, name in enumerate(names, 1)]
-    before = [line.number for line in lines if line.number < header.number and not line.is_comment]
-    skipped = (before[0], before[-1]) if before else ()
+    skipped = {}
+    for begin, end, why in (
+        (0, header.number, f"the column names stand in line {header.number}"),
+        (header.number, first_row[0], f"the numbers begin in line {first_row[0]}"),
+    ):
+        own = [line for line in lines if begin < line.number < end and line is not units]
+        unread = [x.number for x in own if not (x.is_comment or x.label(separator))]
+        if unread:
+            skipped[unread[0], unread[-1]] = why
     return Layout(tuple(names), separator, header.number, *first_row, skipped, twins=twins)
 
 

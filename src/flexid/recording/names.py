@@ -25,16 +25,19 @@ QUANTITIES = {  # in English, German, French, Italian, Spanish, Portuguese, Dutc
     ),
     "current": "current cur curr i iq strom courant corrente corriente stroom dianliu 电流 電流",
     "voltage": "voltage volt u v spannung tension tensione tensao spanning dianya 电压 電圧",
+    "deflection": (
+        "deflection twist torsion windup verdrehung verdrehwinkel torsione torsao 扭转 扭转角"
+    ),
     "time": (
         "time t timestamp datetime clock tout zeit zeitstempel temps tempo tiempo tijd shijian "
         "时间 時間"
     ),
 }
 SIDES = {
-    "motor": "motor mot m rotor drive moteur motore antrieb dianji 电机 モータ モーター",
+    "motor": "motor mot m rotor drive input moteur motore antrieb dianji 电机 モータ モーター",
     "link": (
-        "link load l arm output last abtrieb charge bras sortie carico braccio uscita carga brazo "
-        "braco fuzai 负载 リンク"
+        "link load l arm output secondary external last abtrieb charge bras sortie carico braccio "
+        "uscita carga brazo braco fuzai 负载 リンク"
     ),
     "joint": "joint jnt gelenk articulation giunto articulacion guanjie 关节 axis axe achse asse",
 }
@@ -50,6 +53,7 @@ _OTHERS = {
         "del della do da van"
     ),
     "filler of time": "date stamp elapsed rel relative since start sim simulation ros abs system",
+    "filler of deflection": "spring feder ressort molla muelle mola",
 }
 # A row's number, any input, a speed, a belt's tension.
 _NEED_UNIT = {"i", "u", "v", "tension", "par"}
@@ -102,7 +106,7 @@ def words_of(name: str) -> Words | None:
         for word, after in zip(words, (*words[1:], ""), strict=False)
     ]
     quantities = tuple(kind for kind in kinds if kind in QUANTITIES)
-    unknown = ("", "filler of time")[: 1 if "time" in quantities else 2]
+    unknown = {"", *(f"filler of {one}" for one in QUANTITIES if one not in quantities)}
     return Words(
         words,
         quantities,
@@ -264,6 +268,8 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     of_joint = "joint" in words.sides and not sides
     is_time = {*words.quantities} == {"time"}  # as time t, below a row of groups
     quantities = words.quantities[:1] if is_time else words.quantities
+    if {*quantities} == {"deflection", "position"}:  # as torsion angle
+        quantities = ("deflection",)
     is_encoder = not {"enc", "encoder"}.isdisjoint(words.all)
     if not quantities and sides and (is_encoder or not CLEAR_SIDES.isdisjoint(words.all)):
         measured = quantity_of(unit) if unit else "position" if is_encoder else None
@@ -290,6 +296,9 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
         return Usual(name, unit, words.is_command, number)
     if words.is_command:
         return None
+    if quantity == "deflection":  # a link may bend, and a strain gauge shows it in another unit
+        is_angle = unit is None or quantity_of(unit) == "position"
+        return Usual(quantity, unit, False, number) if is_angle and not side else None
     return Usual(f"{side}_{quantity}" if side else quantity, unit, False, number)
 
 

@@ -279,6 +279,8 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
             _check_plain(recipe, header)
             return Channel(stamps, header, True, Origin({header: 1.0}, 1.0, 0.0, "s", None))
     unit = _unit(recipe)
+    if name == "time" and unit is None and clock.counts_nanoseconds(table, recipe.header):
+        unit = "ns"
     factor, si_unit = 1.0, SI_UNITS[name][0]
     if unit is not None:
         try:

@@ -28,6 +28,8 @@ _OF_STAMPS = (
 ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
 _UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s, of times that are no seconds
 _MOST_ALIKE = 4.0  # samples to a digit: of more, the line is too free
+_BEGINS_AGAIN = 0.99  # of a run's duration, by which the next one begins before its end at least
+_BETWEEN_RUNS = 100  # sample times
 
 
 class Grid(NamedTuple):
@@ -36,6 +38,39 @@ class Grid(NamedTuple):
     sample_time: float  # common to all recordings, in s
     recordings: tuple[slice, ...]  # the samples of each
     resample: bool = False  # whether the time stamps are off the even grid by more than rounding
+
+
+def part_runs(log: Draft, table: Table) -> None:
+    """Put runs that a file holds one after the other, each from its own time on, a gap apart."""
+    time, column = log.time.copy(), log.channels["time"].column
+    starts = [0, *(np.flatnonzero(np.diff(time) < 0.0) + 1).tolist(), len(time)]
+    runs = [slice(a, b) for a, b in pairwise(starts)]
+    falls = [float(time[begin - 1] - time[begin]) for begin in starts[1:-1]]
+    spans = [float(np.ptp(time[run])) for run in runs[:-1]]
+    if (
+        not falls
+        or min(run.stop - run.start for run in runs) < FEWEST_SAMPLES
+        or any(fall < _BEGINS_AGAIN * span for fall, span in zip(falls, spans, strict=True))
+        or _is_stamp(table, column, 0)  # a clock goes on
+    ):
+        return
+    seen = set()
+    for run in runs:
+        samples = b"".join(log[name][run].tobytes() for name in log.names)
+        if samples in seen:
+            reason = "the same samples follow once more: remove them"
+            raise RecordingError(table.file, table.place(run.start, column), reason)
+        seen.add(samples)
+    step = float(np.median(np.diff(time)))
+    for begin, fall in zip(starts[1:], falls, strict=False):
+        time[begin:] += fall + _BETWEEN_RUNS * step
+    log["time"], log.begins = time, tuple(time[starts[1:-1]].tolist())
+    places = first_times([table.place(begin, column) for begin in starts[1:-1]])
+    log.warn(
+        "",
+        f"the time begins again ({places}), so the log was cut there into {len(runs)} recordings: "
+        f"check that all are of the same joint",
+    )
 
 
 def drop_repeats(log: Draft, table: Table) -> None:
@@ -55,7 +90,7 @@ def drop_repeats(log: Draft, table: Table) -> None:
     if not np.all(increases):
         sample_time = _rounded_step(log)
         if sample_time is None:
-            raise _not_increasing(table, log.channels["time"].column, time, increases)
+            raise _not_increasing(log, table, increases)
         log["time"] = time[0] + sample_time * np.arange(len(time))
         return
     log.warn(
@@ -67,23 +102,29 @@ def drop_repeats(log: Draft, table: Table) -> None:
     log.keep(np.concatenate(([True], ~again)))
 
 
-def _not_increasing(
-    table: Table, column: str, time: FloatArray, is_next: NDArray[np.bool_]
-) -> RecordingError:
+def _not_increasing(log: Draft, table: Table, is_next: NDArray[np.bool_]) -> RecordingError:
     """The error of the first row whose time does not come after the one before."""
+    time, column = log.time, log.channels["time"].column
     index = int(np.argmax(~is_next)) + 1
+    is_stamped, is_back = _is_stamp(table, column, index), time[index] < time[index - 1]
+    forward = np.diff(time)[np.diff(time) > 0.0]
+    if not is_stamped and len(forward):  # in another unit its last digit is too coarse
+        check_typical(log.file, log.channels["time"].place, float(np.median(forward)), forward)
     before, now = f"{time[index - 1]:.9g}", f"{time[index]:.9g}"
     reason = (
-        f"time repeats ({now} s): remove the repeated row, or write the time with more digits"
-        if time[index] == time[index - 1]
-        else f"time runs backwards (from {before} s to {now} s): sort the rows, or cut the file "
-        f"there into two logs"
+        f"time runs backwards (from {before} s to {now} s): sort the rows, or cut the file there "
+        f"into two logs"
+        if is_back
+        else f"time repeats ({now} s): remove the repeated row, or write the time with more digits"
     )
-    if time[index] < time[index - 1] and column in table.names:
-        cell = table.frame[column][index]
-        if not isinstance(cell, int | float) and is_stamp(str(cell)):
-            reason += _OF_STAMPS
+    reason += _OF_STAMPS if is_stamped and is_back else ""
     return RecordingError(table.file, table.place(index, column), reason)
+
+
+def _is_stamp(table: Table, column: str, index: int) -> bool:
+    """Whether a time is a date or a time of day."""
+    cell = table.frame[column][index] if column in table.names else 0.0
+    return not isinstance(cell, int | float) and is_stamp(str(cell))
 
 
 def even_grid(log: Draft) -> Grid:
@@ -161,7 +202,7 @@ def _rounded_step(log: Draft) -> float | None:
     digit = _last_digit(time)
     if digit > _MOST_ALIKE * sample_time:
         return None
-    if not (0.5 * digit < np.ptp(np.diff(time)) <= ROUNDED * digit and off <= ROUNDED * digit):
+    if not (0.5 * digit < np.ptp(np.diff(time)) and off <= ROUNDED * digit):
         return None
     warn_rounded(log, "time", digit, sample_time)
     return sample_time
@@ -243,8 +284,9 @@ def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> No
     def spans(ends: Iterable[tuple[int, int]]) -> str:
         return first_times([f"{time[first]:.6g} s to {time[last]:.6g} s" for first, last in ends])
 
-    if len(parts) > 1:
-        gaps = spans((a.stop - 1, b.start) for a, b in pairwise(parts))
+    missing = [(a, b) for a, b in pairwise(parts) if time[b.start] not in log.begins]
+    if missing:
+        gaps = spans((a.stop - 1, b.start) for a, b in missing)
         count = f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}"
         log.warn(
             "",

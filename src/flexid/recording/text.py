@@ -92,13 +92,9 @@ def read_text(file: str, raw: bytes) -> Table:
 
 def _warnings(file: str, layout: Layout) -> Iterator[str]:
     """What was not read of a text."""
-    if layout.skipped:
-        first, last = layout.skipped
+    for (first, last), why in layout.skipped.items():
         lines = f"line {first} was" if first == last else f"lines {first} to {last} were"
-        yield (
-            f"{file}: {lines} not read, since the column names stand in line {layout.header_line}: "
-            f"check that they do"
-        )
+        yield f"{file}: {lines} not read, since {why}: check that they do"
     if layout.left_out:
         first, more = min(layout.left_out), len(layout.left_out) - 1
         lines = f"line {first} and {more} more were" if more else f"line {first} was"
