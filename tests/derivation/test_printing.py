@@ -15,8 +15,14 @@ from systems import ALL, PAPER
 
 from flexid.derivation.immersion import graded_rule, immersion
 from flexid.derivation.observer import SymbolicObserver, derive_observer
-from flexid.derivation.printing import fresh_names, latex_name, latex_observer, printable_rows
-from flexid.derivation.printing_code import c_observer, python_observer
+from flexid.derivation.printing import (
+    c_observer,
+    fresh_names,
+    latex_name,
+    latex_observer,
+    printable_rows,
+    python_observer,
+)
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import symbol
 from flexid.models.parametric_system import ParametricSystem, Row

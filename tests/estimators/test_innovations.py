@@ -33,8 +33,13 @@ from flexid.estimators.segmented_motion import (
     segmented_motion,
 )
 from flexid.estimators.segments import divide
-from flexid.estimators.spectra import cost_by_spectra
-from flexid.estimators.steady_gains import Sizes, steady_covariance, steady_gains, transition_of
+from flexid.estimators.steady_gains import (
+    Sizes,
+    cost_by_spectra,
+    steady_covariance,
+    steady_gains,
+    transition_of,
+)
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import flexible_joint
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from flexid.derivation.model_functions import split_regressor
-from flexid.derivation.printing_code import RESERVED, names_in_c
+from flexid.derivation.printing import RESERVED, names_in_c
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem

@@ -1,19 +1,23 @@
-"""The observer's equations grouped as in the paper, for all printers, and printed in LaTeX.
+"""The observer's equations grouped as in the paper: in LaTeX, in plain Python, in C99.
 
 Each row has one abbreviation for the predicted acceleration, as s and r in Huang (2003), eq. (6);
 where every term of it is negative, the abbreviation is its opposite, as s is there.
 """
 
 import re
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import sympy as sp
 from sympy.core.alphabets import greeks
+from sympy.printing.c import C99CodePrinter
 from sympy.printing.latex import LatexPrinter
+from sympy.printing.pycode import PythonCodePrinter
 
-from flexid.derivation.immersion import VARIABLE
+from flexid.derivation.immersion import VARIABLE, graded_rule
 from flexid.derivation.observer import ObserverRow, SymbolicObserver
-from flexid.derivation.symbolic import FreshNames
+from flexid.derivation.symbolic import FreshNames, symbol
 
 
 @dataclass(frozen=True)
@@ -148,3 +152,212 @@ def latex_name(name: str, accent: str = "") -> str:
     words = rf"\mathrm{{{subscript.replace('_', ' ')}}}" if subscript else ""
     below = ",".join(part for part in (number, words) if part)
     return letter + (f"_{{{below}}}" if below else "") + "'" * len(primes)
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Eqs. (2) and (3) of Huang (2003) in a language."""
+
+    integrals: dict[str, tuple[str, str]]  # by name: upper limit and integrand
+    estimates: dict[str, str]  # eq. (2)
+    abbreviations: dict[str, str]
+    rates: list[str]  # eq. (3)
+
+    def needed(self, lines: Iterable[str]) -> tuple[dict[str, tuple[str, str]], set[str]]:
+        """The integrals that some lines need, and all names that occur then."""
+        names = _names(lines)
+        found = {name: parts for name, parts in self.integrals.items() if name in names}
+        return found, names.union(*map(_names, found.values()))
+
+
+def _names(texts: Iterable[str]) -> set[str]:
+    return set(re.findall(r"[^\W\d]\w*", " ".join(texts)))
+
+
+def _equations(
+    observer: SymbolicObserver, names: FreshNames, show: Callable[[sp.Basic], str]
+) -> _Equations:
+    rows = printable_rows(observer, names)
+    shown = [e for row in rows for *_, e in (*row.estimates, *row.updates)]
+    integrals = sorted({i for e in shown for i in e.atoms(sp.Integral)}, key=sp.default_sort_key)
+    symbols = {i: sp.Symbol(f"_q{n}", real=True) for n, i in enumerate(integrals)}
+
+    def plain(expression: sp.Expr) -> str:
+        return show(expression.xreplace(symbols))
+
+    return _Equations(
+        {show(symbols[i]): (show(i.limits[0].args[2]), show(i.function)) for i in integrals},
+        {show(p): joined(show(y), plain(cb)) for row in rows for p, y, cb in row.estimates},
+        {show(row.abbreviation): show(row.meaning) for row in rows},
+        [
+            plain(-row.gain * product)
+            if C == 0
+            else f"-{show(row.gain)}*({joined(show(product), plain(C))})"
+            for row in rows
+            for _, product, C in row.updates
+        ],
+    )
+
+
+class _PythonPrinter(PythonCodePrinter):
+    """Notes what it has used: names of `math` in ``module_imports``."""
+
+    def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802, the same
+        return f"{self._module_format('math.exp')}(1)"  # a model may have its own e
+
+    def _print_sign(self, e: sp.Function) -> str:
+        argument = self._print(e.args[0])
+        copysign = self._module_format("math.copysign")
+        return f"(0.0 if {argument} == 0 else {copysign}(1.0, {argument}))"
+
+
+_PYTHON_RULE = '''def _integrate(function, upper):
+    """Integral from 0 to upper: {count} nodes of Gauss and Legendre, dense towards 0."""
+    return upper * sum(w * function(upper * t) for t, w in zip(_NODES, _WEIGHTS))
+
+
+_NODES = {nodes!r}
+_WEIGHTS = {weights!r}
+
+
+'''
+
+_ARGUMENTS = ("states", "inputs", "input_rates", "observer_states", "gains", "constants")
+
+
+def python_observer(observer: SymbolicObserver) -> str:
+    """Print an observer as a Python module of two functions, ``estimates`` and ``rates``."""
+    printer, names = _PythonPrinter({"fully_qualified_modules": False}), fresh_names(observer)
+    found = _equations(observer, names, lambda expression: str(printer.doprint(expression)))
+    groups = zip(_ARGUMENTS, argument_groups(observer), strict=True)
+    arguments = {str(names.take(name)): group for name, group in groups if group}
+    unpacking = [f"{_tuple(group)} = {name}" for name, group in arguments.items()]
+    of_eq_2 = [f"{p} = {text}" for p, text in found.estimates.items()]
+    of_eq_3 = [f"{s} = {text}" for s, text in found.abbreviations.items()]
+    of_eq_3 += ["return (", *(f"    {rate}," for rate in found.rates), ")"]
+
+    def function(name: str, docstring: str, *body: str) -> str:
+        sums = [
+            f"{q} = _integrate(lambda {VARIABLE}: {integrand}, {upper})"
+            for q, (upper, integrand) in found.needed(body)[0].items()
+        ]
+        lines = "".join(f"    {line}\n" for line in (docstring, *unpacking, *sums, *body))
+        return f"def {name}({', '.join(arguments)}):\n{lines}"
+
+    functions = (
+        function(
+            "estimates",
+            '"""Estimates of the coefficients."""  # Huang (2003), eq. (2)',
+            *of_eq_2,
+            f"return {_tuple([p for row in observer.rows for p in row.estimates])}",
+        ),
+        function(
+            "rates",
+            '"""Rates of the observer\'s states."""  # Huang (2003), eq. (3)',
+            *of_eq_2,
+            *of_eq_3,
+        ),
+    )
+    helpers = ""
+    if observer.quadratures:
+        nodes, weights = (tuple(values.tolist()) for values in graded_rule())
+        helpers = _PYTHON_RULE.format(count=len(nodes), nodes=nodes, weights=weights)
+    used = {name.removeprefix("math.") for name in printer.module_imports.get("math", ())}
+    imports = f"from math import {', '.join(sorted(used))}\n\n\n" if used else "\n"
+    title = f"Parametric observer, Huang (2003), of the model {observer.symbolic.system.name}."
+    return f'"""{title}"""\n\n{imports}{helpers}' + "\n\n".join(functions)
+
+
+def _tuple(symbols: Sequence[sp.Symbol]) -> str:
+    """The symbols as a Python tuple without parentheses."""
+    return ", ".join(map(str, symbols)) + ("," if len(symbols) == 1 else "")
+
+
+_RESERVED_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int
+long register restrict return short signed sizeof static struct switch typedef union unsigned void
+volatile while _Bool _Complex _Imaginary asm
+asinh atan cos cosh erf exp fabs log pow sin sqrt tan tanh INFINITY NAN main
+state input input_rate observer_state gain constant estimate rate NODES WEIGHTS
+"""
+RESERVED = frozenset(_RESERVED_WORDS.split())
+"""Names that mean something in printed C."""
+
+
+class _CPrinter(C99CodePrinter):
+    """Products for small powers, and no macro that C99 does not have."""
+
+    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802, the same
+        return repr(float(expr))
+
+    def _print_Pow(self, expr: sp.Pow) -> str:  # noqa: N802, the same
+        base, exponent = expr.args
+        if isinstance(exponent, sp.Integer) and 2 <= int(exponent) <= 4:
+            factor = self._print(base)
+            factor = factor if base.is_Symbol else f"({factor})"
+            return "(" + "*".join([factor] * int(exponent)) + ")"
+        return super()._print_Pow(expr)
+
+
+def c_observer(observer: SymbolicObserver) -> str:
+    """Print an observer as two C99 functions that allocate nothing."""
+    printer, names = _CPrinter({"math_macros": {}}), fresh_names(observer)
+    symbols = [s for group in argument_groups(observer) for s in group]
+    own = [str(s) for s in (*symbols, *(p for row in observer.rows for p in row.estimates))]
+    renamed = {
+        symbol(name): symbol(other)
+        for name, other in names_in_c(own, FreshNames([*own, *RESERVED]), RESERVED).items()
+    }
+
+    def show(expression: sp.Basic) -> str:
+        return str(printer.doprint(cast(sp.Expr, expression.xreplace(renamed))))
+
+    found = _equations(observer, names, show)
+    arrays = [name.removesuffix("s") for name in _ARGUMENTS]
+    groups = dict(zip(arrays, argument_groups(observer), strict=True))
+    reads = {show(s): f"{array}[{i}]" for array, g in groups.items() for i, s in enumerate(g)}
+    steps = {**found.estimates, **found.abbreviations}
+
+    def function(name: str, result: str, body: Sequence[str]) -> str:
+        integrals, used = found.needed(body)
+        unused = [array for array, group in groups.items() if used.isdisjoint(map(show, group))]
+        arguments = [*(f"const double *{array}" for array in arrays), f"double *{result}"]
+        lines = [f"(void){array};" for array in unused]
+        lines += [f"const double {s} = {place};" for s, place in reads.items() if s in used]
+        for q, (upper, integrand) in integrals.items():
+            lines += [
+                f"double {q} = 0.0;",
+                f"for (int n_ = 0; n_ < {len(graded_rule()[0])}; ++n_) {{",
+                f"    const double {VARIABLE} = {upper}*NODES[n_];",
+                f"    {q} += {upper}*WEIGHTS[n_]*({integrand});",
+                "}",
+            ]
+        takes, text = ",\n    ".join(arguments), "\n    ".join([*lines, *body])
+        return f"\nvoid {name}(\n    {takes})\n{{\n    {text}\n}}\n"
+
+    first = [f"estimate[{i}] = {text};" for i, text in enumerate(found.estimates.values())]
+    second = [f"const double {name} = {text};" for name, text in steps.items()]
+    second += [f"rate[{i}] = {text};" for i, text in enumerate(found.rates)]
+    functions = function("observer_estimates", "estimate", first)
+    functions += function("observer_rates", "rate", second)
+    title = f"Parametric observer, Huang (2003), of the model {observer.symbolic.system.name}."
+    listed = {**groups, "estimate": observer.symbolic.coefficients}
+    contents = [f"{name:15} {', '.join(map(str, g)) or 'none'}" for name, g in listed.items()]
+    head = "\n * ".join([f"/* {title}", *contents]) + "\n */\n#include <math.h>\n"
+    tables = "".join(
+        f"\nstatic const double {name}[{len(values)}] = {{\n    "
+        + ",\n    ".join(map(repr, values.tolist()))
+        + "\n};\n"
+        for name, values in zip(("NODES", "WEIGHTS"), graded_rule(), strict=True)
+        if observer.quadratures
+    )
+    return head + tables + functions
+
+
+def names_in_c(names: Sequence[str], fresh: FreshNames, taken: Collection[str]) -> dict[str, str]:
+    """Other names for what is no identifier in C, or means something there."""
+    return {
+        name: str(fresh.take(name if name.isascii() else "symbol"))
+        for name in names
+        if name in taken or not name.isascii()
+    }

@@ -22,8 +22,13 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import Minimum, minimise
 from flexid.estimators.segmented_motion import RESTING, Observer, Point, SegmentedMotion
-from flexid.estimators.spectra import WORST, cost_by_spectra
-from flexid.estimators.steady_gains import Sizes, steady_gains, transition_of
+from flexid.estimators.steady_gains import (
+    WORST,
+    Sizes,
+    cost_by_spectra,
+    steady_gains,
+    transition_of,
+)
 
 _ROUNDS = (4, 2)  # of sizes and coefficients in turn, from afar and from values nearly right
 STEPS = (8, 30)  # of Gauss and Newton in each, and in the last

@@ -69,8 +69,7 @@ def derive(
         integrated numerically, and on rates of inputs that the observer needs.
     """
     from flexid.derivation.observer import derive_observer
-    from flexid.derivation.printing import latex_observer
-    from flexid.derivation.printing_code import c_observer, python_observer
+    from flexid.derivation.printing import c_observer, latex_observer, python_observer
 
     printers = {"latex": latex_observer, "python": python_observer, "c": c_observer}
     if to not in printers:
