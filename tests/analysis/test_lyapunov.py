@@ -12,11 +12,9 @@ from flexid.analysis.lyapunov import (
     RowHistory,
     monitor,
     monitor_run,
-    regressors_along,
     row_histories,
 )
 from flexid.errors import SettingError
-from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.closed_loop import simulate
 from flexid.studies.readings import sine, table1_loop
 
@@ -133,16 +131,3 @@ def test_a_sampled_run_is_refused():
     run = simulate(loop, 0.1, 1e-2, 1e-6)
     with pytest.raises(SettingError, match="continuous run"):
         monitor_run(replace(run, settings={"task": "sampled"}), 0.05)
-
-
-def test_regressors_of_the_joint_are_those_of_the_paper():
-    """Assert that f = (-sin x1, -(x1 - x3)) and φ = (x1 - x3, -x4) along random states."""
-    x = np.random.default_rng(1).normal(size=(50, 4))
-    found = regressors_along(flexible_joint(known={"beta1": 1 / 0.3}), x, np.zeros((50, 1)))
-    f = np.column_stack([-np.sin(x[:, 0]), -(x[:, 0] - x[:, 2])])
-    phi = np.column_stack([x[:, 0] - x[:, 2], -x[:, 3]])
-    np.testing.assert_allclose(found["link"], f, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(found["motor"], phi, rtol=0, atol=1e-15)
-
-
-Q, V, U = np.random.default_rng(2).uniform(-1, 1, (3, 20))

@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexid.analysis.lyapunov import regressors_along
 from flexid.errors import SettingError
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import regressors
+from flexid.models.expression import evaluate
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
     BEND_DEFLECTION,
@@ -54,6 +56,12 @@ def test_order_of_terms_does_not_matter():
     assert one.digest == other.digest
 
 
+def along(system, states):
+    """Regressors by coefficient along states, without an input."""
+    motion = Samples(states[:, ::2], states[:, 1::2], np.zeros((len(states), 1)), 1.0)
+    return dict(zip(system.coefficients, regressors(motion, system), strict=True))
+
+
 def test_an_eccentric_gear_turns_the_torque_as_it_turns_the_angle():
     """Assert that all of its terms together are the spring about a gear that turns by e more.
 
@@ -62,13 +70,13 @@ def test_an_eccentric_gear_turns_the_torque_as_it_turns_the_angle():
     sine, cosine, stiffness = 0.03, -0.05, 20.0
     states = np.random.default_rng(5).uniform(-2.0, 2.0, (50, 4))
     joint = flexible_joint(("eccentricity",), known={})
-    found = regressors_along(joint, states, np.zeros((50, 1)))
     values = {"theta2": 7.0, "alpha1": stiffness, "beta1": 0.0}
     values |= {"alpha_ecc_sine": stiffness * sine, "alpha_ecc_cosine": stiffness * cosine}
     for name, (a, b, d) in reversed(TIES.items()):
         if "ecc" in name:
             values[name] = values[a] * values[b] / values[d]
-    torque = {row.name: found[row.name] @ [values[c] for c in row.regressors] for row in joint.rows}
+    found = along(joint, states)
+    torque = {row.name: sum(values[c] * found[c] for c in row.regressors) for row in joint.rows}
     x1, _, x3, _ = states.T
     error = sine * np.sin(x3) + cosine * np.cos(x3)
     slope = sine * np.cos(x3) - cosine * np.sin(x3)
@@ -83,10 +91,9 @@ def test_a_spring_bends_where_it_is_said_to():
     joint = joint.with_constants({**joint.constants, BEND_DEFLECTION: 0.2})
     deflections = np.array([-0.5, -0.2, -0.1, 0.0, 0.15, 0.2, 0.7])
     states = np.column_stack((deflections, *np.zeros((3, 7))))
-    found = regressors_along(joint, states, np.zeros((7, 1)))
-    place = [*joint.rows[1].regressors].index("alpha_bend")
-    np.testing.assert_allclose(found["motor"][:, place], [-0.3, 0, 0, 0, 0, 0, 0.5], atol=1e-9)
-    np.testing.assert_allclose(found["link"][:, 1], -found["motor"][:, place], atol=1e-9)
+    found = along(joint, states)
+    np.testing.assert_allclose(found["alpha_bend"], [-0.3, 0, 0, 0, 0, 0, 0.5], atol=1e-9)
+    np.testing.assert_allclose(found["theta_bend"], -found["alpha_bend"], atol=1e-9)
 
 
 def test_smoothing_is_a_constant_only_where_there_is_friction():
@@ -141,13 +148,13 @@ def test_terms_of_the_spring_are_tied(term: str):
     """Assert that what acts on both sides of the spring is one torque over each side's inertia."""
     declared = EVERY[term]
     model = flexible_joint((term,))
-    states = np.array([[0.1 * (i + 1) for i in range(len(model.states))]])
-    found = regressors_along(model, states, np.zeros((1, 1)))
+    values = {x: 0.1 * (i + 1) for i, x in enumerate(model.states)} | {**model.constants, "u": 0.0}
+    texts = {name: text for row in model.rows for name, text in row.regressors.items()}
     for name in declared.link if declared.motor else ():
         source, *ratio = TIES[name]
         assert ratio == ["theta2", "alpha1"]
-        here = found["link"][0, model.rows[0].coefficients.index(name)]
-        assert here == pytest.approx(-found["motor"][0, model.rows[1].coefficients.index(source)])
+        here, there = (evaluate(texts[one], values, one) for one in (name, source))
+        assert here == pytest.approx(-there)
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -166,7 +173,7 @@ def test_a_spring_with_play_is_a_dead_zone():
     states[:, 0] = deflections
     stiffness, half_gap = 250.0, 1e-3
     values = {"theta2": stiffness, "theta_backlash": stiffness * half_gap}
-    link = regressors_along(joint, states, np.zeros((61, 1)))["link"]
-    found = link @ [values[name] for name in joint.rows[0].coefficients]
+    along_it = along(joint, states)
+    found = sum(value * along_it[name] for name, value in values.items())
     beyond = deflections - np.clip(deflections, -half_gap, half_gap)
     assert found == pytest.approx(-stiffness * beyond, abs=1e-12)

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.models.expression import FUNCTIONS, OPERATIONS, Algebra, fold
-from flexid.models.parametric_system import ParametricSystem
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import regressors
 from flexid.simulation.closed_loop import Run
 
 
@@ -46,54 +46,19 @@ class RowHistory:
 
 def row_histories(run: Run) -> tuple[RowHistory, ...]:
     """Histories of all rows of a simulated closed loop."""
-    system = run.loop.system
-    regressors = regressors_along(system, run.states, run.inputs)
+    system, x = run.loop.system, run.states
+    motion = Samples(x[:, ::2], x[:, 1::2], run.inputs, float(run.time[1] - run.time[0]))
+    found = np.column_stack(regressors(motion, system))
     return tuple(
         RowHistory(
             row.name,
             row.coefficients,
             run.loop.observer_gains[row.name],
-            regressors[row.name],
+            found[:, place],
             run.parameter_errors[:, place],
         )
         for row, place in system.row_slices()
     )
-
-
-def regressors_along(
-    system: ParametricSystem, states: ArrayLike, inputs: ArrayLike
-) -> dict[str, FloatArray]:
-    """Regressors of every row, shape (n, m) each, along states and inputs at n instants.
-
-    Examples
-    --------
-    >>> from flexid.models.flexible_joint import flexible_joint
-    >>> joint = flexible_joint(known={"beta1": 4.0})
-    >>> regressors_along(joint, [[0.0, 1.0, -0.5, 2.0]], [[0.0]])["motor"].tolist()
-    [[0.5, -2.0]]
-    """
-    states = np.asarray(states, dtype=float)
-    values: dict[str, ArrayLike] = dict(zip(system.states, states.T, strict=True))
-    values |= zip(system.inputs, np.asarray(inputs, dtype=float).T, strict=True)
-    values |= {**system.constants, "pi": np.pi}
-    algebra = Algebra(
-        lambda text: np.asarray(float(text)),
-        lambda name: np.asarray(values[name], dtype=float),
-        _OF_ARRAYS,
-    )
-    return {
-        row.name: np.stack(
-            [
-                np.broadcast_to(fold(text, system.variables, algebra, place), len(states))
-                for place, text in row.regressors.items()
-            ],
-            axis=1,
-        )
-        for row in system.rows
-    }
-
-
-_OF_ARRAYS = OPERATIONS | {"**": np.power} | {name: getattr(np, name) for name in FUNCTIONS}
 
 
 SETTLED = 1e-3
