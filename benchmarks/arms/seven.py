@@ -7,8 +7,12 @@ import numpy as np
 from benchmarks.arms.arm import random_arm
 from benchmarks.arms.log import Motion, simulate
 from flexid.arms.identify import fixed_parameters
-from flexid.estimators.balance_motion import balance_kernel, balance_motion, balance_unknowns
-from flexid.estimators.balance_start import starts
+from flexid.estimators.balance_motion import (
+    balance_kernel,
+    balance_motion,
+    balance_unknowns,
+    starts,
+)
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point

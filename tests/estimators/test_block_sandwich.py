@@ -5,7 +5,7 @@ import pytest
 from noisy_joint import VALUES, joint_samples
 from scipy.stats import t
 
-from flexid.estimators.block_sandwich import block_influences, block_lengths
+from flexid.estimators.cluster_covariance import block_influences, block_lengths
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 

@@ -17,7 +17,7 @@ from flexid.arms.fitting import EFFECT_BAND, effect_sizes
 from flexid.arms.unusual import link_delays
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.balance_start import filtered
+from flexid.estimators.balance_motion import filtered
 from flexid.estimators.samples import Samples
 from flexid.estimators.threads import cores
 from flexid.identification.estimation.doubts import (

@@ -16,7 +16,7 @@ from flexid.arms.unusual import (
 )
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.balance_start import filtered, starts
+from flexid.estimators.balance_motion import filtered, starts
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import Segments, divide
 from flexid.identification.full_model.fitting import (

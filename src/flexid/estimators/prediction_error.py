@@ -13,9 +13,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.block_sandwich import covariance_of
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.cluster_covariance import cluster_influences
+from flexid.estimators.cluster_covariance import cluster_influences, covariance_of
 from flexid.estimators.gauss_newton import Minimum, minimise, output_weights, refinement
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples

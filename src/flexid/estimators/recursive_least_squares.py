@@ -17,7 +17,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.block_sandwich import Blocks
+from flexid.estimators.cluster_covariance import Blocks
 from flexid.estimators.online import OnlineEstimator, checked_sample_time, fading_factor
 from flexid.estimators.state_variable_filter import signals
 from flexid.kernels.store import load_kernel

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from flexid.arrays import FloatArray
-from flexid.estimators.block_sandwich import block_influences, covariance_of
+from flexid.estimators.cluster_covariance import block_influences, covariance_of
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.unknowns import Unknowns
 

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.block_sandwich import block_duration
 from flexid.estimators.channel_timing import INPUT, ChannelTiming, Timing
-from flexid.estimators.cluster_covariance import Clusters
+from flexid.estimators.cluster_covariance import Clusters, block_duration
 from flexid.estimators.normal_equations import Reduced, solve_arrow
 from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.threads import in_threads

@@ -15,7 +15,7 @@ from scipy.linalg import get_blas_funcs
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.block_sandwich import block_lengths
+from flexid.estimators.cluster_covariance import block_lengths
 from flexid.estimators.rowwise import LeastSquaresFit, fit_rows
 from flexid.estimators.samples import Samples
 from flexid.estimators.unknowns import FIXED, Unknowns, unknowns_of
