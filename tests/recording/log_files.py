@@ -160,29 +160,19 @@ def measured(delay: int = 0) -> list[Message]:
 
 
 MATRIX = np.column_stack([*COLUMNS.values()])
-Q = pl.concat_list("link_position", "motor_position").alias("q")
 RECORDS = np.rec.fromarrays([*COLUMNS.values()], names=",".join(COLUMNS))  # pyright: ignore[reportArgumentType, reportCallIssue]
-OWN_TIMES = {name: {"Time": COLUMNS["time"], "Data": values} for name, values in SIGNALS.items()}
-NAMED = np.array([{"Name": n, "Data": v} for n, v in COLUMNS.items()], dtype=object)
 OBJECTS = np.array([{}], dtype=object)
 GROUP = {f"run/1/{name}": values for name, values in COLUMNS.items()}
-OF_PANDAS = {"df/block0_values": MATRIX, "df/block0_items": [*map(str.encode, COLUMNS)]}
 WRITERS: dict[str, tuple[str, Callable[[Path], Path]]] = {
     "Parquet": ("a.parquet", lambda p: parquet(p, pl.all())),
-    "Parquet, records": ("a.pq", lambda p: parquet(p, "time", pl.struct(*SIGNALS).alias("joint"))),
-    "Parquet, lists": ("a.parquet", lambda p: parquet(p, "time", Q, "motor_torque")),
     "NumPy, one of objects": ("a.npz", lambda p: numpy_archive(p, **COLUMNS, note=OBJECTS)),
     "NumPy, records": ("a.npz", lambda p: numpy_archive(p, run=RECORDS)),
     "NumPy, matrix": ("log.npy", lambda p: (np.save(p, MATRIX), p)[1]),
     "MATLAB 4": ("a.mat", lambda p: matlab(p, {**COLUMNS, "note": "hello"}, format="4")),
     "MATLAB 5": ("a.mat", lambda p: matlab(p, COLUMNS, do_compression=True, oned_as="row")),
     "MATLAB, struct": ("a.mat", lambda p: matlab(p, {"run": COLUMNS, "gain": 3.0})),
-    "MATLAB, own times": ("a.mat", lambda p: matlab(p, {"out": OWN_TIMES})),
-    "MATLAB, structs with names": ("a.mat", lambda p: matlab(p, {"run": {"Y": NAMED}})),
     "MATLAB 7.3": ("a.mat", lambda p: matlab_73(p, COLUMNS)),
     "HDF5": ("a.h5", lambda p: hdf5(p, GROUP)),
-    "HDF5, matrix with names": ("a.h5", lambda p: hdf5(p, {"run": MATRIX}, columns=[*COLUMNS])),
-    "HDF5, matrix of pandas": ("a.h5", lambda p: hdf5(p, OF_PANDAS)),
     "MDF 4": ("a.mf4", lambda p: mdf(p, *in_groups())),
     "MDF 3": ("a.mdf", lambda p: mdf(p, *in_groups(), version="3.30")),
     "ROS 1": ("a.bag", bag1),
@@ -201,7 +191,6 @@ WRITERS: dict[str, tuple[str, Callable[[Path], Path]]] = {
 TORQUE: dict[str, object] = {"motor_torque": "/tau.data"}
 FIELDS = {f"{side}_position": f"/drive.joints[0].{side}_position" for side in ("motor", "link")}
 MAPS: dict[str, dict[str, object]] = {
-    "Parquet, lists": {"link_position": "q[0]", "motor_position": "q[1]"},
     "NumPy, matrix": {name: f"log[:,{place}]" for place, name in enumerate(COLUMNS)},
     **{f"MCAP, {one.name}": FIELDS | TORQUE for one in CompressionType},
 }

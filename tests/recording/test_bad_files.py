@@ -95,9 +95,9 @@ TEXTS: list[tuple[Edit, str]] = [
     (cell(7, 2, "1e999"), "line 7.* 1e999 is not a finite number"),
     (cell(7, 2, "1e99"), r"column 'motor_position': .*reaches 1e\+99 rad: correct"),
     (cell(9, 0, ""), "line 9, column 'time': the cell is empty: fill it in"),
-    (cell(9, 1, "oops"), "line 9.*'oops' is not a number: correct it"),
+    (cell(9, 1, "oops"), "line 9.*'oops' is not a number"),
     (cell(2, 0, "s"), "line 2, column 'time': 's' is not a number"),
-    (cell(9, 0, "2024-05-01 12:00:00.5"), "line 9.* is a date .* or stamps such as"),
+    (cell(9, 0, "2024-05-01 12:00:00.5"), "line 9.* nor a time stamp such as"),
     (
         lambda lines: [*lines[:31], f"{lines[30].rpartition(',')[0]},7", *lines[31:]],
         r"line 32, column 'time': time repeats \(0.145 s\): remove the repeated row",

@@ -205,7 +205,7 @@ def test_a_map_leaves_nothing_to_guess() -> None:
     columns["tau"] = columns.pop("motor_torque")
     log = read_columns(columns, {"time": "time"})
     assert log.recordings[0].input is None
-    assert any("name 'tau' in columns" in warning for warning in log.warnings)
+    assert any("name its column in columns" in warning for warning in log.warnings)
 
 
 UNITS = {

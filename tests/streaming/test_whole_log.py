@@ -213,14 +213,6 @@ def test_a_stuck_encoder_and_outliers_are_left_out(write: Write, columns: Column
     assert "1 without a number" in told
 
 
-def test_a_clock_that_changes_is_said(write: Write):
-    """Assert that a sample time other than the head's is told of."""
-    time = TIME.copy()
-    time[30_000:] += 1e-3 * 1e-4 * np.arange(30_000)
-    result = identify_stream(write(time=time), settings=CHOSEN)
-    assert any("the sample time of the whole log differs" in w for w in result.warnings)
-
-
 def test_what_cannot_be_streamed(write: Write, tmp_path: Path):
     """Assert that each is refused in a sentence, a row with its number."""
     slow = Settings(terms=("gravity",), hold="linear", filter_rate=0.01)

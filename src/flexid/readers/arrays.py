@@ -1,6 +1,6 @@
 """Arrays of a file as signals: vectors, and columns of matrices; NumPy's files, which are such."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import TypeAlias
 
@@ -42,7 +42,6 @@ class Arrays:
         dtype: np.dtype,
         values: Values,
         unit: str = "",
-        names: Sequence[str] = (),  # of a matrix's columns
     ) -> None:
         """Add an array, of which `values` reads a selection; what is no signal is only listed."""
         *across, along = sorted(
@@ -68,8 +67,6 @@ class Arrays:
                 where[across[0]] = position
                 number = position + self._first
                 name += self.index(f":,{number}" if along < across[0] else f"{number},:")
-            if across and len({*names}) == wide:
-                name = f"{path}.{names[position]}"
             series = Series(name, dtype.name, shape[along], unit)
             self._found[name] = series, values, tuple(where)
 

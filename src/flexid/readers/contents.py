@@ -56,15 +56,7 @@ def of_frame(frame: polars.DataFrame | polars.LazyFrame) -> Contents:
 
     lazy = frame.lazy()
     rows = lazy.select(pl.len()).collect().item()
-    schema = lazy.collect_schema()
-    nested = [name for name, kind in schema.items() if kind.is_nested()]
-    first = lazy.select(nested).head(1).collect() if nested else pl.DataFrame()
-    columns: dict[str, tuple[polars.DataType, polars.Expr]] = {}
-    for name, kind in schema.items():
-        found = _flat(name, first[name], pl.col(name)) if name in nested else ()
-        columns.update(found or {name: (kind, pl.col(name))})
-    lazy = lazy.select(expression.alias(path) for path, (_, expression) in columns.items())
-    series = [Series(path, str(kind), rows) for path, (kind, _) in columns.items()]
+    series = [Series(path, str(kind), rows) for path, kind in lazy.collect_schema().items()]
 
     def read(paths: Collection[str], size: int) -> Iterator[Frame]:
         # Polars reads ahead by some batches and then waits, so that memory stays bounded.
@@ -72,28 +64,3 @@ def of_frame(frame: polars.DataFrame | polars.LazyFrame) -> Contents:
             yield "", batch
 
     return Contents(series, read, is_table=True)
-
-
-def _flat(
-    path: str, first: polars.Series, values: polars.Expr
-) -> Iterator[tuple[str, tuple[polars.DataType, polars.Expr]]]:
-    """A column by its path, or the fields of a struct and the places of a list, from a first value.
-
-    A list has as many places as in the first row; where it is shorter, a value is missing.
-    """
-    import polars as pl
-
-    kind = first.dtype
-    if isinstance(kind, pl.Struct):
-        for field_ in kind.fields:
-            inner = first.struct.field(field_.name)
-            yield from _flat(f"{path}.{field_.name}", inner, values.struct.field(field_.name))
-    elif isinstance(kind, pl.List | pl.Array) and len(first) and first[0] is not None:
-        expression = values if isinstance(kind, pl.List) else values.arr.to_list()
-        for place in range(min(len(first[0]), WIDEST)):
-            inner = first[0][place : place + 1]
-            yield from _flat(
-                f"{path}[{place}]", inner, expression.list.get(place, null_on_oob=True)
-            )
-    else:
-        yield path, (kind, values)

@@ -9,10 +9,8 @@ from flexid.readers.arrays import Arrays
 from flexid.readers.child import still_alive
 from flexid.readers.contents import WIDEST, Contents
 
-_OF_COLUMNS = ("columns", "names", "column_names", "labels", "fields", "channels")
 _MATLABS_OWN = ("#refs#", "#subsystem#")
 _PLAIN = {"double", "single"} | {f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)}
-_NAMES = ("label", "Name", "name")
 _OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
 
 
@@ -61,23 +59,11 @@ def _add(found: Arrays, name: str, dataset: Any) -> None:
     if dataset.dtype.names is None:
         unit = _text(dataset.attrs.get("units") or dataset.attrs.get("unit")).strip()
         values = dataset.__getitem__
-        shape, names = dataset.shape or (), _names_of_columns(dataset)
-        found.add(name, shape, dataset.dtype, values, unit.strip("[]()"), names)
+        found.add(name, dataset.shape or (), dataset.dtype, values, unit.strip("[]()"))
         return
     for field in dataset.dtype.names:
         values = dataset.fields(field).__getitem__
         found.add(f"{name}.{field}", dataset.shape, dataset.dtype[field], values)
-
-
-def _names_of_columns(dataset: Any) -> list[str]:
-    """Names of a matrix's columns: in an attribute, or beside it as pandas writes them."""
-    beside = dataset.name.removesuffix("_values") + "_items"
-    named = [dataset.attrs[key] for key in _OF_COLUMNS if key in dataset.attrs]
-    if not named and dataset.name.endswith("_values") and beside in dataset.file:
-        items = dataset.file[beside]
-        named = [items[:]] if items.ndim == 1 and items.size <= WIDEST else []
-    names = list(named[0]) if named and getattr(named[0], "ndim", 0) == 1 else []
-    return [text for one in names if (text := _text(one).strip())]
 
 
 def _text(value: Any) -> str:
@@ -105,26 +91,9 @@ def _add_variable(found: Arrays, path: str, value: Any) -> None:
     elif array.size > WIDEST:
         found.others[path] = f"{array.size} structs or cells"
     else:
-        elements = array.ravel(order="F")
-        own = [_own_name(one) if names else "" for one in elements]
-        for number, one in enumerate(elements):
+        for number, one in enumerate(array.ravel(order="F")):
             where = path if array.size == 1 and names else path + found.index(number)
-            if own[number] and own.count(own[number]) == 1:
-                where = f"{path}.{own[number]}"
             if names is None:
                 _add_variable(found, where, one)
             for name in names or ():
                 _add_variable(found, f"{where}.{name}", one[name])
-
-
-def _own_name(struct: Any) -> str:
-    """What a struct is called by a field of its own, as one of a simulation's signals is."""
-    one = np.asarray(struct)
-    if one.size != 1:
-        return ""
-    fields = [field for field in _NAMES if field in (one.dtype.names or ())]
-    texts = [np.asarray(one.reshape(-1)[0][field]) for field in fields]
-    words = [
-        str(text.reshape(-1)[0]).strip() for text in texts if text.size and text.dtype.kind == "U"
-    ]
-    return next((word for word in words if word), "")

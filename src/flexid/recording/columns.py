@@ -14,7 +14,6 @@ from flexid.recording.names import (
     common_words,
     did_you_mean,
     folded,
-    may_be_input,
     named_channel,
     quoted,
     split_header,
@@ -36,7 +35,6 @@ _NEEDED = {
     _INPUT: INPUTS,
 }
 _NANOSECONDS = re.compile(r"(.{0,200})(?:nano|n)(secs?|seconds)$")
-_MOST_CHANNELS = 64  # rows in which each channel of a log comes once, where a row holds one
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
 _NO_MAP = ColumnMap("", {}, None, frozenset())
 
@@ -223,42 +221,29 @@ class _Plan:
         """Raise unless there are time, motor position, and link position or input; warn of both."""
         missing = [label for label, names in _NEEDED.items() if not self.available & {*names}]
         is_optional = missing in ([_LINK], [_INPUT])
-        if not missing or (is_optional and self.map.unread & {*_NEEDED[missing[0]]}):
-            return
         recipes = (*self.found.values(), *self.map.recipes.values())
         taken = {split_header(column)[0] for recipe in recipes for column in recipe.weights}
         bare = {h: name for h in self.table.names if (name := split_header(h)[0]) not in taken}
+        is_meant = is_optional and self.map.unread & {*_NEEDED[missing[0]]}
+        if not missing or is_meant or (missing == [_INPUT] and not bare):
+            return
         hints = [did_you_mean(label.split(" ")[0], bare.values()) for label in missing]
-        labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
-        lacks = f"there is no {labels}"
+        lacks = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
         what = self.map.described if self.is_mapped else "a column map"
         found = f"found {self.table.listing}"
-        if missing == [_LINK]:
+        likely = [f", as {name} = {h!r}" for label in missing for name, h in _likely(label, bare)]
+        likely = likely[0] if likely else ""
+        if is_optional:
+            only = "rigid joint" if missing == [_LINK] else "link"
             self.warnings.append(
-                f"{lacks}, so only the rigid joint can be identified: to identify the compliance, "
-                f"log it or name its column in {what}; {found}"
+                f"there is no {lacks}, so only the {only} can be identified; {found}: log it, or "
+                f"name its column in {what}{likely}"
             )
-        elif missing == [_INPUT]:
-            likely = [header for header in bare if may_be_input(header)]
-            meant = [named_channel(header) for header in likely]
-            if any(one is not None and one.channel == "torque" for one in meant):
-                what += ", unless a sensor measures it at the spring"
-            if hints[0] or likely:
-                which = quoted(likely) if likely else "that column"
-                self.warnings.append(
-                    f"{lacks}, so only the link can be identified: to identify the motor too, name "
-                    f"{which} in {what}"
-                )
-        elif of_rows := _names_of_rows(self.table):
-            remedy = f"{of_rows!r} says what each row holds: export a row for each sample instead"
-            raise self._refusal(f"{lacks}; {found}: {remedy}")
-        else:
-            remedy = f"rename the columns or say in {what} which is which"
-            likely = [f"{name} = {h!r}" for label in missing for name, h in _likely(label, bare)]
-            remedy += f", as {likely[0]}" if likely else ""
-            if missing == ["time"]:
-                remedy += "; for rows without a time, write sample_time = 0.001 for 1 ms there"
-            raise self._refusal(f"{lacks}; {found}: {remedy}")
+            return
+        remedy = f"rename the columns or say in {what} which is which{likely}"
+        if missing == ["time"]:
+            remedy += "; for rows without a time, write sample_time = 0.001 for 1 ms there"
+        raise self._refusal(f"there is no {lacks}; {found}: {remedy}")
 
 
 def _likely(label: str, columns: Iterable[str]) -> Iterator[tuple[str, str]]:
@@ -308,14 +293,3 @@ def _is_unnamed(header: str) -> bool:
 
 def _is_plain(column: Recipe, usual: Usual) -> bool:
     return not usual.is_command and not is_relative(column.unit or "")
-
-
-def _names_of_rows(table: Table) -> str:
-    """A column whose cells are names of channels; empty if there is none."""
-    import polars as pl
-
-    for column in table.frame.head(_MOST_CHANNELS):
-        cells = column.unique().drop_nulls().to_list() if column.dtype == pl.String else []
-        if sum(named_channel(cell) is not None for cell in cells) > 1:
-            return column.name
-    return ""

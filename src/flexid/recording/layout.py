@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from flexid.errors import RecordingError
 from flexid.recording.clock import is_stamp
 from flexid.recording.names import split_header
-from flexid.recording.table import EXAMPLE, Table, is_number
+from flexid.recording.table import Table, is_number
 from flexid.recording.units import is_usual
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ COMMENTS = ("#", "%", "//")
 LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megabyte in all
 _MORE_ROWS = 3  # of numbers after the first: fewer may be lines of a preamble
 LONGEST_LINE = 1_000_000  # bytes
-_DATE_AND_BLANKS = re.compile(r"\s*[\d./-]{8,10} \d\d?:\d\d:[\d.,]{2,20}\S{0,9}\s+[+-]?[\d.]")
-_KEYED = re.compile(r"\s*(?:\{|\[\{|---\s*$|[\w./]{1,99}:(?:\s*$|\s*[+-]?\d))")  # JSON, YAML
 _NO_HEADER = "the file begins with numbers: write a header with the column names first"
 _LABEL = re.compile(r"(?i)(type|units?|interp|blockpath|portindex|name): ?")
 
@@ -112,7 +110,6 @@ def layout_of(file: str, text: bytes) -> Layout:
     found = _first_row(plain)
     if found is None:  # no row of numbers: the first line is taken for the header, and rows follow
         header = plain[0]
-        _check_form(plain)
         after = (header.number + 1, header.end)
         return _layout(lines, header, None, header_separator(header.text), after)
     first, separator, width = found
@@ -128,21 +125,6 @@ def layout_of(file: str, text: bytes) -> Layout:
         below = [line for line in below if _is_row(split(line.text, separator))]
     first = below[0]
     return _layout(lines, header, units, separator, (first.number, first.begin))
-
-
-def _check_form(plain: list[_Line]) -> None:
-    """Raise where a text without a row of numbers is of a form that has them in other places."""
-    if _KEYED.match(plain[0].text):
-        raise plain[0].refusal(
-            "a name stands before each value, as in JSON or YAML: write a header with the column "
-            "names, and a line of numbers for each sample"
-        )
-    for line in plain:
-        if _DATE_AND_BLANKS.match(line.text):
-            raise line.refusal(
-                f"blanks stand between date and time as between columns: write a T there, as in "
-                f"{EXAMPLE}"
-            )
 
 
 def _ended(line: _Line, separator: str, width: int) -> _Line:

@@ -338,20 +338,6 @@ def _unit_at_end(name: str, start: int) -> str | None:
     return next((unit for one in spellings if (unit := unit_of_word(one)) is not None), None)
 
 
-def may_be_input(header: str) -> bool:
-    """Whether a column may hold what drives the motor, by a word of its name or its unit.
-
-    >>> [may_be_input(header) for header in ("tau", "M_Nm", "load torque [Nm]", "temperature")]
-    [True, True, False, False]
-    """
-    for stem, unit in _stems_and_units(header):
-        words = words_of(stem)
-        kinds = {quantity_of(unit or "")} | {*(words.quantities if words else ())}
-        if kinds & {*_INPUTS}:
-            return words is None or "link" not in words.sides
-    return False
-
-
 def shortest_ends(paths: Iterable[str]) -> dict[str, str]:
     """By path, its shortest end that no other path has and that leaves no side of the joint out.
 

@@ -16,7 +16,7 @@ from flexid.recording.columns import recipes_of
 from flexid.recording.names import cut, split_header, usual_channel
 from flexid.recording.recording import CHANNELS, Log, Recording
 from flexid.recording.sampling import FEWEST_TO_IDENTIFY
-from flexid.recording.series import TIME, names_of, with_own_times
+from flexid.recording.series import TIME, names_of
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 from flexid.recording.velocities import position_noise, velocity
@@ -56,8 +56,7 @@ def overview(path: Path) -> FileOverview:
         table = read_table(path)
         return _overview(table, table.frame.height, _cells(table.frame))
     with Reading(path) as reading:
-        known = with_own_times(reading, None)
-        names, series = names_of(known), known.series
+        names, series = names_of(reading), reading.series
         cells = {}
         if reading.is_table:
             _, frame = next(reading.frames([one.path for one in series], _ROWS))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
-from contextlib import closing, suppress
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,6 @@ from flexid.recording.names import (
 from flexid.recording.one_clock import Signal, on_one_clock
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
-from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
     import polars
@@ -51,24 +50,6 @@ def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> G
         return
     with Reading(path) as reading:
         yield from tables_of(reading, columns, size)
-
-
-def with_own_times(reading: Reading, columns: MapSource | None) -> Reading:
-    """A file, with a time for each signal where its names tell no common one but these."""
-    times = _times_beside(reading.series)
-    if reading.is_table or _is_clocked(reading) or not times:
-        return reading
-    own = OwnTimes(reading, times)
-    with suppress(RecordingError):
-        found, _ = recipes_of(names_of(reading), columns)
-        paths = [path for recipe in found.values() for path in recipe.weights]
-        used = {time for path in paths if (time := _nearest(path, times))}
-        if columns is not None or used <= {*found["time"].weights}:
-            return reading
-    with suppress(RecordingError):
-        recipes_of(names_of(own), columns)
-        return own
-    return reading
 
 
 def names_of(reading: Reading) -> Table:
@@ -102,7 +83,7 @@ def names_of(reading: Reading) -> Table:
 
 def tables_of(reading: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
     """Tables of about so many rows of the signals that a log needs; without a size, one of all."""
-    return _Wanted(with_own_times(reading, columns), columns).tables(size)
+    return _Wanted(reading, columns).tables(size)
 
 
 Part = tuple["polars.DataFrame", tuple[str, ...]]  # with warnings
@@ -245,56 +226,6 @@ def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, po
         clock: (1e-9 * (stamps - origin) if clock in whole else stamps, frame)
         for clock, (stamps, frame) in found.items()
     }
-
-
-class OwnTimes(Reading):
-    """A file of arrays that each have the times nearest to them: signals with clocks."""
-
-    def __init__(self, reading: Reading, times: Mapping[str, str]) -> None:
-        self.__dict__.update(vars(reading))  # the same process
-        self._times = {one.path: one for one in reading.series if one.path in times.values()}
-        own = [
-            one._replace(clock=_nearest(one.path, times))
-            for one in reading.series
-            if one.path not in self._times
-        ]
-        self.series = [one for one in own if one.clock]
-        timeless = {one.path: "no time stands beside it" for one in own if not one.clock}
-        self.others = {**reading.others, **timeless}
-
-    def frames(self, paths: Collection[str], size: int) -> Iterator[tuple[str, polars.DataFrame]]:
-        """Values of some signals with their times, clock by clock."""
-        chosen: dict[str, list[str]] = {}
-        for one in self.series:
-            if one.path in paths:
-                _check_length(self.file, one, self._times[one.clock])
-                chosen.setdefault(one.clock, []).append(one.path)
-        dated = {clock for clock in chosen if self._times[clock].kind.startswith("datetime")}
-        if dated and dated != {*chosen}:
-            raise RecordingError(
-                self.file,
-                f"{quoted(chosen)}",
-                "some hold dates and the others numbers or durations: give all of them one clock",
-            )
-        for clock, own in chosen.items():
-            for _, frame in super().frames([clock, *own], size):
-                stamps = self._seconds(clock, frame[clock]).alias(STAMPS)
-                yield clock, frame.drop(clock).with_columns(stamps)
-
-    def _seconds(self, clock: str, stamps: polars.Series) -> polars.Series:
-        """Times of a clock in s; dates in whole nanoseconds."""
-        import polars as pl
-
-        if stamps.dtype == pl.Datetime:
-            return stamps.cast(pl.Datetime("ns")).to_physical()
-        if stamps.dtype == pl.Duration:
-            return 1e-9 * stamps.cast(pl.Duration("ns")).to_physical()
-        usual = usual_channel(_split_path(_header_of(self._times[clock]))[1])
-        try:
-            unit = scale_to_si((usual.unit if usual else None) or "s", ("s",))[0]
-        except UnitError as error:
-            raise RecordingError(self.file, f"{clock!r}", str(error)) from None
-        return stamps.cast(pl.Float64) * unit
 
 
 def _header_of(series: Series) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import comb, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
@@ -147,7 +146,6 @@ _ACCURACY = 50.0  # a window's motion over the noise of its two ends: 2 %
 _SHORTEST = 40  # windows that a recording has to hold
 _MOST_OFF = 0.1  # of the velocity's size, up to which it is used: what noise and filters make
 _MOST_SCALED = 0.03  # of the scale, the same: 1 % where a filter takes the fast part away
-_CLEAR = 5e-3  # s, a delay that is named
 _KNOWN = {
     180.0 / np.pi: "deg/s, so write the unit [deg/s]",
     np.pi / 180.0: "rad/s and the position in degrees, so write the units",
@@ -161,7 +159,7 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
     means = [found for one in recordings if (found := _means(one, name)) is not None]
     if not means:
         return True  # it hardly moves, so nothing can be said
-    measured, own, other, change = (np.concatenate(parts) for parts in zip(*means, strict=True))
+    measured, own = (np.concatenate(parts) for parts in zip(*means, strict=True))
     size = float(np.sqrt(own @ own))
     slope = float(own @ measured) / size**2
     for factor, remedy in _KNOWN.items():
@@ -171,42 +169,22 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
     off = _share(measured - own, own)
     if off <= _MOST_OFF and abs(slope - 1.0) <= _MOST_SCALED:
         return True
-    scale, side, late = np.linalg.lstsq(
-        np.column_stack((own, other - own, -change)), measured, rcond=None
-    )[0]
-    explained = _share(measured - scale * own - side * (other - own) + late * change, own)
-    cause = ""
-    if explained < 0.5 * off:
-        if abs(side) > 0.5:
-            cause = ", and follows the other side of the joint"
-        elif abs(late) > _CLEAR and abs(late) * _share(change, own) > abs(scale - 1.0):
-            cause = f", as if it were {abs(1e3 * late):.0f} ms {'late' if late > 0.0 else 'early'}"
-        else:
-            cause = f", as if it were scaled by {scale:.3g}"
     log.warn(
         name,
-        f"{name} differs from the derivative of its position by {100 * off:.0f} % RMS{cause}: it "
+        f"{name} differs from the derivative of its position by {100 * off:.0f} % RMS: it "
         f"is not used, and derived from the position instead; correct the column, or leave it out",
         Rank.SCALE,
     )
     return False
 
 
-class _Means(NamedTuple):
-    """Window means, about their mean over the recording, in rad/s, each of shape (n,)."""
+def _means(recording: Recording, name: str) -> tuple[FloatArray, FloatArray] | None:
+    """Means of a velocity and of its position's derivative, in rad/s, each about its own mean.
 
-    measured: FloatArray  # velocity
-    own: FloatArray  # derivative of its position
-    other: FloatArray  # that of the other side
-    change: FloatArray  # of `own` in a second, in rad/s^2
-
-
-def _means(recording: Recording, name: str) -> _Means | None:
-    """Means over the shortest windows that noise allows; None where it allows none."""
+    They are taken over the shortest windows that noise allows; None where it allows none.
+    """
     velocity = getattr(recording, name)
     position = getattr(recording, name.replace("velocity", "position"))
-    link, motor = recording.link_position, recording.motor_position
-    opposite = motor if name.startswith("link") or link is None else link
     noise = np.sqrt(2.0) * position_noise(position)
     window = 1
     while np.std(position[window:] - position[:-window]) < _ACCURACY * noise:
@@ -215,17 +193,14 @@ def _means(recording: Recording, name: str) -> _Means | None:
             return None
     if window * _SHORTEST > len(position):
         return None
-    span = window * recording.sample_time
     total = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))))
-    measured, own, other = (
-        (values[window:] - values[:-window]) / span
-        for values in (recording.sample_time * total, position, opposite)
-    )
+    span = window * recording.sample_time
     step = max(1, window // 2)
-    change = (own[2 * step :] - own[: -2 * step]) / (2.0 * step * recording.sample_time)
-    thinned = slice(step, len(own) - step, step)
-    first, second, third = (x[thinned] - x[thinned].mean() for x in (measured, own, other))
-    return _Means(first, second, third, change[::step])
+    measured, own = (
+        ((values[window:] - values[:-window]) / span)[step:-step:step]
+        for values in (recording.sample_time * total, position)
+    )
+    return measured - measured.mean(), own - own.mean()
 
 
 def _share(part: FloatArray, whole: FloatArray) -> float:

@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from flexid.recording.recipes import MapSource
 
 HEAD_ROWS = 120_000  # samples at the beginning that choices are made on: two minutes at 1 kHz
-_DRIFT = 1e-6  # relative change of the sample time from the head to the whole that is worth a word
 _MATTERS = 0.01  # of a coefficient's value, from which on a warning says that it moves
 
 
@@ -83,7 +82,7 @@ def identify_stream(
             progress(f"{share} of {all_rows / 1e6:.3g} million samples")
     finally:
         replay.close()
-    result = _result(session, found, settings, (*log.warnings, *clock.warnings))
+    result = _result(session, found, settings, log.warnings)
     h = session.options.sample_time
     summary = (
         *result.summary,
@@ -148,8 +147,6 @@ class _Clock:
     sample_time: float  # s
     rows: int = 0
     last: float = np.nan  # s
-    elapsed: float = 0.0  # s, in the steps that are even
-    steps: int = 0
 
     def check(self, time: FloatArray) -> None:
         """Look at the next samples; raise where they come unevenly."""
@@ -167,19 +164,6 @@ class _Clock:
                 f"times, or identify a shorter part of it without --stream",
             )
         self.rows, self.last = self.rows + len(time), float(time[-1])
-        self.elapsed += float(steps[near].sum())
-        self.steps += int(near.sum())
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """One where the whole log runs otherwise than its head."""
-        change = self.elapsed / self.steps / self.sample_time - 1.0 if self.steps else 0.0
-        if abs(change) <= _DRIFT:
-            return ()
-        return (
-            f"{self.file}: the sample time of the whole log differs by {change:.1e} from that of "
-            f"its beginning, which was used: check the clock",
-        )
 
 
 def _result(
