@@ -1,7 +1,5 @@
 """Every reader of files answers with a result or with one line, whatever the file."""
 
-import subprocess
-import sys
 from pathlib import Path
 from random import Random
 
@@ -69,33 +67,6 @@ def test_any_mutation_in_a_child(name: str, readers: Targets, tmp_path: Path, se
     target = readers[name]
     content = mutated(Random(seed), target)
     assert tried(target, tmp_path / f"input{target.suffix}", content) in ("", None)
-
-
-INSIDE = """
-import sys
-from pathlib import Path
-from benchmarks.fuzz import tried
-from benchmarks.fuzz_inside import readers_inside
-from benchmarks.fuzz_targets import Targets, made_estimate
-
-targets = Targets(made_estimate())
-for name in ("log, HDF5", "log, ROS 1 bag", "watch, MCAP"):
-    target = targets[name]
-    path = Path(sys.argv[1], f"input{target.suffix}")
-    with readers_inside():
-        assert tried(target, path, target.seeds[0]) == "", name
-        assert tried(target, path, target.seeds[0][:99]) is None, name
-"""
-
-
-def test_readers_inside(tmp_path: Path) -> None:
-    """Assert that the fuzzer's short cut reads what the child does, and refuses what it does.
-
-    In a process of its own: the limit of memory is for one that holds nothing else.
-    """
-    command = [sys.executable, "-c", INSIDE, str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(

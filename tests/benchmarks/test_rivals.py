@@ -45,14 +45,6 @@ def test_a_held_torque_is_held_and_late():
     assert across == pytest.approx(np.mean([np.cos(7.0 * 5.996), np.cos(7.0 * 5.998)]), abs=1e-12)
 
 
-def test_a_smooth_torque_is_smooth_and_late():
-    """Assert that a torque that runs on is integrated as the curve that it is."""
-    made = given(trial("smooth", 0.003, 0.0))
-    (mean,) = made.mean_torque(np.array([6.0, 6.1]))
-    expected = (np.sin(7.0 * 6.097) - np.sin(7.0 * 5.997)) / 0.7
-    assert mean == pytest.approx(expected, abs=1e-9)
-
-
 def test_scores_are_of_the_core():
     """Assert that errors are relative, and intervals count where they are stated."""
     truth = {"gravity_torque": 0.0, "link_inertia": 2.0, "motor_inertia": 1.0}

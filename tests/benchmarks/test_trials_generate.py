@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from benchmarks.trials.drafts import Draft, Size, acting, truth
 from benchmarks.trials.families import FAMILIES
-from benchmarks.trials.generate import HEADER, Recorded, make_trial, record, run_play
+from benchmarks.trials.generate import make_trial
 from benchmarks.trials.integrator import Drive
 from benchmarks.trials.page import RESULTS
 from benchmarks.trials.plain_least_squares import plain_least_squares
 from benchmarks.trials.repeated import make_repeated
-from benchmarks.trials.sensors import draw_noise
 
 ROOT = Path(__file__).parents[2]
 KEPT = {r["family"]: r for r in json.loads(RESULTS.read_text(encoding="utf-8"))["records"]}
@@ -84,40 +83,6 @@ def test_every_family_draws_the_logs_of_the_results(family):
     assert (trial.link_position - trial.motor_position).std() > 2e-4
 
 
-def drawn(family: str, seed: int) -> tuple[np.random.Generator, Draft, Recorded]:
-    """A drive that moves, with its log."""
-    rng = np.random.default_rng(seed)
-    for _ in range(50):
-        draft = FAMILIES[family].draw(rng)
-        found = record(rng, family, seed, draft)
-        if found is not None:
-            return rng, draft, found
-    raise AssertionError(family)
-
-
-@pytest.mark.parametrize("family", ["torque_steps", "point_to_point", "fast_joint"])
-def test_half_the_step_changes_nothing_that_an_encoder_shows(family):
-    """Assert that the integrator's step is short enough for jolts, rests and fast joints."""
-    for seed in range(3):
-        rng, draft, (_, drive, sensors, play, _) = drawn(family, seed)
-        noise = draw_noise(rng, draft, sensors)
-        whole, half = (
-            run_play(draft, drive, play, sensors.instants, noise, 0.0, by * draft.longest)
-            for by in (1.0, 0.5)
-        )
-        assert np.ptp(whole.link) > 0.2
-        assert np.abs(whole.states - half.states)[:, (0, 2)].max() < 1e-9
-
-
-def test_the_file_holds_the_log(trial, tmp_path):
-    """Assert that the CSV has the four columns to within its digits, and nothing of the truth."""
-    trial.write_csv(tmp_path / "log.csv")
-    text = (tmp_path / "log.csv").read_text(encoding="utf-8")
-    assert text.splitlines()[0] == HEADER
-    read = np.loadtxt(tmp_path / "log.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose(read, columns(trial), rtol=1e-8, atol=1e-9)
-
-
 def test_offsets_and_masses_become_what_the_log_shows():
     """Assert the algebra: two masses are one, and offsets of encoders stretch the spring."""
     drive = Drive(1.0, 0.5, 100.0, gravity_torque=3.0, payload_torque=4.0, payload_angle=np.pi / 2)
@@ -143,19 +108,3 @@ def test_the_truth_explains_the_log(family):
         for name in ("gravity_torque", "link_inertia", "motor_inertia", "joint_stiffness"):
             errors.append(abs(found[name] / trial.truth[name] - 1.0))
     assert np.median(errors) < 0.02
-
-
-def test_stale_samples_keep_their_times_and_missing_ones_do_not():
-    """Assert that a log that lost samples shows a gap, or a row twice."""
-    kinds = set()
-    for seed in range(12):
-        trial = make_trial("dropped_sample", seed)
-        steps = np.diff(trial.time) / trial.metadata["sample_time"]
-        repeated = np.all(np.diff(columns(trial)[:, 1:], axis=0) == 0.0, axis=1)
-        kinds.add(trial.metadata["lost"])
-        if trial.metadata["lost"] == "missing":
-            assert steps.max() > 1.5
-        else:
-            assert steps.max() < 1.01
-            assert repeated.any()
-    assert kinds == {"missing", "stale"}

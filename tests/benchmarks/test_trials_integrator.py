@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.trials.integrator import Drive, Law, Smooth, simulate, spring_torque
+from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
 from scipy.integrate import solve_ivp
 
 EMPTY = Smooth(np.empty(0), 0.0, 1.0)
@@ -135,17 +135,6 @@ def test_stick_and_slip_are_those_of_scipy():
     np.testing.assert_allclose(states, expected, atol=2e-8)
 
 
-def test_half_the_step_gives_the_same_motion():
-    """Assert that the step's own error is far below what any encoder shows."""
-    times = np.arange(5001) * 1e-3
-    held = np.random.default_rng(1).normal(size=len(times)).cumsum() * 0.1
-    drive = STUCK_AND_SLIPPING._replace(cubic_stiffness=500.0)
-    whole, _ = played(drive, times, held, longest=5e-5)
-    half, _ = played(drive, times, held, longest=2.5e-5)
-    assert np.ptp(whole[:, 2]) > 0.5
-    np.testing.assert_allclose(whole, half, atol=1e-8)
-
-
 def energy(drive, states):
     """Kinetic energy, and that of spring and gravity."""
     q, w, p, v = states.T
@@ -167,29 +156,6 @@ def test_energy_is_what_the_torque_puts_in():
     np.testing.assert_allclose(gained, work, atol=1e-9)
 
 
-def test_friction_takes_the_rest():
-    """Assert that Coulomb and viscous friction take what of the work does not stay."""
-    drive = STUCK_AND_SLIPPING._replace(motor_coulomb_down=0.9, joint_damping=0.0)
-    times = np.arange(60001) * 1e-4
-    held = 3.0 * np.sin(3.0 * times)
-    states, _ = played(drive, times, held, 0.2)
-    work = held[:-1] @ np.diff(states[:, 2])
-    gained = np.diff(energy(drive, states[[0, -1]]))[0]
-    w, v = states[:, 1], states[:, 3]
-    power = 0.25 * np.abs(w) + 0.9 * np.abs(v) + 0.2 * v**2
-    lost = np.trapezoid(power, times)
-    assert lost > 1.0
-    assert work - gained == pytest.approx(lost, rel=1e-5)
-
-
-def test_a_late_encoder_shows_where_the_link_was():
-    """Assert that an encoder that is read late by a whole sample shows the sample before."""
-    times = np.arange(2001) * 1e-3
-    held = np.sin(9.0 * times)
-    states, late = played(STUCK_AND_SLIPPING, times, held, shift=1e-3)
-    np.testing.assert_allclose(late[1:], states[:-1, 0], atol=1e-9)
-
-
 def test_lugre_creeps_before_it_breaks_away():
     """Assert that a load below the static friction stretches the bristles and does no more."""
     drive = Drive(
@@ -209,10 +175,3 @@ def test_lugre_creeps_before_it_breaks_away():
     assert states[-1, 2] == pytest.approx(-np.log(1.0 - 0.8 / 1.5) * 1.5 / 2000.0, rel=0.02)
     states, _ = played(drive, times, np.full(len(times), 1.6))
     assert states[-1, 2] > 0.5
-
-
-@pytest.mark.parametrize(("deflection", "expected"), [(0.0005, 0.0), (0.003, 0.2), (-0.003, -0.2)])
-def test_backlash_has_no_torque_inside(deflection, expected):
-    """Assert that the spring pulls only beyond its gap."""
-    drive = Drive(1.0, 1.0, 100.0, half_gap=0.001)
-    assert spring_torque(drive, deflection) == pytest.approx(expected)

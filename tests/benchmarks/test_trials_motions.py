@@ -2,16 +2,9 @@
 
 import numpy as np
 import pytest
-from benchmarks.trials.motions import Moves, Steps, draw_steps
+from benchmarks.trials.motions import Moves, draw_steps
 
 RESONANCE = 20.0  # rad/s
-
-
-def test_a_step_lasts_until_the_next():
-    """Assert that a level holds from its own instant on, and that nothing acts before the first."""
-    steps = Steps(np.array([-0.2, 0.0, 0.5]), np.array([3.0, -1.0, 2.0]), "steps")
-    times = np.array([-0.3, -0.2, -1e-9, 0.0, 0.499, 0.5, 9.0])
-    np.testing.assert_array_equal(steps.at(times), [0.0, 3.0, 3.0, -1.0, -1.0, 2.0, 2.0])
 
 
 def test_a_jolt_is_a_step_at_the_first_sample():
@@ -39,12 +32,3 @@ def test_a_move_ends_at_its_target_and_rests(ramp):
     np.testing.assert_array_equal(rest, np.zeros(3))
     peak = 0.8 * (1.875 if ramp == 0.0 else 1.0 / (1.0 - ramp))
     assert moves.rate_at(np.array([1.0]))[0] == pytest.approx(peak)
-
-
-@pytest.mark.parametrize("ramp", [0.0, 0.2, 0.5])
-def test_the_speed_of_a_move_is_its_derivative(ramp):
-    """Assert rates against differences, all along."""
-    moves = Moves(np.array([0.5, 2.0]), np.array([1.0, 0.5]), np.array([0.8, -0.4]), ramp)
-    times, apart = np.linspace(0.0, 3.0, 3001), 1e-6
-    differences = (moves.at(times + apart) - moves.at(times - apart)) / (2.0 * apart)
-    np.testing.assert_allclose(moves.rate_at(times), differences, atol=1e-4)

@@ -4,7 +4,7 @@ from math import isnan
 
 import pytest
 from benchmarks.trials.realistic import score as realistic
-from benchmarks.trials.score import Share, claims, score, scores
+from benchmarks.trials.score import Share, score
 
 RIGHT = [2.0, 1.9, 2.1, "determined"]
 WRONG = [2.1, 2.05, 2.15, "determined"]
@@ -53,28 +53,6 @@ def test_each_interval_is_counted_where_it_belongs():
     assert score([record(delays=given)]).coverage["delay"] == Share(0, 1)
 
 
-def test_intervals_of_one_log_miss_together():
-    """Assert that the standard error counts logs, not intervals.
-
-    Of two logs with four of five and all of five intervals, the share is 9/10, and each log is half
-    an interval off it: sqrt(2 (1/2)^2 2/1)/10.
-    """
-    right = record(removed={"joint_damping": [0.1, -0.1, 0.2], "x": [0.1, -0.1, 0.2]})
-    assert score([record(), right]).coverage_deviation == pytest.approx(1.0 / 10.0)
-    assert score([right, right]).coverage_deviation == 0.0
-    assert isnan(score([right]).coverage_deviation)
-
-
-def test_an_angle_without_gravity_is_no_claim():
-    """Assert that the angle counts only where there is gravity, and in rad."""
-    assert "gravity_angle" not in {claim.name for claim in claims(record())}
-    tilted = record(truth={"gravity_torque": 1.0, "gravity_angle": 8.9})
-    (angle,) = [claim for claim in claims(tilted) if claim.name == "gravity_angle"]
-    assert angle.error == pytest.approx(0.1)
-    assert angle.holds
-    assert not angle.confidently_wrong
-
-
 @pytest.mark.parametrize(
     ("estimates", "core", "everything"),
     [
@@ -96,17 +74,6 @@ def test_confidently_wrong(estimates, core, everything):
         assert found.coverage["determined"] == Share(1, 2)
 
 
-def test_errors_and_widths_beside_the_given_structure():
-    """Assert that errors and widths are compared parameter by parameter."""
-    given = {"link_inertia": [2.02, 1.98, 2.06, "determined"]}
-    found = score([record(given=given, least_squares={"link_inertia": 1.0})])
-    assert found.error.middle == 0.0
-    assert found.given_error.largest == pytest.approx(0.01)
-    assert found.least_squares_error.largest == 0.5
-    assert found.sharpness == pytest.approx(0.2 / 0.08)
-    assert isnan(score([record()]).sharpness)
-
-
 def test_a_failed_log_counts_as_undetermined():
     """Assert that an error is a row: counted, and none of its parameters determined."""
     for found in (
@@ -116,25 +83,6 @@ def test_a_failed_log_counts_as_undetermined():
         assert (found.logs, found.failed, found.refused) == (2, 1, 1)
         assert found.core_determined == Share(1, 4)
     assert isnan(realistic.score("some", [failed(rig())]).half_width)
-
-
-def test_mistaken_choices():
-    """Assert that both shapes of Coulomb friction are one, and mistakes go by name."""
-    found = score([record(), record(chosen={"terms": ["gravity"], "hold": "zero"})])
-    assert found.missed == {"gravity": 1, "motor_coulomb": 1}
-    assert found.extra == {"link_viscous": 1}
-    assert found.wrong_hold == 1
-
-
-def test_failures_come_first():
-    """Assert the order: the model class before the rest, then the family with more wrong logs."""
-    wrong = {"link_inertia": WRONG}
-    records = [
-        record(family="good"),
-        record(family="bad", estimates=wrong),
-        record(family="outside", in_class=False, estimates=wrong),
-    ]
-    assert [one.family for one in scores(records)] == ["bad", "good", "outside"]
 
 
 def rig(*estimate, **changes):

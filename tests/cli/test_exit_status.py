@@ -162,17 +162,6 @@ def test_an_interruption_while_the_commands_are_loaded(loading: str):
     assert said.splitlines() == ["flexid: interrupted; nothing half written is left"]
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_an_interruption_of_a_text_that_is_executed(tmp_path: Path):
-    """Assert the same of ``python -m`` while a text is executed, as dataclasses make classes."""
-    code = EARLY.replace("signal.raise_signal(signal.SIGINT)", "exec('signal.raise_signal(2)')")
-    (tmp_path / "early.py").write_text(code)
-    command = [sys.executable, "-m", "early", "click"]
-    path = os.pathsep.join([str(tmp_path), *sys.path])
-    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True)
-    assert done.returncode == 3, done.stderr
-
-
 @pytest.mark.skipif(os.name != "posix", reason="pipes that close")
 def test_a_reader_that_has_seen_enough_is_no_error():
     """Assert that the answer's status stands where its reader closes the pipe."""

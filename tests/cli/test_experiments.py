@@ -74,16 +74,6 @@ def test_divergence_says_what_and_when(flexid: Callable, tmp_path: Path):
     assert not out.exists()
 
 
-def test_unstable_sampled_loop_exits_1(flexid: Callable, tmp_path: Path):
-    """Assert that a sampled loop that runs away is told as such."""
-    text = SAMPLED.read_text(encoding="utf-8").replace("input_limit = 60.0 # N m\n", "")
-    path = tmp_path / "unstable.toml"
-    path.write_text(text.replace("derivative = 10.0", "derivative = 1e5"), encoding="utf-8")
-    outcome = flexid("simulate", path)
-    assert outcome.status == 1
-    assert "the sampled loop diverges" in outcome.stderr
-
-
 def test_model_of_ones_own_has_its_own_names(flexid: Callable, tmp_path: Path, examples: Path):
     """Assert that a model file is simulated under its own names, without units it did not state."""
     (tmp_path / "pendulum.toml").write_bytes((examples / "models/pendulum.toml").read_bytes())

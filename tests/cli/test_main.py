@@ -63,23 +63,3 @@ def test_identification_starts_light(examples: Path):
     subprocess.run(command, capture_output=True, check=True)  # may have kernels to make
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "[]"
-
-
-ENVIRONMENT = """
-import os
-import sys
-before = dict(os.environ)
-from flexid.cli.main import main
-try:
-    main()
-except SystemExit:
-    print(dict(os.environ) == before)
-"""
-
-
-def test_the_environment_stays_as_it_is():
-    """Assert that a command changes no variable of the process that it runs in."""
-    variables = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
-    command = [sys.executable, "-c", ENVIRONMENT, "derive", "flexible-joint"]
-    done = subprocess.run(command, env=variables, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "True"

@@ -72,18 +72,6 @@ def test_a_file_goes_on_where_it_was_left(tmp_path: Path, whole: list[str]):
     assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole[-1])
 
 
-def test_another_file_is_learnt_from_wholly(tmp_path: Path):
-    """Assert that a checkpoint of one log leaves nothing out of another one."""
-    checkpoint = ("--checkpoint", str(tmp_path / "state.json"), "--stop-at-end", "--json", *PAPER)
-    header, *rows = LOG.read_text().splitlines()
-    taken = []
-    for name, part in (("one.csv", rows[:3000]), ("other.csv", rows[3000:6000])):
-        (tmp_path / name).write_text("\n".join([header, *part]) + "\n")
-        ended = run(str(tmp_path / name), *checkpoint)
-        taken.append(json.loads(ended.stdout.splitlines()[-1])["samples"]["taken"])
-    assert taken == [3000, 6000]
-
-
 def test_a_checkpoint_that_cannot_be_written_is_refused_at_once(tmp_path: Path):
     """Assert that a folder that is not there is named before anything is learnt."""
     done = run(str(LOG), "--stop-at-end", "--checkpoint", str(tmp_path / "no" / "state.json"))

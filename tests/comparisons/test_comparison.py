@@ -193,12 +193,6 @@ def test_hotelling_with_known_covariances_is_a_chi_square():
     assert other.degrees_of_freedom == pytest.approx(same.degrees_of_freedom)
 
 
-def test_no_test_of_more_than_the_logs_can_tell():
-    """Assert that with fewer degrees of freedom than coefficients nothing is tested at once."""
-    c = np.eye(4)
-    assert hotelling(("w", "x", "y", "z"), np.ones(4), (c, c), (1.5, 1.4)) is None
-
-
 def test_holm_lies_between_one_by_one_and_all_times_their_number():
     """Assert Holm's steps on a case counted by hand."""
     assert holm([0.01, 0.04, 0.03, 0.005], 0.05) == [True, False, False, True]
@@ -232,21 +226,6 @@ def test_one_log_cannot_have_changed():
     assert found.together is None
     outcomes = {d.outcome for d in (*found.parameters.values(), *found.coefficients.values())}
     assert outcomes <= {"compatible", "contradictory"}
-
-
-def test_logs_in_common_make_intervals_wide():
-    """Assert that a log in both estimates is seen, said, and allowed for."""
-    a, b = two(4, log="one")
-    more = [*b.provenance["inputs"], {"file": "two.csv", "sha256": "two"}]
-    b = replace(b, provenance={**b.provenance, "inputs": more})
-    apart = compare_estimates(a, replace(b, provenance={**b.provenance, "inputs": more[1:]}))
-    found = compare_estimates(a, b)
-    assert found.logs == "some shared"
-    assert any("some logs are in both" in warning for warning in found.warnings)
-    for name, d in found.parameters.items():
-        width = np.ptp(apart.parameters[name].interval)
-        assert width < np.ptp(d.interval)
-        assert d.outcome in {"changed", "perhaps changed", "no change"}
 
 
 def test_what_one_model_does_without_is_compared_by_its_bound():
@@ -425,30 +404,6 @@ def test_two_axes_of_one_file_are_two_logs():
     assert compare_estimates(first, read_from(b, "q2_motor", "q2_link")).logs == "different"
     for same in (read_from(b, "q1_motor", "q1_link"), read_from(b, "q1_motor", "other"), b):
         assert compare_estimates(first, same).logs == "same"
-
-
-def test_the_joint_test_takes_what_is_compared_alone():
-    """Assert that a coefficient that is refused one by one is not tested beside the others."""
-    a, b = two()
-    refused = replace(b.coefficients["theta2"], verdict="undetermined", reason="contradicted")
-    b = replace(b, coefficients={**b.coefficients, "theta2": refused})
-    together = compare_estimates(a, b).together
-    assert together is not None
-    assert together.names == tuple(name for name in TRUE if name != "theta2")
-
-
-def test_numbers_that_no_estimate_has():
-    """Assert that zero beside its interval has no percentage, and no width is nothing known."""
-    zero = replace(number(1.5, 0.25), value=0.0, interval=(1.0, 2.0))
-    found = compared(zero, number(1.5, 0.25))
-    assert found.compared
-    assert np.isnan(found.percent)
-    name = "motor_inertia"
-    sharp = number(2.0, 0.1, name=name, logarithmic=True)
-    sharp = replace(sharp, value=1e300, std=1e-300, interval=(1e299, 2e300))
-    assert compared(sharp, number(2.0, 0.1, name=name, logarithmic=True)).outcome == (
-        "not determined"
-    )
 
 
 def with_shape(estimate, parameter, coefficient, shapes):

@@ -89,37 +89,3 @@ def test_axes_of_the_kuka(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     np.testing.assert_allclose(recording.motor_position, np.radians(swing[0]), atol=1e-8)
     np.testing.assert_allclose(recording.deflection, np.radians(0.01 * other), atol=1e-8)
     np.testing.assert_allclose(recording.needed_input, 256.9 * 9.0 * swing[0], atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("kind", "content", "words"),
-    [
-        ("ist-arm", {"Output": 1.0}, "no 'Input' in this file; found Output"),
-        ("ist-arm", {"Input": {"time": 1.0}}, "no 'signals' in this file; found time"),
-        ("ist-arm", {"Input": {"time": [0.0, 1.0], "signals": {"values": np.eye(2)}}}, "2 columns"),
-        ("kuka", {"rec": {"act_pos_se_deg": np.eye(3)}}, "no 'act_vel_se_deg_per_s'"),
-        ("kuka", {"rec": {"act_pos_se_deg": "text"}}, "something else than numbers"),
-    ],
-)
-def test_other_files(
-    kind: str,
-    content: dict[str, object],
-    words: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Assert that a file with other names is refused, with those that it has."""
-    savemat(tmp_path / "a.mat", content)
-    with pytest.raises(SystemExit, match=words):
-        convert(monkeypatch, kind, tmp_path / "a.mat", tmp_path / "a.csv")
-    assert not (tmp_path / "a.csv").exists()
-
-
-@pytest.mark.parametrize("content", [b"", b"no MATLAB file at all" * 20])
-def test_what_is_no_matlab_file(
-    content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Assert that other files are refused in a line."""
-    (tmp_path / "a.mat").write_bytes(content)
-    with pytest.raises(SystemExit, match="cannot be read as a MATLAB file"):
-        convert(monkeypatch, "kuka", tmp_path / "a.mat", tmp_path / "a.csv")

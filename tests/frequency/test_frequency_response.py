@@ -12,7 +12,6 @@ from flexid.frequency.frequency_response import frequency_response, spectra, spe
 from flexid.frequency.linear_joint import linear_joint, response_band
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.models.flexible_joint import BACKLASH_WIDTH
-from flexid.report.chart import Line
 from flexid.report.figure import draw
 from flexid.report.response_charts import bode_chart
 from flexid.simulation.free_run import free_run
@@ -183,15 +182,6 @@ def test_the_band_covers(estimate, values, spread, seed):
     assert 0.92 < shares.mean() < 0.985
 
 
-def test_a_band_narrows_to_nothing(estimate):
-    """Assert that coefficients without deviation leave the response without width."""
-    joint = drawn(linear_joint(estimate.result), TRUE, 0.0, 1)
-    for bare in (joint, replace(joint, deviations=joint.deviations[:, :0])):
-        lower, upper, behind, ahead = response_band(bare, np.array([1.0, 20.0]), 0.95)
-        np.testing.assert_allclose((lower, upper), 1.0)
-        np.testing.assert_allclose((behind, ahead), 0.0)
-
-
 def test_what_is_not_determined_leaves_no_band(estimate):
     """Assert that a free coefficient is named, in the figure too, and has no finite band."""
     lost = estimate.result.fit.without_knowledge_of({"theta2"})
@@ -322,21 +312,3 @@ def test_link_and_rigid_joint_have_one_as_well(log):
         chart = bode_chart(one.frequency_response(log if one is rigid else None))
         assert chart.columns == columns
         assert draw(chart).axes
-
-
-def test_the_figure_shows_what_is_described(estimate):
-    """Assert that it has magnitude, phase and coherence of both, and names the frequencies."""
-    figure = estimate.plot.bode()
-    assert len(figure.axes) == 6
-    (legend,) = figure.legends
-    labels = [text.get_text() for text in legend.get_texts()]
-    for word in ("model", "95 % band", "spectral", "antiresonance", "resonance"):
-        assert any(word in label for label in labels)
-    chart = bode_chart(frequency_response(estimate.result))
-    assert len(chart.panels) == 4
-    first, second = chart.panels[2:]
-    assert first.y == second.y
-    assert first.y.limits is not None
-    low, high = first.y.limits
-    shown = np.concatenate([m.y for p in (first, second) for m in p.marks if isinstance(m, Line)])
-    assert low < shown.min() < shown.max() < high

@@ -7,8 +7,6 @@ import threading
 
 import pytest
 
-import flexid
-from flexid.errors import RecordingError
 from flexid.library.arguments import one_thread
 
 REPORT = """
@@ -89,12 +87,3 @@ def test_calls_at_once_share_a_limit(monkeypatch):
         thread.join()
         assert (Limits.made, Limits.restored) == (1, 0)
     assert (Limits.made, Limits.restored) == (1, 1)
-
-
-def test_an_error_takes_the_limit_back(monkeypatch, tmp_path):
-    """Assert that a log that is refused leaves no limit behind."""
-    made, restored = Limits.made, Limits.restored
-    monkeypatch.setattr("threadpoolctl.threadpool_limits", Limits)
-    with pytest.raises(RecordingError):
-        flexid.identify(tmp_path / "missing.csv")
-    assert (Limits.made - made, Limits.restored - restored) == (1, 1)

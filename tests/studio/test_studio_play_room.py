@@ -178,7 +178,7 @@ def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
     page.check("input[value='1,1,3']")
     page.wait_for_selector("#play-figures td:has-text('0.27 rad')")
     assert cell(page, 2) == "0.00082 rad"
-    page.wait_for_selector("#play-charts .chart.wide:has-text('V of Theorem 1')")
+    page.wait_for_selector("#play-charts .chart:has-text('V of Theorem 1')")
     assert serious_faults(page) == []
     again = page.url
     page.goto("about:blank")

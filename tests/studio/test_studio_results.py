@@ -143,23 +143,6 @@ async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
     assert sorted(files) == ["estimate.json", "mjcf.zip", "report.html"]
 
 
-async def test_a_question_of_the_columns_is_asked_once(studio: Opened):
-    """Assert that a log whose names do not say it all is checked when somebody has answered."""
-    studio.upload("a.csv", "stamp,motor_position,other")
-    await studio.idle()
-    assert "do not say it all" in studio.shown("columns")
-    assert studio.workers.checks == 0
-    values = {"column.motor_position": "motor_position", "column.link_position": "other"}
-    await studio.ask("columns", values)
-    await studio.idle()
-    assert "This cannot be used" in studio.shown("check")
-    await studio.ask("columns", {**values, "column.time": "stamp"})
-    await studio.idle()
-    assert "Check before you run" in studio.shown("check")
-    assert "chosen below" in studio.shown("columns-state")
-    assert "problem" not in studio.shown("columns-state")
-
-
 async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: Path):
     """Assert that reading the log of the command line does not take back what was said."""
     studio.window.offer = Offer(short_log, *[studio.workers] * 3)

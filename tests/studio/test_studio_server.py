@@ -6,16 +6,13 @@ import asyncio
 import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
 from flexid import studio
-from flexid.studio import guard, server
+from flexid.studio import guard
 from flexid.studio.guard import Guard, UploadError, safe_name, save
-from flexid.studio.jobs import Workers
-from flexid.studio.window import Offer
 
 HERE = "127.0.0.1:8765"
 Headers = dict[str, str]
@@ -151,39 +148,3 @@ def test_a_port_that_is_taken(flexid):
     assert outcome.status == 2
     assert f"port {port}" in outcome.stderr
     assert "--port" in outcome.stderr
-
-
-class Sent:
-    """A log that arrives."""
-
-    path_params = {"key": "a"}  # noqa: RUF012
-    headers = {"x-file-name": "a.csv"}  # noqa: RUF012
-
-    def stream(self) -> None:
-        """Return nothing: `save` is replaced."""
-
-
-@pytest.mark.parametrize("gone", [False, True])
-def test_a_log_that_comes_too_late_is_refused(
-    gone: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Assert that nothing begins where the window was closed while its log was sent."""
-
-    class Room:
-        window = SimpleNamespace(folder=tmp_path)
-
-    async def save(*_: object) -> Path:
-        late.windows.clear()
-        if gone:
-            raise FileNotFoundError(2, "gone")
-        path = tmp_path / "a.csv"
-        path.touch()
-        return path
-
-    late = server.Studio(Offer(None, *[Workers(0)] * 3))
-    late.windows = cast("Any", {"a": Room})
-    monkeypatch.setattr(server, "save", save)
-    answer = asyncio.run(late.upload(cast("Any", Sent())))
-    assert answer.status_code == 404
-    assert b"reload the page" in answer.body
-    assert not [*tmp_path.iterdir()]
