@@ -62,13 +62,7 @@ def read(path: Path) -> Contents:
     files = files_of(path)
     topics: dict[str, _Found] = {}
     others: dict[str, str] = {}
-    damage: Exception | None = None
-    try:
-        _look_at(files, topics, others)
-    except Exception as error:  # what comes before can be played again
-        if not any(topic.signals for topic in topics.values()):
-            raise
-        damage = error
+    _look_at(files, topics, others)
     series, notes = [], {}
     for topic in topics.values():
         for name, signal in topic.signals.items():
@@ -81,8 +75,6 @@ def read(path: Path) -> Contents:
 
     def frames(paths: Collection[str], size: int) -> Iterator[Frame]:
         yield from _frames(files, topics, paths, size)
-        if damage is not None:
-            raise damage
 
     return Contents(series, frames, others, notes)
 
@@ -216,22 +208,18 @@ def _frames(
         for path, signal in signals.items():
             held.setdefault(signal.clock, {STAMPS: array("q")})[path] = array("d")
     counts = dict.fromkeys(chosen, 0)
-    try:
-        for topic, logged, raw in _messages(files, {*chosen}):
-            known = topics[topic.name]
-            assert known.decode is not None
-            message = known.decode(raw)
-            counts[topic.name] += 1
-            values = _values(message, topic.name, counts[topic.name], chosen[topic.name])
-            for clock in {chosen[topic.name][path].clock for path in values}:
-                held[clock][STAMPS].append(_stamp_of(message) if known.stamped else logged)
-            for path, value in values.items():
-                held[chosen[topic.name][path].clock][path].append(value)
-            if any(len(columns[STAMPS]) >= size for columns in held.values()):
-                yield from _taken(held)
-    except Exception:  # what comes before is handed over
-        yield from _taken(held)
-        raise
+    for topic, logged, raw in _messages(files, {*chosen}):
+        known = topics[topic.name]
+        assert known.decode is not None
+        message = known.decode(raw)
+        counts[topic.name] += 1
+        values = _values(message, topic.name, counts[topic.name], chosen[topic.name])
+        for clock in {chosen[topic.name][path].clock for path in values}:
+            held[clock][STAMPS].append(_stamp_of(message) if known.stamped else logged)
+        for path, value in values.items():
+            held[chosen[topic.name][path].clock][path].append(value)
+        if any(len(columns[STAMPS]) >= size for columns in held.values()):
+            yield from _taken(held)
     yield from _taken(held)
 
 

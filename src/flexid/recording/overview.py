@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.columns import recipes_of
 from flexid.recording.names import cut, split_header, usual_channel
-from flexid.recording.recording import CHANNELS, Log, Recording
-from flexid.recording.sampling import FEWEST_TO_IDENTIFY
+from flexid.recording.recording import Log, Recording
 from flexid.recording.series import TIME, names_of
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
@@ -97,21 +95,7 @@ def _overview(table: Table, rows: int, cells: dict[str, tuple[str, ...]]) -> Fil
     return FileOverview(table.file, table.sha256, rows, tuple(columns), channels, unclear)
 
 
-_RESTING = 0.02  # of the largest velocity
-_SHARE = 0.95  # of the input's power
-_FEW_REVERSALS = 4
-_SMALL_DEFLECTION = 3.0  # times the encoders' noise
-
-
-@dataclass(frozen=True)
-class ChannelSurvey:
-    """One channel of a log."""
-
-    name: str
-    unit: str  # SI
-    lowest: float
-    highest: float
-    noise: float  # standard deviation of an encoder's noise in rad; else NaN
+_TURNING = 0.02  # of the largest velocity, from which on the motor moves
 
 
 @dataclass(frozen=True)
@@ -123,74 +107,32 @@ class LogSurvey:
     duration: float  # s, without gaps
     samples: int
     recordings: int  # between gaps
-    channels: tuple[ChannelSurvey, ...]  # in the order of reading
     reversals: int  # how often the motor turns back
-    resting: float  # share of the time in which it rests
     deflection_over_noise: float  # RMS about the mean, over the encoders' noise; NaN with one
-    input_bandwidth: float  # Hz, below which 95 % of the input's power lies; NaN without an input
-    remarks: tuple[str, ...]  # what stands against a good answer
 
 
 def survey(log: Log) -> LogSurvey:
     """What a log shows at a glance."""
     longest = max(log.recordings, key=len)
     samples = sum(map(len, log.recordings))
-    reversals, resting = _motion(log.recordings)
-    deflection = _deflection_over_noise(longest)
     model = "link" if longest.input is None else "flexible"
-    remarks = []
-    if len(longest) < FEWEST_TO_IDENTIFY:
-        remarks.append(
-            f"The longest stretch has {len(longest)} samples where {FEWEST_TO_IDENTIFY} are the "
-            f"fewest that can be identified: record for longer."
-        )
-    if reversals < _FEW_REVERSALS:
-        remarks.append(
-            f"The motor turns back {reversals} time{'s' if reversals != 1 else ''}, and "
-            f"friction shows where it does: let it move to and fro."
-        )
-    if deflection < _SMALL_DEFLECTION:
-        remarks.append(
-            f"The deflection is {deflection:.2g} times its encoders' noise, so the stiffness may "
-            f"not show: drive the joint harder, or near its resonance."
-        )
     return LogSurvey(
         model if longest.link_position is not None else "rigid",
         longest.sample_time,
         samples * longest.sample_time,
         samples,
         len(log.recordings),
-        tuple(_channels(log.recordings)),
-        reversals,
-        resting,
-        deflection,
-        _bandwidth(longest),
-        tuple(remarks),
+        _reversals(log.recordings),
+        _deflection_over_noise(longest),
     )
 
 
-def _channels(recordings: tuple[Recording, ...]) -> list[ChannelSurvey]:
-    found = []
-    units = {"input": recordings[0].input_unit}
-    for name in CHANNELS:
-        parts = [getattr(recording, name) for recording in recordings]
-        if parts[0] is None:
-            continue
-        is_position = name.endswith("position")
-        noise = position_noise(max(parts, key=len)) if is_position else np.nan
-        unit = units.get(name, "rad" if is_position else "rad/s")
-        lowest, highest = min(p.min() for p in parts), max(p.max() for p in parts)
-        found.append(ChannelSurvey(name, unit, float(lowest), float(highest), noise))
-    return found
-
-
-def _motion(recordings: tuple[Recording, ...]) -> tuple[int, float]:
-    """How often the motor turns back, and the share of the time in which it rests."""
+def _reversals(recordings: tuple[Recording, ...]) -> int:
+    """How often the motor turns back."""
     velocities = [velocity(r.motor_position, r.sample_time) for r in recordings]
-    slow = _RESTING * max(float(np.abs(v).max()) for v in velocities)
+    slow = _TURNING * max(float(np.abs(v).max()) for v in velocities)
     moving = [np.sign(v[np.abs(v) > slow]) for v in velocities]
-    turned = sum(int(np.count_nonzero(np.diff(signs))) for signs in moving)
-    return turned, 1.0 - sum(map(len, moving)) / sum(map(len, velocities))
+    return sum(int(np.count_nonzero(np.diff(signs))) for signs in moving)
 
 
 def _deflection_over_noise(recording: Recording) -> float:
@@ -199,12 +141,3 @@ def _deflection_over_noise(recording: Recording) -> float:
     noise = position_noise(recording.deflection)
     moved = float(recording.deflection.std())
     return moved / noise if noise > 0.0 else float("inf")
-
-
-def _bandwidth(recording: Recording) -> float:
-    if recording.input is None:
-        return float("nan")
-    power: FloatArray = np.abs(np.fft.rfft(recording.input - recording.input.mean())) ** 2
-    frequencies = np.fft.rfftfreq(len(recording), recording.sample_time)
-    total = np.cumsum(power)
-    return float(frequencies[np.searchsorted(total, _SHARE * total[-1])])

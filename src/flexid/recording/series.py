@@ -167,24 +167,16 @@ class _Wanted:
         )
 
     def _clocked(self, size: int | None) -> Iterator[Part]:
-        """Signals with clocks of their own, brought to one; with a size, damage comes last."""
+        """Signals with clocks of their own, brought to one."""
         first = [self.chosen[header] for header in self.headers.get("motor_position", ())]
         clocks = list(dict.fromkeys(one.clock for one in (*first, *self.chosen.values())))
         notes = [note for one in clocks if (note := self.reading.notes.get(one))]
         held: dict[str, list[polars.DataFrame]] = {clock: [] for clock in clocks}
-        damage = None
-        try:
-            for clock, frame in self.reading.frames(self.paths, size or MOST_ROWS):
-                held[clock].append(frame)
-        except RecordingError as error:
-            damage = error
-            if size is None or not all(held.values()):
-                raise
+        for clock, frame in self.reading.frames(self.paths, size or MOST_ROWS):
+            held[clock].append(frame)
         whole, warnings = self._of_one_clock(_stamped(held))
         for part in whole.iter_slices(size or MOST_ROWS):
             yield part, (*(f"{self.file}: {note}" for note in notes), *warnings)
-        if damage is not None:
-            raise damage
 
     def _of_one_clock(self, stamped: dict[str, tuple[Any, polars.DataFrame]]) -> Part:
         """The chosen signals at common times."""

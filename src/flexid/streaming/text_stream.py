@@ -14,20 +14,19 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.clock import Clock, is_stamp
+from flexid.recording.clock import Clock
 from flexid.recording.columns import channels_of, read_channels, recipes_of
 from flexid.recording.layout import (
     BLANK,
     COMMENTS,
     LONGEST_LINE,
     Layout,
-    header_separator,
     layout_of,
     split,
 )
 from flexid.recording.recipes import Recipe
 from flexid.recording.sampling import GAP, check_typical
-from flexid.recording.table import HOLE, decimal_mark, is_number
+from flexid.recording.table import HOLE, decimal_mark
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels
 
@@ -89,10 +88,6 @@ class TextStream:
 
     def _begun(self, lines: list[bytes]) -> FloatArray:
         """Decide by the first lines what the columns are, and read the samples among them."""
-        if self._header is not None:
-            self._check_own_header(self._header, lines[1])
-            if _is_part(*lines[1:3], header=self._header):
-                del lines[1]
         text = b"\n".join(lines) + b"\n"
         if text.startswith(UTF_16):
             raise RecordingError(self.name, "", "the text is in UTF-16: send it in UTF-8")
@@ -131,19 +126,6 @@ class TextStream:
                 fitting[:, place] |= is_empty
         return bool(2 * np.count_nonzero(fitting.all(axis=1)) >= len(fitting))
 
-    def _check_own_header(self, header: str, first: bytes) -> None:
-        """Raise where the stream begins with names, though others are given."""
-        separator = _separator(header)
-        names = split(first.decode("utf-8", "replace"), separator)
-        numbers = sum(is_number(name) or is_stamp(name) or not name for name in names)
-        if len(names) == len(split(header, separator)) and not numbers:
-            raise RecordingError(
-                self.name,
-                "line 1",
-                f"it begins with column names of its own, {', '.join(names)}, and others are given "
-                f"as its header: leave the header out, or give the names in a column map",
-            )
-
 
 def _frame(layout: Layout, lines: list[bytes]) -> polars.DataFrame:
     """Cells of lines that are not empty nor comments; a line that is no row has none."""
@@ -169,20 +151,6 @@ def _may_be_row(line: bytes) -> bool:
     """Whether a line is neither blank nor a comment."""
     stripped = line.strip()
     return bool(stripped) and not stripped.startswith(_COMMENTS)
-
-
-def _is_part(line: bytes, following: bytes, *, header: str) -> bool:
-    """Whether a line has fewer cells than the next: a stream without header, joined mid-line."""
-    first, second = (
-        len(split(text.decode("utf-8", "replace"), _separator(header)))
-        for text in (line, following)
-    )
-    return first < second
-
-
-def _separator(header: str) -> str:
-    separator = header_separator(header)
-    return separator if separator in header else BLANK
 
 
 def sample_time_of(source: str, time: FloatArray) -> float:

@@ -129,7 +129,6 @@ class Checked:
 
     survey: LogSurvey  # what it shows at a glance
     warnings: tuple[str, ...]  # what was mended, or looks odd
-    origins: dict[str, str]  # the columns of each channel
     figure: str  # its channels over time, as HTML
     kinds_of: dict[str, str]  # by term, the kinds of joint that have it
 
@@ -155,9 +154,8 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
         term: " ".join(kind for kind in get_args(Kind) if term in joint_of(kind).terms)
         for term in ALL_TERMS
     }
-    origins = {channel: " + ".join(origin.columns) for channel, origin in log.columns.items()}
     figure = fragment("figure.html", chart=log_chart(log))
-    return Checked(survey(log), log.warnings, origins, figure, kinds_of)
+    return Checked(survey(log), log.warnings, figure, kinds_of)
 
 
 def identify(progress: Progress, name: str, choices: Choices, into: str) -> float:
