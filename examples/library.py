@@ -51,8 +51,7 @@ def from_arrays(log: Path) -> flexid.Log:
 def test_on(estimate: flexid.JointEstimate, log: flexid.Log) -> float:
     """How much of the deflection five seconds of prediction repeat, in per cent."""
     found = flexid.validate(estimate, log)
-    prediction = estimate.predict(log)
-    off = prediction.measured["deflection"] - prediction.predicted["deflection"]
+    off = found.series["deflection"] - found.series["predicted_deflection"]
     print(f"free run: the deflection is off by {np.sqrt(np.mean(off**2)):.1e} rad")
     return found.horizons[5.0]["deflection"]
 

@@ -42,7 +42,6 @@ from flexid.library.simulate import reproduce as reproduce
 from flexid.library.simulate import simulate as simulate
 from flexid.library.validation import EstimateComparison as EstimateComparison
 from flexid.library.validation import EstimateValidation as EstimateValidation
-from flexid.library.validation import Prediction as Prediction
 from flexid.library.validation import compare as compare
 from flexid.library.validation import validate as validate
 from flexid.library.watch import Watch as Watch

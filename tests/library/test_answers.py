@@ -38,8 +38,8 @@ def test_a_run(experiment, command, tmp_path):
     assert len(frame) == len(run.result.time)
     (recording,) = run.log().recordings
     assert recording.input_unit == "N m"
-    assert isinstance(run.plot_motion(), Figure)
-    assert isinstance(run.plot_estimates(), Figure)
+    assert isinstance(run.plot("motion"), Figure)
+    assert isinstance(run.plot("estimates"), Figure)
     assert "<img" in run._repr_html_()
     assert "0.1 s" in repr(run)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.arrays import to_json
+from flexid.errors import SettingError
 from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
@@ -90,6 +91,25 @@ class Answer:
         from flexid.report.terminal import as_text
 
         return as_text(self._parts())
+
+    def plot(self, name: str = "", *, ax: Axes | None = None) -> Figure:
+        """A figure that the command writes with ``--out``.
+
+        Parameters
+        ----------
+        name : str, optional
+            Of its file, without the suffix; the first one if not given.
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
+        from flexid.report.figure import draw
+
+        charts = {chart.name: chart for chart in self._drawn}
+        name = name or next(iter(charts), "")
+        if name not in charts:
+            known = ", ".join(charts) or "none"
+            raise SettingError("plot", f"there is no figure {name!r}; there is {known}")
+        return draw(charts[name], ax=ax)
 
     @entrance
     def save(self, path: FilePath) -> None:
@@ -182,19 +202,3 @@ class TabularAnswer(Answer):
         import polars as pl
 
         return pl.DataFrame(self._columns())
-
-
-class PlottedAnswer(Answer):
-    """An answer with one figure."""
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """The figure that the command writes with ``--out``.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
-        from flexid.report.figure import draw
-
-        return draw(self._drawn[0], ax=ax)

@@ -16,7 +16,7 @@ from functools import wraps
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
-from flexid.errors import ArgumentError, did_you_mean
+from flexid.errors import ArgumentError
 from flexid.models.arm_file import refuse_arm_file
 
 if TYPE_CHECKING:
@@ -62,15 +62,10 @@ def entrance(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-        for keyword in kwargs:
-            if keyword not in signature.parameters:
-                raise ArgumentError(
-                    name, keyword, f"is no option{did_you_mean(keyword, signature.parameters)}"
-                )
         try:
             given = signature.bind(*args, **kwargs)
         except TypeError as error:
-            raise _refused(name, signature, len(args), str(error)) from None
+            raise ArgumentError(name, "arguments", f"do not fit, {error}") from None
         for argument, value in given.arguments.items():
             try:
                 given.arguments[argument] = _as_declared(signature.parameters[argument], value)
@@ -100,20 +95,6 @@ def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
 def _check(value: Any, types: Any, wanted: str, part: str = "") -> None:
     if isinstance(value, bool) or not isinstance(value, types):
         raise _UnfitError(f"is {kind_of(value)}: give {wanted}", part)
-
-
-def _refused(name: str, signature: inspect.Signature, given: int, reason: str) -> ArgumentError:
-    """What was wrong with a call whose keywords are all known."""
-    parameters = signature.parameters.values()
-    positional = [p.name for p in parameters if p.kind is not inspect.Parameter.KEYWORD_ONLY]
-    if given > len(positional):
-        taken = " and ".join(positional) or "nothing"
-        said = f"there are {given} without a name, and it takes {taken}; write options by name"
-        return ArgumentError(name, "arguments", said)
-    missing = reason.removeprefix("missing a required argument: ")
-    if missing != reason:
-        return ArgumentError(name, missing.strip("'"), "is missing: give it")
-    return ArgumentError(name, "arguments", reason)
 
 
 def kind_of(value: object) -> str:

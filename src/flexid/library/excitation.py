@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import PlottedAnswer, TabularAnswer
+from flexid.library.answer import Answer, TabularAnswer
 from flexid.library.arguments import entrance, joint_settings, one_thread, options_of
 from flexid.library.identify import estimated, identify
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flexid.library.logs import Columns, Logs
 
 
-class LogExcitation(PlottedAnswer):
+class LogExcitation(Answer):
     """How well a log determines each coefficient, what confuses it, and what to add."""
 
     _report = "excitation"
@@ -94,7 +94,7 @@ def excitation(
     return LogExcitation(examine(read, joint_settings(**options), progress))
 
 
-class ExperimentDesign(TabularAnswer, PlottedAnswer):
+class ExperimentDesign(TabularAnswer):
     """An experiment that determines the coefficients within limits, with its predictions.
 
     As a data frame it is what a drive can play: the columns of ``command.csv``.

@@ -27,13 +27,13 @@ from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
     import polars as pl
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from flexid.frequency.frequency_response import FrequencyResponse
-    from flexid.library.estimate_plots import EstimatePlots
-    from flexid.library.logs import Columns, Logs, OneLog
-    from flexid.library.validation import EstimateValidation, Prediction
+    from flexid.library.logs import Columns, Logs
+    from flexid.library.validation import EstimateValidation
 
 
 class JointEstimate(Answer):
@@ -94,14 +94,9 @@ class JointEstimate(Answer):
     @property
     def residuals(self) -> Mapping[str, NDArray[np.float64]]:
         """Measured minus simulated held-out data in rad by channel; none of a loaded estimate."""
-        from flexid.library.validation import Prediction
-
-        if not self.result.validation.runs:
-            return {}
-        free_run = Prediction.of(self.result.validation)
-        return {
-            name: free_run.measured[name] - free_run.predicted[name] for name in free_run.measured
-        }
+        found = self.result.validation
+        off = [run.measured - run.simulated for run in found.runs]
+        return dict(zip(found.fit_percent, np.concatenate(off).T, strict=True)) if off else {}
 
     @property
     def chi_square(self) -> float:
@@ -237,27 +232,27 @@ class JointEstimate(Answer):
 
         return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
-    @property
-    def plot(self) -> EstimatePlots:
-        """Figures: ``plot.fit()``, ``plot.residuals()``, ``plot.regions()`` and others."""
-        from flexid.library.estimate_plots import EstimatePlots
-
-        return EstimatePlots(self.result)
-
-    def predict(self, log: OneLog, *, columns: Columns | None = None) -> Prediction:
-        """Predict a log but for its first half second, which gives the first state.
+    def plot(self, name: str = "", *, ax: Axes | None = None, **options: Any) -> Figure:
+        """A figure: fit, residuals, estimates, excitation, bode or regions.
 
         Parameters
         ----------
-        log : path, data frame, mapping of arrays, Log or Recording
-            As `flexid.read_log` takes it, with the same kind of input.
-        columns : path or mapping, optional
-            A column map for raw sensor columns, as `flexid.identify` takes it.
+        name : str, optional
+            The first one if not given. Of a loaded estimate the last three, for it has no series.
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        **options
+            Of bode those of `frequency_response`, of regions their ``level``.
         """
-        from flexid.library.validation import Prediction
+        from flexid.report.figure import draw
+        from flexid.report.identification_charts import regions_chart
+        from flexid.report.response_charts import bode_chart
 
-        found = self.validate(log, columns=columns)
-        return Prediction.of(found.result)
+        if options and name == "bode":
+            return draw(bode_chart(self.frequency_response(**options)), ax=ax)
+        if options and (chart := regions_chart(self.result, **options)) is not None:
+            return draw(chart, ax=ax)
+        return super().plot(name, ax=ax)
 
     def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:
         """Hold the estimate against other logs, as `flexid.validate` does.
@@ -313,6 +308,3 @@ class JointEstimate(Answer):
         fits = [fit for fit in self.fit_percent.values() if not np.isnan(fit)]
         worst = f", free run {min(fits):.1f} %" if fits else ""
         return f"<JointEstimate: {self.model} joint, parameters: {determined}{worst}>"
-
-    def _leading_figure(self) -> Figure | None:
-        return self.plot.fit() if self.result.validation.runs else None

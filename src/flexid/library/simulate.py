@@ -13,9 +13,6 @@ from flexid.library.answer import Answer, TabularAnswer
 from flexid.library.arguments import entrance, one_thread
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from flexid.campaigns import Summary
     from flexid.experiments.experiment import Experiment
     from flexid.experiments.measures import Measures
@@ -51,30 +48,6 @@ class SimulatedRun(TabularAnswer):
         from flexid.library.logs import read_log
 
         return read_log(log_columns(self.result))
-
-    def plot_motion(self, ax: Axes | None = None) -> Figure:
-        """Reference and tracked state, the error between them, and the inputs.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
-        from flexid.report.figure import draw
-
-        return draw(self._drawn[0], ax=ax)
-
-    def plot_estimates(self, ax: Axes | None = None) -> Figure:
-        """Every estimate over time, with the true value and the band in which it is settled.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
-        from flexid.report.figure import draw
-
-        return draw(self._drawn[1], ax=ax)
 
     @property
     def _shown(self) -> tuple[Any, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isnan
 from os import PathLike
 from pathlib import Path
@@ -14,64 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import SettingError
-from flexid.library.answer import PlottedAnswer, TabularAnswer
+from flexid.library.answer import TabularAnswer
 from flexid.library.arguments import entrance, one_thread
 from flexid.library.identify import estimated
 
 if TYPE_CHECKING:
-    import polars as pl
-
     from flexid.comparisons.comparison import Comparison
     from flexid.comparisons.differences import Difference
-    from flexid.identification.vocabulary.evidence import Validation
     from flexid.library.arguments import FilePath
-    from flexid.library.estimate_plots import ValidationPlots
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
     from flexid.stored_estimates.validate_estimate import EstimateValidation as Validated
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Motion that a model predicts from the input, beside what was measured.
-
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Seconds on the log's clock; recordings of a log with gaps follow each other.
-    measured, predicted : mapping of str to array, shape (n,)
-        By channel, in rad.
-    fit_percent : mapping of str to float
-        100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) by channel.
-    """
-
-    time: NDArray[np.float64]
-    measured: Mapping[str, NDArray[np.float64]]
-    predicted: Mapping[str, NDArray[np.float64]]
-    fit_percent: Mapping[str, float]
-
-    @classmethod
-    def of(cls, found: Validation) -> Prediction:
-        """The free runs of a validation as one."""
-        channels = tuple(found.fit_percent)
-        measured = np.concatenate([run.measured for run in found.runs])
-        predicted = np.concatenate([run.simulated for run in found.runs])
-        return cls(
-            np.concatenate([run.time for run in found.runs]),
-            dict(zip(channels, measured.T, strict=True)),
-            dict(zip(channels, predicted.T, strict=True)),
-            found.fit_percent,
-        )
-
-    def to_dataframe(self) -> pl.DataFrame:
-        """Time, and each channel measured and predicted, as a data frame of Polars."""
-        import polars as pl
-
-        columns = {"time": self.time}
-        for channel in self.measured:
-            columns[channel] = self.measured[channel]
-            columns[f"predicted_{channel}"] = self.predicted[channel]
-        return pl.DataFrame(columns)
 
 
 class EstimateValidation(TabularAnswer):
@@ -119,11 +71,17 @@ class EstimateValidation(TabularAnswer):
         return min_fit is None or (bool(moving) and min(moving) >= min_fit)
 
     @property
-    def plot(self) -> ValidationPlots:
-        """Figures: ``plot.fit()`` and ``plot.residuals()``."""
-        from flexid.library.estimate_plots import ValidationPlots
+    def series(self) -> Mapping[str, NDArray[np.float64]]:
+        """The free runs: time in s, and each channel in rad, measured and predicted.
 
-        return ValidationPlots(self.result)
+        Recordings of a log with gaps follow each other.
+        """
+        runs = self.result.runs
+        found = {"time": np.concatenate([run.time for run in runs])}
+        for place, channel in enumerate(self.fit_percent):
+            found[channel] = np.concatenate([run.measured[:, place] for run in runs])
+            found[f"predicted_{channel}"] = np.concatenate([r.simulated[:, place] for r in runs])
+        return found
 
     def _columns(self) -> Mapping[str, Any]:
         fits = {**self.horizons, float("inf"): self.fit_percent}
@@ -179,7 +137,7 @@ def validate(
     return EstimateValidation(validate_arm(stored, paths, Path(columns) if columns else None))
 
 
-class EstimateComparison(TabularAnswer, PlottedAnswer):
+class EstimateComparison(TabularAnswer):
     """What differs between two estimates, and whether chance explains it.
 
     `flexid.compare` returns one. As a data frame it has a row for each number, with the columns
