@@ -205,48 +205,6 @@ def test_columns_are_derivatives_of_the_step(plain, name):
     assert not after[:, n:].any()
 
 
-@pytest.fixture
-def moved(plain):
-    """Return a function: what a path from some positions to others leaves of the memories."""
-    remember = plain(sensitivity_functions(TWO_MEMORIES, "Test"))["remember"]
-
-    def memories(grips, start, end):
-        x = np.array(end, dtype=np.float64)
-        remember(x, np.array(start, dtype=np.float64), np.array([0.0] * 5 + grips))
-        return x[4:]
-
-    return memories
-
-
-def test_a_path_s_derivatives_are_those_of_its_memory(plain, moved):
-    """Assert that a memory's derivatives by end, start and grip are those differences show."""
-    functions = plain(sensitivity_functions(TWO_MEMORIES, "Test"))
-    start, end = np.random.default_rng(3).standard_normal((2, 6))
-    grips, width = np.array([3.0, 2.0]), functions["WIDTH"]
-    b, q = np.zeros(2 * 6), np.zeros(2 * width)
-    at = np.array([0, 0, 0, 0, 0, 1, 2])
-    functions["memory_slopes"](end, start, np.array([0.0] * 5 + grips.tolist()), at, b, q)
-    b = b.reshape(2, 6)
-
-    def slope(d_start, d_end, d_grips):
-        high, low = (
-            moved((grips + e * d_grips).tolist(), start + e * d_start, end + e * d_end)
-            for e in (1e-6, -1e-6)
-        )
-        return (high - low) / 2e-6
-
-    for place, along in enumerate(np.eye(6)):
-        by_end, by_start = slope(0.0, along, 0.0), slope(along, 0.0, 0.0)
-        if place < 4:
-            assert b[:, place] == pytest.approx(by_end, rel=1e-7, abs=1e-8)
-            assert -b[:, place] == pytest.approx(by_start, rel=1e-7, abs=1e-8)
-        else:
-            assert b[:, place] == pytest.approx(by_start, rel=1e-7, abs=1e-8)
-    for m, along in enumerate(np.eye(2)):
-        found = q.reshape(2, width)[:, 1 + m]
-        assert found == pytest.approx(slope(0.0, 0.0, along), rel=1e-7, abs=1e-8)
-
-
 def test_corners_are_those_of_positions(plain):
     """Assert that magnitudes of positions are corners while their terms are on; of speeds, not."""
     system = ParametricSystem(

@@ -19,7 +19,7 @@ from oscillator import (
     oscillator,
 )
 
-from flexid.errors import ConvergenceError, SettingError
+from flexid.errors import ConvergenceError
 from flexid.estimators.online import Status
 from flexid.estimators.parametric_observer import ParametricObserver
 from flexid.estimators.samples import Samples
@@ -165,14 +165,6 @@ def test_rest_teaches_nothing(build: Builder, noise: float):
     missing, _ = estimator.step(moved.state, np.full(rest.shape[1], np.nan))
     after = estimator.replay(missing, rest)
     assert after.coefficients[-1] == pytest.approx(moved.coefficients[-1], rel=0.05)
-
-
-@every_online
-@pytest.mark.parametrize("start", [{"theta9": 1.0}, {"gain": float("nan")}])
-def test_an_initial_estimate_of_nothing(build: Builder, start: dict[str, float]):
-    """Assert that a start for no coefficient, or one that is no number, is refused."""
-    with pytest.raises(SettingError, match=r"theta9|nan"):
-        build(MODEL, "linear").init(start)
 
 
 RUNS = [

@@ -46,6 +46,8 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], str]] = [
     (least_squares, {"system": JOINT, "unknowns": Unknowns(OFFSET)}, "unknowns"),
     (least_squares, {"system": JOINT, "unknowns": Unknowns(JOINT, groups=(0, 1))}, "groups"),
     (by_motion, {"start": least_squares(OFFSET)}, "start"),
+    (recursive(sample_time=1e-3).init, {"values": {"theta9": 1.0}}, "theta9"),
+    (recursive(sample_time=1e-3).init, {"values": {"theta1": np.nan}}, "nan"),
     (recursive, {"sample_time": 0.0}, "sample time"),
     (recursive, {"sample_time": 1e-3, "filter_rate": 0.0}, "filter rate"),
     (recursive, {"sample_time": 1e-3, "memory_time": 1e-3}, "memory time"),
