@@ -146,8 +146,8 @@ def test_friction_within_the_spring():
         ({"alpha_saturation": 0.001}, {}, "torque_saturation"),
         (_both(ecc_sine=0.1, ecc_cosine=0.2), {}, "eccentricity"),
         ({"theta_unheard_of": 1.0}, {}, "theta_unheard_of"),
-        ({}, {"delays": {"input_delay": -0.002}}, "2 ms before"),
-        ({}, {"delays": {"link_delay": 0.0015}}, "1.5 ms late"),
+        ({}, {"delays": {"input_delay": -0.002}}, "input_delay = -0.002"),
+        ({}, {"delays": {"link_delay": 0.0015}}, "link_delay = 0.0015"),
     ],
 )
 def test_what_has_no_place_is_named(more, about, said):

@@ -8,7 +8,7 @@ bodies on hinges, springs between them, actuators and sensors; that of an arm is
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, inf, isclose, sin, sqrt
+from math import atan2, cos, hypot, inf, sin, sqrt
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -18,11 +18,7 @@ from flexid.estimators.channel_timing import INPUT as INPUT_DELAY
 from flexid.exports.request import ExportRequest, check_known, rendered
 from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.identification.preparation.joint import Kind
-from flexid.models.flexible_joint import (
-    SHAPE_TERMS,
-    TERMS,
-    TIES,
-)
+from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, TIES
 from flexid.stored_estimates.structure import delays_of, values_of
 
 NOTHING = 1e-9
@@ -171,7 +167,6 @@ TORQUE = "N m"
 
 _GRAVITY = 9.81  # m/s^2; only its product with mass and lever acts
 _LONGEST_LEVER = 1.0  # m
-_SAME = 1e-6  # relative difference of a spring's two sides that is rounding
 
 _HEADING = (
     "A joint that flexid identified. SI units; angles at the link's side of the gear.",
@@ -230,13 +225,14 @@ def mjcf_scene(
         stiffness = by_motor * inertia
         link = _side(values, "theta", stiffness / by_link)
         motor = _side(values, "alpha", inertia)
-        spring = _spring(values, stiffness, inertia, link.inertia, notes)
+        spring = _spring(values, stiffness, inertia, notes)
     notes += _shapes(coefficients, coulomb_velocity, values)
+    delay = delays.get(INPUT_DELAY, 0.0)
+    values |= {INPUT_DELAY: min(delay, 0.0), LINK_DELAY: delays.get(LINK_DELAY, 0.0)}
     notes += _left_out(values)
     if link is not None:
         link = link._replace(coulomb=possible(link.coulomb, "the link's Coulomb friction", notes))
     motor = motor._replace(coulomb=possible(motor.coulomb, "the motor's Coulomb friction", notes))
-    notes += _delays(kind, delays)
     dry = any(side is not None and side.coulomb > 0.0 for side in (link, motor))
     dry |= spring is not None and spring.hysteresis > 0.0
     bodies = [_pendulum("motor", motor)]
@@ -252,7 +248,7 @@ def mjcf_scene(
         [Joint("", spring, gain * motor.inertia, motor.offset, link_offset)],
         gravity=(0.0, 0.0, -_GRAVITY),
         axis="0 1 0",
-        delay=delays.get(INPUT_DELAY, 0.0),
+        delay=delay,
         step=timestep(fastest, dry=dry),
     )
 
@@ -291,23 +287,13 @@ def _side(values: dict[str, float], row: str, inertia: float) -> Side:
 
 
 def _spring(
-    values: dict[str, float],
-    stiffness: float,
-    motor_inertia: float,
-    link_inertia: float,
-    notes: list[str],
+    values: dict[str, float], stiffness: float, motor_inertia: float, notes: list[str]
 ) -> Spring:
-    """What acts between link and motor; the motor's side counts where they differ."""
+    """What acts between link and motor, and is the same torque on both (`TIES`)."""
 
     def torque(name: str) -> float:
-        there = motor_inertia * values.pop(f"alpha_{name}", 0.0)
-        back = link_inertia * values.pop(f"theta_{name}", 0.0)
-        if not isclose(there, back, rel_tol=_SAME):
-            notes.append(
-                f"alpha_{name} and theta_{name} are {there:.4g} and {back:.4g} on the two sides of "
-                f"the spring, where a tendon pulls both alike: the first is taken"
-            )
-        return there
+        values.pop(f"theta_{name}", None)
+        return motor_inertia * values.pop(f"alpha_{name}", 0.0)
 
     half_gap, hysteresis = torque("backlash") / stiffness, torque("hysteresis")
     half_gap = possible(half_gap, "backlash", notes, "tendon")
@@ -340,23 +326,6 @@ def _shapes(
     return notes
 
 
-def _delays(kind: Kind, delays: Mapping[str, float]) -> list[str]:
-    """Delays that have no place in a scene."""
-    notes = []
-    early = -delays.get(INPUT_DELAY, 0.0)
-    if early > 0.0:
-        notes.append(
-            f"the input acts {1e3 * early:.4g} ms before it was recorded: here it acts at once"
-        )
-    late = delays.get(LINK_DELAY, 0.0)
-    if late and kind == "flexible":
-        which = "late" if late > 0.0 else "early"
-        notes.append(
-            f"the link's encoder is {abs(1e3 * late):.4g} ms {which}: the scene's is on time"
-        )
-    return notes
-
-
 def _left_out(values: Mapping[str, float]) -> list[str]:
     """Terms that have no place in a scene."""
     lost = [c for c, value in values.items() if value]
@@ -369,5 +338,5 @@ def _left_out(values: Mapping[str, float]) -> list[str]:
                 f"{name} ({term.description}; {shown}) is left out: MuJoCo has nothing like it"
             )
             lost = [c for c in lost if c not in own]
-    notes += [f"{c} is left out: MuJoCo has nothing like it" for c in lost]
+    notes += [f"{c} = {values[c]:.4g} is left out: MuJoCo has nothing like it" for c in lost]
     return notes

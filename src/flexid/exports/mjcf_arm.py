@@ -59,8 +59,7 @@ def arm_scene(result: ArmIdentification) -> Scene:
         )
     if result.input_delay < 0.0:
         notes.append(
-            f"the input acts {-1e3 * result.input_delay:.4g} ms before it was recorded: here it "
-            f"acts at once"
+            f"input_delay = {result.input_delay:.4g} is left out: MuJoCo has nothing like it"
         )
     joints = range(1, arm.joints + 1)
     rotors = {joint: _rotor(values, joint, notes) for joint in joints}
