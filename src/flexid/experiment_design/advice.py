@@ -3,8 +3,8 @@
 The identified model runs under the recorded input with one sine more, or under a multiple of the
 input, and what that motion would determine is judged like the log itself. The smallest addition
 after which every coefficient counts as determined, and a margin, is the advice. Where the log does
-not even yield a model that could be run, a rule of thumb takes its place; where it is not the
-motion that is lacking, the advice says so.
+not even yield a model that could be run, or where it is not the motion that is lacking, the advice
+is a sentence.
 
 What another input would tell is computed from the model's motion as the prediction error sees it:
 with the delays that are sought, over segments of the same length, in noise as large as the log's
@@ -13,7 +13,7 @@ residuals are correlated and no model is right; by that factor the prediction fo
 made larger, too.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -224,11 +224,12 @@ _STEP = 4.0  # between one amplitude and the next
 _REFINEMENTS = 4  # halvings of the last step, on a logarithmic scale
 _MARGIN = 1.25  # on amplitude or length: the next log has other noise
 _FARTHEST = 10.0  # times the log's own reach, or turns: beyond, the model is not trusted
-_SHORT = 5.0  # s, below which a log is too short in any case
 _MOST_TIMES = 100.0  # the length of the log
-# A second tone at 2.65 times the first with a fifth of its amplitude brings the condition number of
-# the flexible joint of Huang (2003), Table I, near 1 at any amplitude.
-_RULE_FREQUENCY, _RULE_AMPLITUDE = 2.65, 0.2
+# This brings the condition number of the joint of Huang (2003), Table I, near 1.
+_NO_MODEL = (
+    "The log yields no model to try inputs on. As a rule, add a second tone at 2.65 times the "
+    "frequency of the strongest one and a fifth of its amplitude, record 5 s or more, look again"
+)
 
 
 @dataclass(frozen=True)
@@ -248,13 +249,11 @@ class Addition:
 class Advice:
     """What to add; None where nothing of the kind suffices."""
 
-    sine: Addition | None  # smallest that suffices
-    multiple: Addition | None  # smallest that suffices
-    longer: float | None  # s of the same motion that suffice
-    largest: float  # amplitude of a sine that was tried, in the input's unit; 0 for none
-    # amplitude and rad/s of a sine by rule of thumb, where no model can be run
-    rule: tuple[float, float] | None = None
-    caution: str = ""  # a sentence on what no other input mends; or empty
+    sine: Addition | None = None  # smallest that suffices
+    multiple: Addition | None = None  # smallest that suffices
+    longer: float | None = None  # s of the same motion that suffice
+    largest: float = 0.0  # amplitude of a sine that was tried, in the input's unit; 0 for none
+    caution: str = ""  # a sentence on what no addition mends; or empty
 
 
 def _sufficient(
@@ -294,15 +293,14 @@ def advise(result: Identification, data: Data, noise: FloatArray) -> Advice | No
         return None
     impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
     if impossible or not all(np.isfinite(c.std) for c in lacking):
-        return rule_of_thumb(data.samples)  # guessed values do not predict other motions
+        return Advice(caution=_NO_MODEL)  # guessed values do not predict other motions
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
-        reason = lacking[0].reason
-        return Advice(None, None, None, 0.0, caution=f"{reason[:1].upper()}{reason[1:]}")
+        return Advice(caution=f"Another input does not help: {lacking[0].reason}")
     rehearsal = Rehearsal(result, data, noise)
     try:
         advice = _tried(rehearsal)
     except SimulationError:
-        return rule_of_thumb(data.samples)
+        return Advice(caution=_NO_MODEL)
     return replace(advice, caution=_caution(result, rehearsal))
 
 
@@ -354,29 +352,6 @@ def _caution(result: Identification, rehearsal: Rehearsal) -> str:
             "correlated, from a sensor or the recorded input, and that widens the intervals"
         )
     return ""
-
-
-def rule_of_thumb(recordings: Sequence[Samples]) -> Advice:
-    """A second tone in addition to the strongest one of the input, for any drive."""
-    spectrum = input_spectrum(max(recordings, key=len))
-    place = int(np.argmax(spectrum[1]))
-    rate, amplitude = map(float, spectrum[:, place])
-    rule = (_RULE_AMPLITUDE * amplitude, _RULE_FREQUENCY * rate)
-    duration = sum(len(recording) * recording.sample_time for recording in recordings)
-    caution = f"And record longer: {duration:.2g} s show little of any drive"
-    return Advice(None, None, None, 0.0, rule, caution if duration < _SHORT else "")
-
-
-def input_spectrum(recording: Samples) -> FloatArray:
-    """Angular frequency in rad/s and amplitude of the first input's tones, shape (2, m).
-
-    A Hann window keeps tones that do not fit the record from spreading.
-    """
-    signal = recording.inputs[:, 0] - recording.inputs[:, 0].mean()
-    window = np.hanning(len(signal))
-    amplitudes = 2.0 * np.abs(np.fft.rfft(signal * window)) / window.sum()
-    rates = 2.0 * np.pi * np.fft.rfftfreq(len(signal), recording.sample_time)
-    return np.asarray((rates[1:], amplitudes[1:]), dtype=np.float64)
 
 
 def _smallest(

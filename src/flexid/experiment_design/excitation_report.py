@@ -12,7 +12,7 @@ import numpy as np
 
 from flexid.analysis.excitation import Excitation
 from flexid.arrays import FloatArray
-from flexid.experiment_design.advice import Advice, advise, input_spectrum
+from flexid.experiment_design.advice import Advice, advise
 from flexid.identification.full_model.model import data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import joint_of
@@ -128,7 +128,6 @@ class ExcitationReport:
     correlations: Correlations
     advice: Advice | None  # None where every coefficient is determined
     noise: Mapping[str, float]  # rad, root mean square of each position's residuals
-    spectrum: FloatArray  # (2, m): rad/s and amplitudes of the input's tones, longest recording
     input_unit: str
 
 
@@ -155,6 +154,5 @@ def look_into(
         *assess(result),
         advice,
         dict(zip(result.residual_excess, noise.tolist(), strict=True)),
-        input_spectrum(max(data.samples, key=len)),
         "rad" if result.model == "link" else recordings.recorded[0].input_unit,
     )

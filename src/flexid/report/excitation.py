@@ -92,14 +92,7 @@ def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
     if advice is None:
         yield "Nothing needs to be added: every coefficient is determined."
         return
-    if advice.rule is not None:
-        amplitude, rate = advice.rule
-        yield (
-            f"By rule of thumb, add a sine of {amplitude:.3g} {unit} at {_frequency(rate)}: the "
-            f"log yields no model to try others on. Then look again."
-        )
-    else:
-        yield from _additions(advice, unit)
+    yield from _additions(advice, unit)
     if advice.caution:
         yield f"{advice.caution}."
 
@@ -116,9 +109,7 @@ def _additions(advice: Advice, unit: str) -> Iterator[str]:
             f"No single sine of up to {advice.largest:.3g} {unit} added to this input is enough "
             f"within ten times this motion: see flexid design."
         )
-    elif advice.caution:
-        yield "Another input does not help:"
-    else:
+    elif not advice.caution:
         yield "The input never moves: play one that does (see flexid design)."
     if advice.multiple is not None:
         multiple = advice.multiple
@@ -148,20 +139,17 @@ def _outcome(addition: Addition, unit: str) -> str:
 
 
 _UNKNOWN = 10.0  # drawn for a width that is infinite
-_FLOOR = 1e-3  # of the spectrum, over its largest amplitude
 _HEIGHT = 1.5
 
 
 def charts(report: ExcitationReport) -> tuple[Chart]:
-    """Widths of intervals on the left, the input's tones on the right."""
+    """Widths of intervals."""
     coefficients = [c for c in report.coefficients.values() if c.std > 0.0]
-    panels = _widths(coefficients), _spectrum(report)
-    title = "What the log determines, and the tones of its input"
     says = (
         "Each line ends at a coefficient's interval, and begins where it would be if all others "
         "were known: a long line means correlation with another coefficient."
     )
-    return (Chart("excitation", title, says, panels, columns=2, linked=False),)
+    return (Chart("excitation", "What the log determines", says, (_widths(coefficients),)),)
 
 
 def _widths(coefficients: Sequence[CoefficientAssessment]) -> Panel:
@@ -190,36 +178,6 @@ def _widths(coefficients: Sequence[CoefficientAssessment]) -> Panel:
         f"Intervals{clipped}",
         Axis("half the 95 % interval over the value", "–", logarithmic=True, limits=ends),
         Axis("", categories=tuple(c.name for c in coefficients)),
-        tuple(marks),
-        _HEIGHT,
-    )
-
-
-def _spectrum(report: ExcitationReport) -> Panel:
-    """Amplitudes of the input over angular frequency, and the tone to add."""
-    rates, amplitudes = report.spectrum
-    largest = float(amplitudes.max())
-    last = int(np.flatnonzero(amplitudes > _FLOOR * largest).max(initial=0)) + 1
-    marks: list[Mark] = [Line("input of the log", rates[:last], amplitudes[:last], "blue")]
-    ends = [rates[:last]]
-    advice = report.advice
-    tone = None if advice is None else advice.rule
-    if advice is not None and advice.sine is not None:
-        tone = advice.sine.amplitude, advice.sine.angular_frequency
-    if tone is not None:
-        size, rate = (np.array([value]) for value in tone)
-        marks.append(Points("add this", rate, size, "ink", 7.0))
-        ends.append(rate)
-    rate_limits = whole_decades(np.concatenate(ends))
-    return Panel(
-        "Tones of the input",
-        Axis("angular frequency", "rad/s", logarithmic=True, limits=rate_limits),
-        Axis(
-            "amplitude",
-            report.input_unit,
-            logarithmic=True,
-            limits=(_FLOOR * largest, 3.0 * largest),
-        ),
         tuple(marks),
         _HEIGHT,
     )
