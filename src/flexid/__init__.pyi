@@ -32,7 +32,6 @@ from flexid.library.identify import load as load
 from flexid.library.joint_estimate import JointEstimate as JointEstimate
 from flexid.library.logs import read_log as read_log
 from flexid.library.logs import samples as samples
-from flexid.library.python_control import mujoco_log as mujoco_log
 from flexid.library.python_control import plant_io_system as plant_io_system
 from flexid.library.simulate import CampaignResult as CampaignResult
 from flexid.library.simulate import PaperReproduction as PaperReproduction

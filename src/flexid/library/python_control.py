@@ -1,4 +1,4 @@
-"""Other simulators: identified drives in python-control, logs of joints that MuJoCo simulates.
+"""Identified drives in python-control.
 
 The package python-control (the extra ``control``) is not `flexid.control`, which declares
 controllers.
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.exports import mujoco_log as mujoco
 from flexid.library.arguments import entrance
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import check_values
@@ -88,6 +87,3 @@ def plant_io_system(
 
 def _vector(values: Any) -> NDArray[np.float64]:
     return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
-
-
-mujoco_log = entrance(mujoco.mujoco_log)
