@@ -59,7 +59,6 @@ def test_documents_agree(flexid, folders, tmp_path):
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.startswith("<!DOCTYPE html>")
     assert "flexid compare" in page
-    assert (tmp_path / "out" / "comparison.png").read_bytes().startswith(b"\x89PNG")
     found = library.compare(*pair)
     assert found.document == printed
     stiffness = printed["parameters"]["joint_stiffness"]

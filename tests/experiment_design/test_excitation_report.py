@@ -12,8 +12,7 @@ from flexid.experiment_design.excitation_report import examine
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.library.logs import read_log
-from flexid.report.chart import Level, Points
-from flexid.report.excitation import advice_lines, charts
+from flexid.report.excitation import advice_lines
 from joint_logs import FINE, SAMPLE_TIME, steady_sine, write_held_log, write_log
 
 TERMS = ("gravity", "motor_viscous")
@@ -170,37 +169,11 @@ def test_command_says_it_all(flexid, faint, tmp_path):
     assert "Add a sine of" in outcome.stdout
     assert "rad/s" in outcome.stdout
     names = {p.name for p in tmp_path.iterdir()}
-    assert names == {"excitation.json", "excitation.png", "report.html"}
+    assert names == {"excitation.json", "report.html"}
     document = json.loads((tmp_path / "excitation.json").read_text())
     assert document["advice"]["sine"]["angular_frequency"] > 0
     assert document["supported"] is (outcome.status == 0)
     assert len(document["provenance"]["inputs"][0]["sha256"]) == 64
-
-
-def test_the_chart_shows_widths_by_verdict(faint):
-    """Assert that each coefficient is where its interval is."""
-    _, _, report = faint
-    (widths,) = charts(report)[0].panels
-    coefficients = {n: c for n, c in report.coefficients.items() if c.std > 0.0}
-    assert widths.y.categories == tuple(coefficients)
-    points = [mark for mark in widths.marks if isinstance(mark, Points)]
-    shown = {}
-    for mark in points[1:]:
-        verdict = mark.label.removeprefix("as it is: ")
-        for x, y in zip(mark.x.tolist(), mark.y.tolist(), strict=True):
-            shown[widths.y.categories[int(y)]] = (x, verdict)
-    assert shown == {n: (min(c.width, 10.0), c.verdict) for n, c in coefficients.items()}
-    assert [mark.value for mark in widths.marks if isinstance(mark, Level)] == [0.2, 1.0]
-
-
-def test_a_width_without_end_is_drawn_at_the_edge(faint):
-    """Assert that an unknown coefficient stands at 10, which the title says."""
-    _, _, report = faint
-    name, own = next(iter(report.coefficients.items()))
-    lost = replace(own, width=np.inf, width_alone=np.nan, verdict="undetermined", partner="beta1")
-    coefficients = {**report.coefficients, name: lost}
-    (chart,) = charts(replace(report, coefficients=coefficients))
-    assert chart.panels[0].title == "Intervals; cut off at 10"
 
 
 def test_every_error_is_one_of_flexid(tmp_path):

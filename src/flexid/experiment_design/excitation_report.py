@@ -135,13 +135,7 @@ def examine(
     logs: Sequence[Log], settings: Settings, progress: Progress = silent
 ) -> ExcitationReport:
     """Say how well logs determine each coefficient, and what to add where they do not."""
-    return look_into(identify(logs, settings, progress), logs, settings, progress)
-
-
-def look_into(
-    result: Identification, logs: Sequence[Log], settings: Settings, progress: Progress = silent
-) -> ExcitationReport:
-    """Say the same of logs that are identified already."""
+    result = identify(logs, settings, progress)
     recordings, _ = prepare(logs, settings.validation_share, settings.model)
     recordings = result.choices.amplifier.split_behind(recordings)
     joint = joint_of(result.model)

@@ -1,18 +1,15 @@
-"""A comparison as tables, sentences, JSON and a figure."""
+"""A comparison as tables, sentences and JSON."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-import numpy as np
 from rich.text import Text
 
 from flexid.arrays import plain
 from flexid.comparisons.comparison import Comparison
 from flexid.comparisons.differences import Difference, Outcome
-from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.identification.vocabulary.intervals import CONFIDENCE
-from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.identification import COEFFICIENTS, PARAMETERS
 from flexid.report.page import Presenter
 from flexid.report.terminal import (
@@ -98,67 +95,6 @@ def outcome_text(d: Difference) -> str:
 def shortened(text: str) -> str:
     """A setting as far as a table has room for it."""
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
-
-
-_COLUMNS = 2
-_DRAWN: dict[str, Colour] = {"green": "green", "yellow": "orange", "red": "red"}
-_MARGIN = 0.06  # of what is shown, to either side
-
-
-def charts(comparison: Comparison) -> tuple[Chart]:
-    """Both values with their intervals, a panel for each number, relative to A's value."""
-    panels = (_panel(d) for d in comparison.decisive.values() if d.compared)
-    chart = Chart(
-        "comparison",
-        f"A: {shortened(comparison.labels[0])}; B: {shortened(comparison.labels[1])}",
-        "Each panel has one number of both estimates with its 95 % interval, relative to A's "
-        "value; its title says what the difference may be.",
-        tuple(panel for panel in panels if panel is not None),
-        columns=_COLUMNS,
-        linked=False,
-    )
-    return (chart,)
-
-
-def _panel(d: Difference) -> Panel | None:
-    """One number of both estimates; None if it is too large to be drawn."""
-    assert d.a is not None
-    assert d.b is not None
-    relative = isfinite(d.percent)
-    of_b: Colour = _DRAWN[OUTCOME_COLOURS[d.outcome]]
-    marks: list[Mark] = [Level("", 0.0, "x", "grey", "dotted")] if relative else []
-    of_a, of_other = (_numbers(value, d.a if relative else None) for value in (d.a, d.b))
-    marks += [*_interval(0.0, "blue", *of_a), *_interval(1.0, of_b, *of_other)]
-    low, high = min(*of_a, *of_other), max(*of_a, *of_other)
-    margin = _MARGIN * (high - low)
-    if not isfinite(margin):
-        return None
-    return Panel(
-        f"{d.name}\n{outcome_text(d)}",
-        Axis(
-            "relative to A" if relative else d.name,
-            "%" if relative else d.unit,
-            limits=(low - margin, high + margin),
-        ),
-        Axis("", categories=("A", "B")),
-        tuple(marks),
-    )
-
-
-def _numbers(value: ValueEstimate, relative_to: ValueEstimate | None) -> tuple[float, ...]:
-    """A value and the ends of its interval, in per cent or as they are."""
-    numbers = (value.value, *value.interval)
-    if relative_to is None:
-        return numbers
-    return tuple(100.0 * (x - relative_to.value) / abs(relative_to.value) for x in numbers)
-
-
-def _interval(place: float, colour: Colour, value: float, low: float, high: float) -> list[Mark]:
-    ends, at = np.array([low, high]), np.array([place, place])
-    return [
-        Line("", ends, at, colour, width=2.5),
-        Points("", np.array([value]), np.array([place]), colour, size=6.0),
-    ]
 
 
 def comparison_summary(comparison: Comparison) -> Iterator[str]:
@@ -302,4 +238,4 @@ def _differences(differences: Mapping[str, Difference]) -> dict[str, Any]:
     return found
 
 
-PRESENTER = Presenter(heading, parts, document, charts)
+PRESENTER = Presenter(heading, parts, document)

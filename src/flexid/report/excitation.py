@@ -1,26 +1,14 @@
-"""What a log determines, as tables, advice, JSON and a figure."""
+"""What a log determines, as a table, advice and JSON."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from math import isfinite, isnan, pi
 from typing import Any
 
-import numpy as np
 from rich.text import Text
 
 from flexid.experiment_design.advice import Addition, Advice
 from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.report.chart import (
-    VERDICT_COLOURS,
-    Axis,
-    Chart,
-    Level,
-    Line,
-    Mark,
-    Panel,
-    Points,
-    whole_decades,
-)
 from flexid.report.identification import excitation_lines, verdict_reasons
 from flexid.report.page import Presenter, logs_of
 from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, numbers, value_texts
@@ -47,7 +35,7 @@ def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
         Column("name"),
         *numbers("value"),
         Column("unit"),
-        *numbers("±", "± alone", "factor"),
+        *numbers("±", "factor"),
         Column("partner"),
         Column("verdict"),
     )
@@ -59,7 +47,6 @@ def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
             value_texts(c.value, *c.interval)[0],
             c.unit,
             c.reason if c.std == 0.0 else format_percent(c.width),
-            "" if c.std == 0.0 or isnan(c.width_alone) else format_percent(c.width_alone),
             _cost(c),
             f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
             Text(c.verdict, VERDICT_STYLES[c.verdict]),
@@ -138,51 +125,6 @@ def _outcome(addition: Addition, unit: str) -> str:
     )
 
 
-_UNKNOWN = 10.0  # drawn for a width that is infinite
-_HEIGHT = 1.5
-
-
-def charts(report: ExcitationReport) -> tuple[Chart]:
-    """Widths of intervals."""
-    coefficients = [c for c in report.coefficients.values() if c.std > 0.0]
-    says = (
-        "Each line ends at a coefficient's interval, and begins where it would be if all others "
-        "were known: a long line means correlation with another coefficient."
-    )
-    return (Chart("excitation", "What the log determines", says, (_widths(coefficients),)),)
-
-
-def _widths(coefficients: Sequence[CoefficientAssessment]) -> Panel:
-    """Half the interval of each coefficient over its value, and what it would be alone."""
-    places = np.arange(float(len(coefficients)))
-    shown = np.minimum([c.width for c in coefficients], _UNKNOWN)
-    alone = np.array([c.width_alone for c in coefficients])
-    alone = np.where(np.isnan(alone), shown, np.minimum(alone, _UNKNOWN))
-    gaps = np.full(len(places), np.nan)
-    between = np.column_stack([alone, shown, gaps]).ravel()
-    marks: list[Mark] = [
-        Line("", between, np.repeat(places, 3), "grey", 1.5),
-        Points("if all others were known", alone, places, "grey", 4.5),
-    ]
-    for verdict, colour in VERDICT_COLOURS.items():
-        such = np.array([c.verdict == verdict for c in coefficients], dtype=bool)
-        if such.any():
-            marks.append(Points(f"as it is: {verdict}", shown[such], places[such], colour, 6.5))
-    limits = THRESHOLDS.determined_width, THRESHOLDS.weak_width
-    marks.append(Level("weak from here", limits[0], "x", "orange", "dashed"))
-    marks.append(Level("undetermined from here", limits[1], "x", "red", "dashed"))
-    clipped = "; cut off at 10" if (shown >= _UNKNOWN).any() else ""
-    lowest, _ = whole_decades(np.concatenate([alone, shown, limits]))
-    ends = lowest, 2.0 * float(max(shown.max(initial=0.0), limits[1]))
-    return Panel(
-        f"Intervals{clipped}",
-        Axis("half the 95 % interval over the value", "–", logarithmic=True, limits=ends),
-        Axis("", categories=tuple(c.name for c in coefficients)),
-        tuple(marks),
-        _HEIGHT,
-    )
-
-
 def heading(report: ExcitationReport) -> tuple[str, str]:
     """What is looked at, and the files."""
     return "What a log determines", logs_of(report.identification.provenance)
@@ -210,4 +152,4 @@ def document(report: ExcitationReport) -> dict[str, Any]:
     }
 
 
-PRESENTER = Presenter(heading, parts, document, charts)
+PRESENTER = Presenter(heading, parts, document)
