@@ -91,7 +91,7 @@ def _logs() -> dict[str, Callable[[], Target]]:
     from flexid.streaming.incoming import Replay
 
     def stream(path: Path) -> None:
-        replay = Replay(path, None, at_once=True)
+        replay = Replay(path, None)
         try:
             while replay.read(last=False) is not None:
                 pass
@@ -180,9 +180,9 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
 def _streams() -> dict[str, Callable[[], Target]]:
     from flexid.streaming import incoming
     from flexid.streaming.checkpoint import read_session, save_session
+    from flexid.streaming.incoming import TextStream
     from flexid.streaming.options import WatchOptions
     from flexid.streaming.session import Session
-    from flexid.streaming.text_stream import TextStream
 
     def watch(path: Path) -> None:
         """Watch a text that comes in parts."""
@@ -197,7 +197,7 @@ def _streams() -> dict[str, Callable[[], Target]]:
     def replay(path: Path) -> None:
         """Play a log again, in parts."""
         with patch.object(incoming, "BLOCK", 30):
-            samples = incoming.Replay(path, None, at_once=True)
+            samples = incoming.Replay(path, None)
             while samples.read(last=False) is not None:
                 pass
 

@@ -23,10 +23,10 @@ from benchmarks.trials.generate import HEADER, Trial, make_trial
 from benchmarks.trials.score import CORE
 from flexid.arrays import FloatArray
 from flexid.streaming.health import LIMITS, Health
+from flexid.streaming.incoming import TextStream
 from flexid.streaming.learner import departures
 from flexid.streaming.options import USUAL_TERMS, WatchOptions
 from flexid.streaming.session import Session
-from flexid.streaming.text_stream import TextStream
 
 _FIRST_SEED = 5000  # beyond those of the blind trials
 

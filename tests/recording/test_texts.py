@@ -20,9 +20,8 @@ from joint_log import (
 
 from flexid.recording import read_log
 from flexid.recording.layout import layout_of
-from flexid.streaming.incoming import TextSamples
+from flexid.streaming.incoming import TextSamples, TextStream
 from flexid.streaming.sources import GrowingFile
-from flexid.streaming.text_stream import TextStream
 
 COLUMNS = without(joint_columns(500), "velocity")
 TEXT = csv_text(COLUMNS)

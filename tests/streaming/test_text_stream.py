@@ -10,7 +10,7 @@ import pytest
 
 from flexid.errors import RecordingError
 from flexid.recording.read import read_log
-from flexid.streaming.text_stream import TextStream, sample_time_of
+from flexid.streaming.incoming import TextStream, sample_time_of
 
 HEADER = "time [ms],motor current [A],link_position [deg],motor_position [rad]"
 ROWS = [

@@ -7,14 +7,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.readers.contents import WIDEST, Contents, Frame, RefusedError, Series
+from flexid.readers.contents import WIDEST, Contents, Frame, Series
 
 Selection: TypeAlias = tuple[int | slice, ...]
 Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
 
 _ALL = slice(None)
 _SIGNALS = "iufmM"  # kinds of numbers, dates and durations
-_RESOLUTIONS = ("[D]", "[ms]", "[us]", "[ns]")  # of dates and durations, that Polars knows
 _WORDS = {"U": "text", "S": "text", "O": "text or objects", "b": "logical"}
 
 
@@ -82,25 +81,14 @@ class Arrays:
             for path in paths:
                 _, values, where = self._found[path]
                 picked = tuple(part if at == _ALL else at for at in where)
-                columns[path] = known_times(path, values(picked))
+                columns[path] = known_times(values(picked))
             yield "", columns
 
 
-def known_times(name: str, values: NDArray[np.generic]) -> NDArray[np.generic]:
-    """An array whose dates and durations, if it holds any, have a resolution that Polars knows."""
-    kind, resolution = values.dtype.kind, values.dtype.str[4:]
-    if kind not in "mM" or resolution in _RESOLUTIONS:
-        return values
-    place = f"column {name!r}"
-    if not resolution:
-        raise RefusedError(place, "its durations have no unit: give seconds as numbers")
-    times = values.astype(f"{kind}8[ns]")
-    # What 64 bits cannot hold as nanoseconds comes out as another second.
-    given, kept = (each.astype(f"{kind}8[s]").astype("i8") for each in (values, times))
-    if not (given == kept).all():
-        reason = "its times are more than 292 years from 1970: give seconds as numbers"
-        raise RefusedError(place, reason)
-    return times
+def known_times(values: NDArray[np.generic]) -> NDArray[np.generic]:
+    """An array whose dates and durations, if it holds any, are whole nanoseconds."""
+    kind = values.dtype.kind
+    return values.astype(f"{kind}8[ns]") if kind in "mM" else values
 
 
 def read(path: Path) -> Contents:

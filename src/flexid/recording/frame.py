@@ -13,7 +13,6 @@ import polars as pl
 
 from flexid.errors import RecordingError
 from flexid.readers.arrays import known_times
-from flexid.readers.contents import RefusedError
 from flexid.recording.channel import MOST_ROWS
 from flexid.recording.names import split_header
 from flexid.recording.table import Table
@@ -116,12 +115,10 @@ def _array(name: str, values: Any) -> Any:
 def _table(file: str, columns: Mapping[str, Any]) -> Table:
     try:
         known = {
-            name: known_times(name, values) if isinstance(values, np.ndarray) else values
+            name: known_times(values) if isinstance(values, np.ndarray) else values
             for name, values in columns.items()
         }
         frame = pl.DataFrame(known, strict=False)
-    except RefusedError as error:
-        raise RecordingError(file, error.place, error.reason) from None
     except (pl.exceptions.PolarsError, TypeError, ValueError) as error:
         reason = f"its columns are no table of numbers ({error}): give numbers"
         raise RecordingError(file, "", reason) from None

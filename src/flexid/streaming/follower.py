@@ -20,7 +20,15 @@ from flexid.recording.sampling import GAP
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.wraps import TURN
 from flexid.streaming.checkpoint import ReadBefore, opened_session
-from flexid.streaming.incoming import Incoming, Replay, TextSamples, is_whole_log
+from flexid.streaming.incoming import (
+    HEAD_LINES,
+    LINES_FOR_LAYOUT,
+    Incoming,
+    Replay,
+    TextSamples,
+    is_whole_log,
+    sample_time_of,
+)
 from flexid.streaming.options import (
     StreamChannels,
     not_accounted_for,
@@ -29,7 +37,6 @@ from flexid.streaming.options import (
 )
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
-from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, sample_time_of
 
 _DURATION = 20.0  # s that are looked at
 _FEWEST = 500  # samples of them

@@ -1,8 +1,15 @@
-"""Samples as they come: from lines of text, or from a whole log."""
+"""Samples as they come, in SI units: from lines of text, or from a whole log.
 
-from collections.abc import Mapping
+Lines of numbers have columns as in a log: header, units, separators and column maps are those of a
+log's text; the stream's first lines decide on them, and on the sample time. A cell that is no
+number makes a sample without that number, which is counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -12,14 +19,119 @@ from flexid.files import shown
 from flexid.readers.formats import format_of
 from flexid.recording.channel import Channel
 from flexid.recording.clock import Clock
-from flexid.recording.columns import channels_of, recipes_of
-from flexid.recording.recipes import MapSource
+from flexid.recording.columns import channels_of, read_channels, recipes_of
+from flexid.recording.layout import (
+    BLANK,
+    COMMENTS,
+    LONGEST_LINE,
+    Layout,
+    layout_of,
+    split,
+)
+from flexid.recording.recipes import Recipe
+from flexid.recording.sampling import GAP, check_typical
 from flexid.recording.series import tables_of_file
-from flexid.streaming.options import chosen_channels
+from flexid.recording.table import HOLE, decimal_mark
+from flexid.recording.text import UTF_16, as_utf_8, read_text
+from flexid.streaming.options import StreamChannels, chosen_channels
 from flexid.streaming.sources import Source
-from flexid.streaming.text_stream import TextStream
+
+if TYPE_CHECKING:
+    import polars
+
+    from flexid.recording.recipes import MapSource
 
 BLOCK = 65_536  # rows of a log that are read at once
+HEAD_LINES = 200  # lines at the beginning from which layout and sample time are taken
+LINES_FOR_LAYOUT = 8  # lines from which the layout alone is taken, where the sample time is known
+FEWEST_LINES = 4  # the fewest of them: a header and three samples, where the stream has ended
+_COMMENTS = tuple(mark.encode() for mark in COMMENTS)
+
+
+class TextStream:
+    """Samples from bytes as they come."""
+
+    def __init__(
+        self,
+        name: str,  # for messages
+        column_map: MapSource | None = None,
+        *,
+        model: str = "auto",  # of the joint
+        header: str | None = None,  # names of columns, where the text does not begin with them
+        fewest: int = HEAD_LINES,  # lines that are waited for before the layout is decided
+    ) -> None:
+        self.name, self._column_map, self._model, self._header = name, column_map, model, header
+        self._fewest = fewest
+        self._first = [] if header is None else [header.strip(" \r\n").encode()]
+        self.rest = b""  # the line that has not ended yet
+        self.channels: StreamChannels | None = None  # what a sample's values are, once it is known
+        self._layout: Layout | None = None
+        self._recipes: Mapping[str, Recipe] = {}  # of the channels of a sample, in its order
+        self._mark = "."  # of decimals
+        self._clock = Clock(since_1970=True)
+
+    def samples(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
+        """Samples of complete lines, shape (n, n_values); None until the columns are known."""
+        if len(self.rest) > LONGEST_LINE:
+            raise RecordingError(
+                self.name,
+                "",
+                f"a line has more than {LONGEST_LINE} bytes: send one line for each sample",
+            )
+        *lines, self.rest = (self.rest + data).split(b"\n")
+        if ended and self.rest.endswith(b"\r"):
+            lines.append(self.rest)
+            self.rest = b""
+        if self._layout is not None:
+            return self._samples(self._layout, lines)
+        self._first += lines
+        if len(self._first) < self._fewest and not ended:
+            return None
+        if len(self._first) < FEWEST_LINES:
+            raise RecordingError(
+                self.name, "", "it ended before a header and three samples had come"
+            )
+        return self._begun(self._first)
+
+    def _begun(self, lines: list[bytes]) -> FloatArray:
+        """Decide by the first lines what the columns are, and read the samples among them."""
+        text = b"\n".join(lines) + b"\n"
+        if text.startswith(UTF_16):
+            raise RecordingError(self.name, "", "the text is in UTF-16: send it in UTF-8")
+        text = as_utf_8(self.name, text)
+        self._layout = layout = layout_of(self.name, text)
+        # The rest of them may come now or later: nothing may depend on that.
+        head = b"\n".join(text.split(b"\n")[: self._fewest]) + b"\n"
+        frame = layout.without_twins(self.name, _frame(layout, head[layout.start :].split(b"\n")))
+        self._mark = decimal_mark(frame) or "."
+        table = layout.table(self.name, frame, self._mark)
+        recipes, warnings = recipes_of(table, self._column_map)
+        channels = channels_of(table, recipes, self._clock)
+        self.channels = chosen_channels(self.name, channels, warnings, self._model)
+        self._recipes = {name: recipes[name] for name in self.channels.sampled}
+        samples = np.column_stack([channel.values for channel in self.channels.sampled.values()])
+        if not self._most_are_rows(frame, samples):  # as a log it is refused for the first
+            read_channels(read_text(self.name, head), self._column_map)
+        rest = text[len(head) :].split(b"\n")
+        return np.concatenate((samples, self._samples(layout, rest)))
+
+    def _samples(self, layout: Layout, lines: list[bytes]) -> FloatArray:
+        """Samples of lines that are not empty nor comments; NaN where a cell is no number."""
+        frame = _frame(layout, lines)
+        if not frame.height:
+            return np.empty((0, len(self._recipes)))
+        table = layout.table(self.name, frame, self._mark)
+        channels = channels_of(table, self._recipes, self._clock)
+        return np.column_stack([channel.values for channel in channels.values()])
+
+    def _most_are_rows(self, frame: polars.DataFrame, samples: FloatArray) -> bool:
+        """Whether half of some lines or more have numbers, finite or not, or nothing in each."""
+        fitting = ~np.isnan(samples)
+        for place, recipe in enumerate(self._recipes.values()):
+            for header in recipe.weights:
+                is_empty = frame[header].str.contains(HOLE).fill_null(False).to_numpy()
+                fitting[:, place] |= is_empty
+        return bool(2 * np.count_nonzero(fitting.all(axis=1)) >= len(fitting))
 
 
 class TextSamples(TextStream):
@@ -70,14 +182,14 @@ class Replay:
         self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
         self.channels = chosen_channels(self.name, channels, self.warnings, model)
         self._recipes = {name: recipes[name] for name in self.channels.sampled}
-        self._next: FloatArray | None = _samples(self.channels.sampled)
+        self._next: FloatArray | None = _stacked(self.channels.sampled)
 
     def read(self, *, last: bool) -> FloatArray | None:  # noqa: ARG002 - nothing is kept back
         """The samples of a block."""
         found, self._next = self._next, None
         if found is None and (table := next(self._tables, None)) is not None:
             self.warnings = tuple(dict.fromkeys(self.warnings + table.warnings))
-            found = _samples(channels_of(table, self._recipes, self._clock))
+            found = _stacked(channels_of(table, self._recipes, self._clock))
         return found
 
     def close(self) -> None:
@@ -85,7 +197,7 @@ class Replay:
         self._tables.close()
 
 
-def _samples(channels: Mapping[str, Channel]) -> FloatArray:
+def _stacked(channels: Mapping[str, Channel]) -> FloatArray:
     return np.column_stack([channel.values for channel in channels.values()])
 
 
@@ -98,3 +210,47 @@ def is_whole_log(source: str) -> bool:
     if source == "-" or "://" in source:
         return False
     return format_of(Path(source)) is not None or Path(source).is_dir()
+
+
+def _frame(layout: Layout, lines: list[bytes]) -> polars.DataFrame:
+    """Cells of lines that are not empty nor comments; a line that is no row has none."""
+    import polars as pl
+
+    rows = [_cells(layout, line) for line in lines if _may_be_row(line)]
+    columns = zip(*rows, strict=True) if rows else [()] * len(layout.names)
+    return pl.DataFrame(
+        [pl.Series(name, own, pl.String) for name, own in zip(layout.names, columns, strict=True)]
+    )
+
+
+def _cells(layout: Layout, line: bytes) -> Sequence[str | None]:
+    text = line.decode("utf-8", "replace").rstrip("\r\n").replace("\N{MINUS SIGN}", "-")
+    if '"' in text:
+        cells = [cell.strip('"') for cell in split(text, layout.separator)]
+    else:
+        cells = text.split(None if layout.separator == BLANK else layout.separator)
+    return cells if len(cells) == len(layout.names) else [None] * len(layout.names)
+
+
+def _may_be_row(line: bytes) -> bool:
+    """Whether a line is neither blank nor a comment."""
+    stripped = line.strip()
+    return bool(stripped) and not stripped.startswith(_COMMENTS)
+
+
+def sample_time_of(source: str, time: FloatArray) -> float:
+    """Sample time from the first time stamps: their slope, but for what is missing or late."""
+    steps = np.diff(time[np.isfinite(time)])
+    steps = steps[steps > 0.0]
+    if not len(steps):
+        raise RecordingError(
+            source,
+            "time",
+            "its first time stamps do not increase: write them with more digits, or give the "
+            "sample time",
+        )
+    typical = float(np.median(steps))
+    even = steps[np.abs(steps / typical - 1.0) < GAP - 1.0]
+    found = float(even.mean()) if len(even) else typical
+    check_typical(source, "time", found, steps)
+    return found
