@@ -21,6 +21,7 @@ from flexid.identification.estimation.doubts import (
     lag,
     looks_like_a_term,
     looks_like_the_acceleration,
+    noise_of_the_input,
     play,
     scales_apart,
     widened,
@@ -160,6 +161,14 @@ def test_what_is_unexplained_makes_a_balance_heavier():
     assert motor[NAMES.index("beta1")] == pytest.approx(0.2**2 * VALUES["beta1"])
     assert link[NAMES.index("beta1")] == motor[NAMES.index("theta2")] == 0.0
     assert motor[NAMES.index(INPUT)] == 0.0
+
+
+def test_the_inputs_noise_may_be_its_sensors():
+    """Assert that values may be off by all that it would change, evenly, and by nothing unless."""
+    change = np.array([0.0, 0.0, -30.0, 0.0, -0.3, 0.0])
+    assert noise_of_the_input(doubted()).shape == (len(NAMES), 0)
+    (found,) = noise_of_the_input(replace(doubted(), by_noise=change)).T
+    np.testing.assert_allclose(found, change / np.sqrt(3.0))
 
 
 def test_covariances_add():

@@ -5,15 +5,19 @@ from functools import cache
 
 import numpy as np
 import pytest
+from disturbed_drive import TRUTH as DRIVE
+from disturbed_drive import data, drive, recording
 from made_joint import made
 
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.estimation.measured_input import input_noise
+from flexid.identification.estimation.disturbed import fit_disturbed
+from flexid.identification.estimation.measured_input import input_noise, pulled
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
-from flexid.identification.preparation.joint import link
+from flexid.identification.preparation.joint import flexible, link
 from flexid.identification.vocabulary.evidence import ModelError
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.velocities import with_velocities
 
 JOINT = link()
@@ -64,3 +68,30 @@ def test_no_interval_is_narrower():
     deviations = widened(found, none, least).deviations
     assert deviations == pytest.approx(least)
     assert (widened(found, none).deviations < deviations).all()
+
+
+@cache
+def gain(seed: int, noise: float, motor_push: float = 0.0) -> tuple[float, float]:
+    """Errors of a drive's gain: what it is, and what more noise of its torque would make it."""
+    time, positions, torque = drive(seed, motor_push=motor_push)
+    noisy = torque + noise * np.random.default_rng(seed + 50).standard_normal(len(torque))
+    log, joint = data(recording(time, positions, noisy)), flexible()
+    structure = Structure(joint, frozenset(joint.optional - {"alpha2"}), Timing("cubic"))
+    found = fit_disturbed(structure, log, (), ("cubic",), THRESHOLDS, with_play=False)
+    place = found.fitted.names.index("beta1")
+    change = pulled(found.fitted, found.sizes, log.samples, found.factor)[place]
+    return found.fitted.values[place] - DRIVE["beta1"], float(change)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_noisy_torque_takes_the_gain_for_too_small(seed):
+    """Assert that the error of a gain is foretold by what as much noise again would do to it."""
+    error, foretold = gain(seed, 0.6)
+    assert error < -0.05 * DRIVE["beta1"]
+    assert 0.5 * error > foretold > 1.5 * error
+
+
+@pytest.mark.parametrize(("noise", "push"), [(0.0, 2.0), (0.1, 0.0)])
+def test_what_is_no_noise_of_a_torque_pulls_nothing(noise, push):
+    """Assert that neither a push of the motor nor a noise that few samples show moves a gain."""
+    assert abs(gain(1, noise, push)[1]) < 1e-3 * DRIVE["beta1"]

@@ -41,6 +41,7 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
+from flexid.identification.estimation.measured_input import pulled
 from flexid.identification.full_model.fitting import lengths, within_bounds
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, no_start, starts
@@ -240,6 +241,7 @@ def disturbed_estimate(
         dict(found.shares),
         input_unit,
         _by_gauge(found, data),
+        pulled(fitted, found.sizes, data.samples, found.factor),
         _by_play(fitted, data),
     )
     own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)

@@ -57,6 +57,7 @@ class Doubted:
     input_unit: str
     # (k,): by how much the values change where the deflection's sensor shows 1 % more, if any
     by_gauge: FloatArray | None
+    by_noise: FloatArray | None = None  # (k,): by how much more noise of the input changes them
     by_play: float = 0.0  # share by which the spring is stiffer if it has play in place of curving
 
     @property
@@ -173,6 +174,14 @@ def play(doubted: Doubted) -> FloatArray:
     return share * np.where(springs, doubted.fitted.values, 0.0)[:, None]
 
 
+def noise_of_the_input(doubted: Doubted) -> FloatArray:
+    """What moves a motor beyond its torque may be noise of the torque's sensor, in part or all."""
+    if doubted.by_noise is None:
+        return np.zeros((len(doubted.fitted.names), 0))
+    # Anything between none and all of it: a uniform distribution.
+    return doubted.by_noise[:, None] / np.sqrt(3.0)
+
+
 def looks_like_a_term(doubted: Doubted) -> FloatArray:
     """What a balance leaves unexplained may look like any one of its terms in part."""
 
@@ -216,6 +225,7 @@ DOUBTS: Mapping[Doubt, str] = {
     lag: "the delay of the input may be a lag",
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
+    noise_of_the_input: "the input's noise may be that of its sensor",
     looks_like_a_term: LIKE_A_TERM,
     looks_like_the_acceleration: HEAVIER,
 }
