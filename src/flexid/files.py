@@ -115,13 +115,13 @@ def _synchronise(path: Path) -> None:
         os.close(handle)
 
 
-def write_document(path: Path, text: str) -> None:
+def write_document(path: Path, text: str, setting: str = "path") -> None:
     """Write a text file that appears whole or not at all; a `SettingError` if it cannot."""
     try:
         write_atomically(path, lambda place: place.write_text(text, encoding="utf-8"))
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         reason = getattr(error, "strerror", None) or "its name cannot be used"
-        raise SettingError("path", f"{path} cannot be written ({reason})") from None
+        raise SettingError(setting, f"{path} cannot be written ({reason})") from None
 
 
 @contextmanager

@@ -52,7 +52,7 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     add_link_position(log)
     if "deflection" in log.channels:
         checks.check_varies(log, "link_position")
-    _check_together(log)
+    check_together(log)
     recordings = [
         recording_of(log, grid.sample_time, part, resample=grid.resample)
         for part in grid.recordings
@@ -72,7 +72,7 @@ def add_link_position(log: Draft) -> None:
         log["link_position"] = log["motor_position"] + log["deflection"]
 
 
-def _check_together(log: Draft) -> None:
+def check_together(log: Draft) -> None:
     """Check the two sides of the joint and the input against each other."""
     encoders = log.those_of(ENCODERS)
     for name in encoders:

@@ -19,7 +19,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.files import read_bytes, write_atomically
+from flexid.files import read_bytes, write_document
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Change, Session
 
@@ -48,11 +48,7 @@ def save_session(session: Session, path: Path) -> None:
         "content": content,
     }
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-    try:
-        write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-    except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        reason = getattr(error, "strerror", None) or "its name cannot be used"
-        raise SettingError("checkpoint", f"{path} cannot be written ({reason})") from None
+    write_document(path, text, "checkpoint")
 
 
 def read_session(path: Path) -> Session:

@@ -13,8 +13,8 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.identification.result.identification import Identification
 from flexid.recording import checks
-from flexid.recording.channel import ENCODERS, INPUTS, Draft
-from flexid.recording.read import add_link_position, recording_of
+from flexid.recording.channel import ENCODERS, Draft
+from flexid.recording.read import add_link_position, check_together, recording_of
 from flexid.recording.recipes import MapSource
 from flexid.recording.sampling import GAP
 from flexid.recording.slow_motion import check_motion
@@ -79,11 +79,11 @@ class Scales:
         log = Draft(self._source, channels)
         for name in log.names:
             checks.check_whole(log, name)
-        if "deflection" not in log.channels:
-            _check_encoders(log)
-        for name in log.those_of(INPUTS):
-            checks.check_power(log, name)
         add_link_position(log)
+        try:
+            check_together(log)
+        except RecordingError as error:  # for which a log would be refused
+            log.warnings.append(str(error))
         gaps = np.flatnonzero(np.diff(log.time) > GAP * self._sample_time) + 1
         parts = [slice(*ends) for ends in pairwise((0, *gaps.tolist(), len(log.time)))]
         longest = max(parts, key=lambda part: part.stop - part.start)
@@ -95,18 +95,6 @@ class Scales:
             return values
         geared = self._channels.motor_turn if name == "motor_position" else 0.0
         return np.unwrap(values, period=geared or TURN)
-
-
-def _check_encoders(log: Draft) -> None:
-    """Check the encoders; what a log would be refused for is a warning."""
-    encoders = log.those_of(ENCODERS)
-    try:
-        if len(encoders) == 2:
-            checks.check_two_encoders(log)
-        for name in encoders:
-            checks.check_speed(log, name)
-    except RecordingError as error:
-        log.warnings.append(str(error))
 
 
 @dataclass(eq=False)

@@ -10,9 +10,7 @@ Whether a drive has changed since an estimate was made is a comparison of both w
 """
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from math import ceil, floor, isfinite, nan
 
 import numpy as np
@@ -40,13 +38,6 @@ families 97 % of the 95 % intervals hold the truth with 2, and 92 % with 1; of d
 describes, 93 and 87 %."""
 
 States = tuple[FloatArray, ...]
-
-_MANY = 200  # rows from which on the estimators run in threads
-
-
-@cache
-def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(len(RATES) + 1, "flexid-learner")
 
 
 class Learner:
@@ -89,12 +80,10 @@ class Learner:
         if self._is_driven:
             rows, end = _driven(rows, states[len(self._estimators)], self.options.sample_time)
             last = (end, *last)
-        runs = [e.replay for e in self._estimators], states[: len(self._estimators)]
-        if len(rows) < _MANY:
-            histories = [replay(state, rows) for replay, state in zip(*runs, strict=True)]
-        else:
-            jobs = [_threads().submit(run, state, rows) for run, state in zip(*runs, strict=True)]
-            histories = [job.result() for job in jobs]
+        histories = [
+            estimator.replay(state, rows)
+            for estimator, state in zip(self._estimators, states, strict=False)
+        ]
         return (*(history.state for history in histories), *last), histories[0]
 
     def values(self, states: States) -> FloatArray:

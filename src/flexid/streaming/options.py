@@ -87,8 +87,6 @@ KINDS = ("flexible", "link", "rigid")  # models of the joint
 USABLE_TERMS = {n: t for n, t in (TERMS | SHAPE_TERMS).items() if t.memory is None}
 """Terms that may be named: least squares has no memory."""
 
-_INPUT_UNITS = ("N m", "A", "V")
-
 
 @dataclass(frozen=True)
 class WatchOptions:
@@ -126,8 +124,6 @@ class WatchOptions:
         object.__setattr__(self, "terms", tuple(self.terms))
         check_sample_time(self.sample_time)
         check_terms(self.terms, USABLE_TERMS)
-        if self.kind not in KINDS:
-            raise SettingError("model", f"must be flexible, link or rigid, got {self.kind!r}")
         if self.hold not in ("auto", "linear", "zero"):
             raise SettingError("hold", f"must be auto, linear or zero, got {self.hold!r}")
         check_filter_rate(
@@ -139,19 +135,10 @@ class WatchOptions:
                 f"must be longer than the filter's memory, got {self.memory} s: give more than "
                 f"{20.0 / self.filter_rate:.3g} s",
             )
-        if not 0.0 <= self.motor_turn <= TURN:
-            raise SettingError(
-                "motor turn",
-                f"must be 0 to {TURN:.4g} rad at the link's side, got {self.motor_turn}",
-            )
         if self.kind == "link":
             object.__setattr__(self, "input_unit", "")
             if self.hold != "auto":
                 raise SettingError("hold", "is of an input, and the link alone has none: leave it")
-        elif self.input_unit not in _INPUT_UNITS:
-            raise SettingError(
-                "input unit", f"must be one of {', '.join(_INPUT_UNITS)}, got {self.input_unit!r}"
-            )
         pairs = {name: (float(was), float(half)) for name, (was, half) in self.reference.items()}
         object.__setattr__(self, "reference", pairs)
         _ = self.stated  # raises
