@@ -19,7 +19,7 @@ from flexid.recording.series import table_of_file
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.table import Table
 from flexid.recording.velocities import is_used
-from flexid.recording.wraps import count_on, unwrap
+from flexid.recording.wraps import unwrap
 
 if TYPE_CHECKING:
     from flexid.recording.recipes import MapSource
@@ -36,7 +36,6 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     origins = {name: channel.origin for name, channel in channels.items()}
     log = Draft(table.file, channels, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
-    count_on(log)
     part_runs(log, table)
     drop_repeats(log, table)
     drop_holes(log)

@@ -64,16 +64,15 @@ def encoder_step(position: FloatArray) -> float:
     return step if is_grid and repeats else 0.0
 
 
-def with_velocities(recording: Recording, half_windows: tuple[int, int] | None = None) -> Recording:
+def with_velocities(recording: Recording) -> Recording:
     """The recording with velocities in rad/s: measured ones kept, missing ones derived."""
     dt = recording.sample_time
     link, motor = recording.link_velocity, recording.motor_velocity
     position = recording.link_position
-    link_half, motor_half = half_windows or (None, None)
     if link is None and position is not None:
-        link = velocity(position, dt, link_half)
+        link = velocity(position, dt)
     if motor is None:
-        motor = velocity(recording.motor_position, dt, motor_half)
+        motor = velocity(recording.motor_position, dt)
     return replace(recording, link_velocity=link, motor_velocity=motor)
 
 

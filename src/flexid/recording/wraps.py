@@ -1,4 +1,4 @@
-"""Wraps of encoders and clocks: undone where they are clear, named where they are not."""
+"""Wraps of encoders: undone where they are clear, named where they are not."""
 
 import numpy as np
 
@@ -9,26 +9,6 @@ from flexid.recording.sampling import GAP
 
 TURN = 2.0 * np.pi  # rad
 _FEW_VALUES = 20  # a position of so few counts does not jump, it steps
-
-
-def count_on(log: Draft) -> None:
-    """Go on with a time where a counter of 16 or 32 bits begins again."""
-    time, factor = log.time, log.channels["time"].origin.factor
-    if np.all(np.diff(time) >= 0.0):
-        return
-    ticks = time / factor
-    steps = np.diff(ticks)
-    usual, again = np.median(steps), np.flatnonzero(steps < 0.0)
-    for bits in (16, 32):
-        if np.all(np.abs(steps[again] + 2.0**bits - usual) < (GAP - 1.0) * usual):
-            log.warn(
-                "time",
-                f"the time begins again after {log.at(again)}, as a counter of {bits} bits does, "
-                f"and was counted on: check it",
-            )
-            ticks[1:] += 2.0**bits * np.cumsum(steps < 0.0)
-            log["time"] = ticks * factor
-            return
 
 
 def unwrap(log: Draft) -> None:
