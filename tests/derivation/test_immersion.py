@@ -8,8 +8,8 @@ import sympy as sp
 from scipy.integrate import quad
 from systems import NO_CLOSED_FORM, THREE_ROWS
 
-from flexid.derivation.immersion import immersion
 from flexid.derivation.model_functions import signal_module, split_regressor
+from flexid.derivation.observer import immersion
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import symbol, symbolic_system, to_sympy
 from flexid.errors import ExpressionError

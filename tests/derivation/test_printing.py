@@ -13,8 +13,7 @@ import sympy as sp
 from scipy.integrate import quad
 from systems import ALL, PAPER
 
-from flexid.derivation.immersion import graded_rule, immersion
-from flexid.derivation.observer import SymbolicObserver, derive_observer
+from flexid.derivation.observer import SymbolicObserver, derive_observer, graded_rule, immersion
 from flexid.derivation.printing import (
     c_observer,
     fresh_names,

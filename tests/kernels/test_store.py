@@ -11,7 +11,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 from filelock import FileLock
 
@@ -30,11 +29,11 @@ print(repr(observer.replay(observer.init(), samples).coefficients[-1, 0]), "symp
 """
 
 
-def run(code: str, cache: Path, *arguments: str) -> subprocess.Popen[str]:
+def run(code: str, cache: Path) -> subprocess.Popen[str]:
     """Start Python on some code with its own cache."""
     environment = {**os.environ, store.CACHE_VARIABLE: str(cache)}
     return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], env=environment, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
     )
 
 
@@ -225,36 +224,6 @@ def test_an_index_may_name_a_kernel_that_is_not_loaded(cache: Path) -> None:
         forget(kernel)
     again = store.load_kernel("pairs_b", ["pairs_b"], lambda: PAIRS)
     assert again.total(again.Pair(1.0, 3.0)) == 4.0
-
-
-DOUBLE = """
-import sys
-from pathlib import Path
-import numpy as np
-from flexid.kernels import store
-kernel = store.load_kernel("shared", ["x"], lambda: KERNEL)
-Path(sys.argv[1], f"{sys.argv[2]}.ready").touch()
-while len(list(Path(sys.argv[1]).glob("*.ready"))) < 4:
-    pass
-kernel.double(np.zeros((1,) * int(sys.argv[2])))
-"""
-
-
-def test_processes_that_compile_at_once_lose_nothing(cache: Path, tmp_path_factory) -> None:
-    """Assert that four processes, each with its own type, leave all four for the next one."""
-    code = DOUBLE.replace("KERNEL", repr(KERNEL))
-    together = tmp_path_factory.mktemp("together")
-    processes = [run(code, cache, str(together), str(place)) for place in range(1, 5)]
-    for process in processes:
-        process.communicate(timeout=300)
-    assert [process.returncode for process in processes] == [0] * 4
-    kernel = store.load_kernel("shared", ["x"], lambda: KERNEL)
-    for dimensions in range(1, 5):
-        doubled = kernel.double(np.ones((1,) * dimensions))
-        assert doubled.shape == (1,) * dimensions
-        assert doubled.item() == 2.0
-    assert sum(kernel.double.stats.cache_hits.values()) == 4
-    assert not kernel.double.stats.cache_misses
 
 
 def test_who_compiles_waits_for_who_writes(cache: Path) -> None:

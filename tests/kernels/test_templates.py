@@ -17,8 +17,7 @@ from flexid.arrays import FloatArray
 from flexid.control.laws import pd_gravity, robust_law
 from flexid.control.loop import LoopDeclaration
 from flexid.control.references import sinusoid
-from flexid.derivation.closed_loop import compose_loop
-from flexid.derivation.loop_source import lane_loop_source, stiff_loop_source
+from flexid.derivation.closed_loop import compose_loop, lane_loop_source, stiff_loop_source
 from flexid.derivation.model_functions import compiled_signals
 from flexid.derivation.sampled_loop import sampled_loop_source
 from flexid.derivation.sensitivities import sensitivity_functions

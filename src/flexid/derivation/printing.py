@@ -15,8 +15,7 @@ from sympy.printing.c import C99CodePrinter
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from flexid.derivation.immersion import VARIABLE, graded_rule
-from flexid.derivation.observer import ObserverRow, SymbolicObserver
+from flexid.derivation.observer import VARIABLE, ObserverRow, SymbolicObserver, graded_rule
 from flexid.derivation.symbolic import FreshNames, symbol
 
 

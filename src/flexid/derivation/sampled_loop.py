@@ -15,8 +15,7 @@ The plant moves by the classical Runge-Kutta method under a constant input.
 from collections.abc import Callable, Sequence
 
 from flexid.control.loop import LoopDeclaration
-from flexid.derivation.closed_loop import control_law
-from flexid.derivation.loop_source import loop_function
+from flexid.derivation.closed_loop import control_law, loop_function
 from flexid.derivation.model_functions import module_header, regressor_function
 from flexid.derivation.source import assignments, function, row_function, tuple_text
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
