@@ -95,17 +95,6 @@ def test_mean_of_equal_blocks():
     assert np.sum(influences**2) == pytest.approx(expected)
 
 
-def test_units_do_not_matter():
-    """Assert that unknowns in other units have influences in these units."""
-    residuals = np.random.default_rng(4).standard_normal(200)
-    blocks = derivatives()
-    units = np.array([1e8, 1e-2, 1.0, 1e-6, 10.0])
-    plain, freedom = cluster_influences(clusters(blocks, residuals))
-    scaled, same = cluster_influences(clusters([block * units for block in blocks], residuals))
-    assert scaled * units[OWN:, None] == pytest.approx(plain, rel=1e-6)
-    assert same == pytest.approx(freedom, rel=1e-6)
-
-
 @pytest.mark.parametrize("seen", [(0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.0)])
 def test_what_one_block_decides_is_not_shown(seen):
     """Assert that an unknown that one block sees, or none, has no variance, and the other has."""

@@ -198,21 +198,6 @@ def test_derivatives_through_a_release(sample):
     assert found[[0, 2, 3, 4]] == pytest.approx(expected, abs=1e-8)
 
 
-def test_a_late_encoder_shows_the_motion_as_it_was():
-    """Assert that positions are those of an earlier time, by parts of a sample and by samples.
-
-    On a parabola they are so exactly.
-    """
-    late = 0.0237
-    problem = problem_of(BLOCK, np.full(100, 3.0), 0.01, replace(LATE, delays={"mass_delay": late}))
-    outputs = np.where(late > TIME, 0.0, (TIME - late) ** 2)[:, None]
-    found = (
-        measured(problem, outputs).equations(point_of([1.0, 1.0, 0.0, late], 0.0, 0.0)).residuals
-    )
-    # The last samples have nothing two samples later to be compared with.
-    assert found[3:-3, 0] == pytest.approx(0.0, abs=1e-9)
-
-
 FORCE = 1.5 * np.sin(3.0 * 0.01 * np.arange(600)) + 0.8 * np.sin(5.3 * 0.01 * np.arange(600))
 
 

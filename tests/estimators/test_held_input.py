@@ -65,26 +65,6 @@ def test_derivatives_by_the_delay(hold, delay):
     assert found[:, :, 2:] == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
 
 
-def test_order_of_the_smooth_input():
-    """Assert that the mean of a sine falls short by the fourth power of the sample time.
-
-    A cubic spline is of fourth order, lines are of second.
-    """
-    assert 3.9 < error_order("cubic") < 4.1
-    assert 1.9 < error_order("linear") < 2.1
-
-
-def error_order(hold: Hold) -> float:
-    """Power of the sample time with which the mean of a sine over an interval is missed."""
-    errors, steps = [], [0.08, 0.04, 0.02, 0.01]
-    for h in steps:
-        t = h * np.arange(round(4.0 / h))
-        exact = (np.cos(t - 0.3 * h) - np.cos(t + 0.7 * h)) / h
-        lines = held_input(np.sin(t)[:, None], h, hold, 0.3 * h)[:, 0]
-        errors.append(np.abs((lines[:, 0] + 0.5 * lines[:, 1] - exact)[20:-20]).max())
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
-
-
 @pytest.mark.parametrize("delay", [1e300, -1e300, np.inf, 1e9])
 def test_any_delay_is_one(delay: float):
     """Assert that a delay beyond all samples leaves the first or the last one.

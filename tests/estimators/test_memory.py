@@ -5,18 +5,13 @@ import pytest
 from made_motion import fall, measured, motion, point_of, problem_of
 from scipy.integrate import solve_ivp
 
-from flexid.estimators.gauss_newton import minimise
-from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
 
 REMEMBERING = ParametricSystem(
     "remembering oscillator",
     (Row("mass", "q", "v", {"spring": "-q", "friction": "-h", "gain": "u"}),),
     memories=(Memory("h", "q", "grip"),),
-)
-DRY = ParametricSystem(
-    "dry oscillator",
-    (Row("mass", "q", "v", {"spring": "-q", "friction": "-sign(v)", "gain": "u"}),),
 )
 H, COUNT = 0.005, 800
 TIME = H * np.arange(COUNT)
@@ -52,24 +47,3 @@ def test_gradient_is_that_of_the_sum_of_squares(problem):
     for place in range(len(gradient)):
         slope = fall(problem, AT, place, 1e-5)
         assert gradient[place] == pytest.approx(slope, rel=1e-4, abs=1e-4)
-
-
-def test_grip_without_end_is_dry_friction(problem):
-    """Assert that the motion goes over into that with set-valued friction as the grip grows."""
-    dry = motion(problem_of(DRY, FORCE, H), point_of(VALUES[:3], *STATE[:2]))
-    apart = [
-        np.abs(motion(problem, point_of([*VALUES[:3], grip], *STATE[:2], -1.0)) - dry).max()
-        for grip in (10.0, 100.0, 1000.0)
-    ]
-    assert apart[1] < 0.5 * apart[0]
-    assert apart[2] < 0.5 * apart[1]
-
-
-def test_a_fit_finds_friction_and_grip(problem):
-    """Assert that a fit from far off comes back to what made the motion."""
-    noise = 1e-5 * np.random.default_rng(5).standard_normal((COUNT, 1))
-    fitted = measured(problem, motion(problem, AT) + noise)
-    start = Point(np.array([3.5, 0.3, 0.9, 5.0]), fitted.start_states)
-    found = minimise(fitted.at(start, np.array([1e5])), start, 1e-2)
-    assert found.point.values == pytest.approx(VALUES, rel=1e-3)
-    assert found.point.initial_states[0] == pytest.approx(STATE, abs=1e-2)
