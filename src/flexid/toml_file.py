@@ -44,6 +44,8 @@ def parse_toml(raw: bytes, refuse: Refuse) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise refuse("", f"is not text at byte {error.start}: save it as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
+        if raw.lstrip().startswith(b"{"):
+            raise refuse("", "is JSON, as an estimate: give a file in TOML") from None
         raise refuse("", f"is not TOML: {one_line(str(error))}; correct it") from None
     except (RecursionError, ValueError):
         raise refuse("", "is not TOML that can be read: simplify it") from None

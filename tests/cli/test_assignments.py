@@ -8,7 +8,9 @@ from flexid.cli.options import parse_bounds, parse_known, parse_number, parse_va
 from flexid.errors import SettingError
 
 
-@pytest.mark.parametrize("text", ["theta2=100+-5", "theta2 = 100 ± 5", "theta2=1e2+-5e+0"])
+@pytest.mark.parametrize(
+    "text", ["theta2=100+-5", "theta2 = 100 ± 5", "theta2 = 100 +/- 5", "theta2=1e2+-5e+0"]
+)
 def test_uncertainty_follows_the_value(text):
     """Assert that a value and its standard deviation are told apart in either notation."""
     assert parse_known("--known", [text]) == {"theta2": (100.0, 5.0)}

@@ -70,6 +70,7 @@ REFUSED = (
     ("compare a.json empty --out out", "give the path of an estimate.json"),
     ("compare a.json absent.json --out out", "there is no such file"),
     ("compare a.json copy.json --out out", "hold the same estimate: give two"),
+    ("simulate a.json", "a.json: is JSON, as an estimate: give a file in TOML"),
     ("derive flexible-joint --terms magnets", "'magnets' is unknown"),
     ("derive flexible-joint --to fortran", "latex, python, c"),
     ("derive missing.toml", "missing.toml: there is no such file"),
@@ -127,3 +128,20 @@ def test_a_refusal_is_one_sentence(flexid, folder, monkeypatch, arguments, said)
     assert line.startswith("flexid: ")
     assert said in line
     assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("identify", "Missing argument 'LOG...'"),
+        ("compare a.json", "Missing argument 'B'"),
+        ("export a.json --out out", "Missing option '--to'"),
+        ("export a.json --to mjcf", "Missing option '--out'"),
+    ],
+)
+def test_what_is_missing_is_named_as_it_is_typed(flexid, folder, monkeypatch, arguments, said):
+    """Assert that a usage error names what the command line lacks."""
+    monkeypatch.chdir(folder)
+    outcome = flexid(*arguments.split())
+    assert (outcome.status, outcome.stdout) == (2, "")
+    assert said in outcome.stderr

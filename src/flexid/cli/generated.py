@@ -324,7 +324,8 @@ def _of_printing(command: Command, flagged: Sequence[str]) -> Iterator[click.Par
 def _declared(name: str, option: Option, default: Any, *, named: bool) -> click.Parameter:
     """A parameter as click reads it."""
     required = default is inspect.Parameter.empty
-    default = None if required else shown_default(default)
+    # To click a default of None is one, and nothing would be asked for.
+    usual = {} if required else {"default": shown_default(default)}
     if not named:
         several = -1 if option.several else 1
         return Argument(
@@ -334,7 +335,7 @@ def _declared(name: str, option: Option, default: Any, *, named: bool) -> click.
             metavar=option.metavar,
             nargs=several,
             required=required,
-            default=default,
+            **usual,
         )
     dashed = name.replace("_", "-")
     return click.Option(
@@ -343,7 +344,7 @@ def _declared(name: str, option: Option, default: Any, *, named: bool) -> click.
         metavar=option.metavar,
         help=option.note,
         required=required,
-        default=default,
+        **usual,
         show_default=not option.several and (option.kind is not bool or default is True),
         is_flag=option.kind is bool,
         multiple=option.several,

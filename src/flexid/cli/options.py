@@ -15,7 +15,7 @@ from flexid.readers.formats import kinds
 
 _Value = TypeVar("_Value")
 
-_UNCERTAIN = re.compile(r"(.+?)(?:±|\+-)(.+)")
+_UNCERTAIN = re.compile(r"(.+?)(?:±|\+/?-)(.+)")
 
 
 class Option(NamedTuple):
