@@ -92,8 +92,6 @@ ALTERED: list[tuple[tuple[str, ...], object]] = [
     (("provenance", "inputs"), [{"columns": {"time": {"columns": {"t": 1.0}}}}]),
     (("provenance", "settings"), None),
     (("provenance", "settings"), {"known": None}),
-    (("provenance", "settings"), {"bounds": 3}),
-    (("provenance", "chosen"), {"terms": 3}),
     (("excitation",), {}),
     (("excitation", "link", "singular_values"), []),
     (("excitation", "link", "correlated"), ["theta1", "theta2", "theta1"]),

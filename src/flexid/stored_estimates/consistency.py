@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Mapping
 from math import isclose, isfinite
-from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from flexid.arms.result import ArmIdentification
 from flexid.arms.unusual import link_delays
@@ -16,9 +15,6 @@ from flexid.models.flexible_joint import RIPPLE_ORIGIN
 from flexid.models.model_file import MOST_JOINTS
 from flexid.models.planar_arm import planar_arm
 from flexid.toml_file import Refuse
-
-Setting = float | str | None
-Ends = Annotated[list[float | None], Field(min_length=2, max_length=2)]
 
 
 class _Part(BaseModel):
@@ -40,36 +36,14 @@ class _Log(_Part):
 
 
 class _Asked(_Part):
-    model: str = "auto"
-    terms: str | list[str] = "auto"
     known: dict[str, float] = {}
-    known_deviations: dict[str, float] = {}
-    bounds: dict[str, Ends] = {}
-    hold: str = "auto"
-    input_delay: Setting = "auto"
-    link_delay: Setting = "auto"
-    coulomb_velocity: Setting = "auto"
-    filter_rate: Setting = "auto"
-    segment_duration: Setting = "auto"
-    validation_share: float = 1 / 3
-
-
-class _Chosen(_Part):
-    terms: list[str] | None = None
-    hold: str | None = None
-    estimator: str | None = None
-    input_delay: float | None = None
-    link_delay: float | None = None
-    filter_rate: float | None = None
-    segment_duration: float | None = None
 
 
 class StoredProvenance(_Part):
-    """Logs, settings asked for and chosen; a part that nobody reads may be anything."""
+    """Logs, and what was known; a part that nobody reads may be anything."""
 
     flexid_version: str = ""
     settings: _Asked = _Asked()
-    chosen: _Chosen = _Chosen()
     inputs: list[_Log] = []
 
 
