@@ -106,7 +106,6 @@ def test_dry_friction_slides_and_sticks(side, place):
     """Assert that friction opposes motion with its torque, and holds what it can at rest."""
     scene = _scene({"theta1": 0.0, "alpha2": 0.0, f"{side}_coulomb": 2.0})
     assert not scene.notes
-    assert "0.05 rad/s" in _scene({"alpha_coulomb": 1.0}, coulomb_velocity=0.05).notes[0]
     moving, resting = np.zeros(4), np.zeros(4)
     moving[2 * place + 1] = 1.0
     found = _accelerations(scene, moving, 0.0)
@@ -135,7 +134,7 @@ def test_friction_within_the_spring():
     scene = _scene({"theta1": 0.0, "alpha2": 0.0, **_both(hysteresis=0.3), "hysteresis_grip": 20.0})
     found = _accelerations(scene, np.array([0.0, 1.0, 0.0, -1.0]), 0.0)
     np.testing.assert_allclose(found, [-0.3, 1.0], rtol=1e-6)
-    assert "0.05 rad" in scene.notes[0]
+    assert not scene.notes
 
 
 @pytest.mark.parametrize(
@@ -254,11 +253,10 @@ def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
         found[name] = found["alpha2"] | {"name": name}
     found["theta_hysteresis"]["value"] *= found["theta2"]["value"] / found["alpha1"]["value"]
     estimate = load(_stored(document, tmp_path))
-    (scene,), warnings = export(estimate, to="mjcf", out=tmp_path / "scene")
+    (scene,), _ = export(estimate, to="mjcf", out=tmp_path / "scene")
     torque = found["alpha2"]["value"] / found["beta1"]["value"]
     model = mujoco.MjModel.from_xml_path(str(scene))
     assert model.tendon_frictionloss[0] == pytest.approx(torque)
-    assert "sticks here" in warnings[0]
     with pytest.raises(SettingError, match="remembers the path of the spring, which this export"):
         export(estimate, to="fmu", out=tmp_path / "units")
 

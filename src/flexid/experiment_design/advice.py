@@ -156,11 +156,6 @@ class Rehearsal:
         return self._run(self.record.inputs)
 
     @cached_property
-    def in_white_noise(self) -> Outlook:
-        """What the log itself would tell of a right model in white noise."""
-        return self._judged(self._of_the_log)
-
-    @cached_property
     def _of_the_log(self) -> dict[str, float]:
         return self._deviations(self._states, self.record.inputs)
 
@@ -301,7 +296,7 @@ def advise(result: Identification, data: Data, noise: FloatArray) -> Advice | No
         advice = _tried(rehearsal)
     except SimulationError:
         return Advice(caution=_NO_MODEL)
-    return replace(advice, caution=_caution(result, rehearsal))
+    return replace(advice, caution=_caution(result))
 
 
 def _tried(rehearsal: Rehearsal) -> Advice:
@@ -339,17 +334,12 @@ def _longer(rehearsal: Rehearsal) -> float | None:
     return times * rehearsal.data.duration if 1.0 < times <= _MOST_TIMES else None
 
 
-def _caution(result: Identification, rehearsal: Rehearsal) -> str:
+def _caution(result: Identification) -> str:
     """What widens the intervals though the motion would do."""
     if result.model_error.share > 0.0:
         return (
             "The residuals show a part of the drive that no term here describes. It widens the "
             "intervals too: another motion narrows them less than predicted"
-        )
-    if rehearsal.in_white_noise.enough:
-        return (
-            "With white noise of the same size this motion would suffice: the residuals are "
-            "correlated, from a sensor or the recorded input, and that widens the intervals"
         )
     return ""
 

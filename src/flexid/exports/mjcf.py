@@ -8,7 +8,7 @@ bodies on hinges, springs between them, actuators and sensors; that of an arm is
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, inf, sin, sqrt
+from math import atan2, cos, hypot, sin, sqrt
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -186,7 +186,6 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
         values,
         result.input_unit,
         delays=delays_of(result),
-        coulomb_velocity=result.choices.coulomb_velocity,
     )
     (directory / "joint.xml").write_text(made.xml, encoding="utf-8")
     several = [name for name in result.coefficients if name.endswith("[1]")]
@@ -203,7 +202,6 @@ def mjcf_scene(
     input_unit: str = TORQUE,
     *,
     delays: Mapping[str, float] = MappingProxyType({}),  # s, by name
-    coulomb_velocity: float | None = None,  # rad/s; None where friction is dry
 ) -> Scene:
     """Write a joint as a MuJoCo scene."""
     if kind == "link":
@@ -226,7 +224,7 @@ def mjcf_scene(
         link = _side(values, "theta", stiffness / by_link)
         motor = _side(values, "alpha", inertia)
         spring = _spring(values, stiffness, inertia, notes)
-    notes += _shapes(coefficients, coulomb_velocity, values)
+    values.pop("hysteresis_grip", None)  # friction within the spring sticks at once
     delay = delays.get(INPUT_DELAY, 0.0)
     values |= {INPUT_DELAY: min(delay, 0.0), LINK_DELAY: delays.get(LINK_DELAY, 0.0)}
     notes += _left_out(values)
@@ -306,24 +304,6 @@ def _spring(
         hysteresis,
         half_gap,
     )
-
-
-def _shapes(
-    coefficients: Mapping[str, float], width: float | None, values: dict[str, float]
-) -> list[str]:
-    """What the scene has sharp and the fit has round."""
-    notes = []
-    if width is not None and any(c.endswith("_coulomb") for c in coefficients):
-        notes.append(
-            f"Coulomb friction sticks here, where the estimate smooths it over {width:.4g} rad/s"
-        )
-    if "alpha_hysteresis" in coefficients:
-        reach = 1.0 / values.pop("hysteresis_grip", inf)
-        notes.append(
-            f"the friction within the spring sticks here, where that of the estimate turns round "
-            f"over {reach:.4g} rad"
-        )
-    return notes
 
 
 def _left_out(values: Mapping[str, float]) -> list[str]:

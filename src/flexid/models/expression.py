@@ -94,14 +94,12 @@ def evaluate(expression: str, values: Mapping[str, float], place: str) -> float:
     return value
 
 
+@dataclass(frozen=True)
 class _Folder:
-    def __init__(
-        self, expression: str, names: Collection[str], algebra: Algebra, place: str
-    ) -> None:
-        self._expression = expression
-        self._names = names
-        self._algebra = algebra
-        self._place = place
+    _expression: str
+    _names: Collection[str]
+    _algebra: Algebra
+    _place: str
 
     def _operate(self, name: str, *operands: Any):
         return self._algebra.operations[name](*operands)
