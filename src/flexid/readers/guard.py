@@ -146,13 +146,12 @@ class Reading:
                 f"such files are read by {answer['missing']}, which is not installed: pip install "
                 f"'flexid[{self.format.extra}]'"
             )
-        part = "export it again, or a part of it"
-        if "memory" in answer:
-            return self._refusal(f"it asks for more memory than it may have: {part}")
-        if answer.get("bytes", 0) > LIMITS.message:
-            return self._refusal(f"its signals are too long to be handed over at once: {part}")
-        if self._is_late or self._process.returncode == _OUT_OF_TIME:
-            return self._refusal(f"reading it takes too long, as if without end: {part}")
+        is_large = "memory" in answer or answer.get("bytes", 0) > LIMITS.message
+        if is_large or self._is_late or self._process.returncode == _OUT_OF_TIME:
+            return self._refusal(
+                "reading it takes more memory or time than it may have: export it again, or a part "
+                "of it"
+            )
         if rows is not None:
             reason = "the file cannot be read on from there: export or copy it again"
             return RecordingError(self.file, f"row {rows + 1} or after", reason)

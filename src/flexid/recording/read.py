@@ -48,12 +48,12 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
         checks.check_repeats(log, name)
         checks.check_whole(log, name)
     unwrap(log)
-    add_link_position(log)
+    _add_link_position(log)
     if "deflection" in log.channels:
         checks.check_varies(log, "link_position")
-    check_together(log)
+    _check_together(log)
     recordings = [
-        recording_of(log, grid.sample_time, part, resample=grid.resample)
+        _recording_of(log, grid.sample_time, part, resample=grid.resample)
         for part in grid.recordings
     ]
     measured = log.those_of(VELOCITIES)
@@ -64,14 +64,14 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     return Log(tuple(recordings), warnings, log.file, table.sha256, origins, log.uncounted)
 
 
-def add_link_position(log: Draft) -> None:
+def _add_link_position(log: Draft) -> None:
     """Compute the link position from the deflection where only that was measured."""
     if "deflection" in log.channels:
         log.channels["link_position"] = log.channels["deflection"]
         log["link_position"] = log["motor_position"] + log["deflection"]
 
 
-def check_together(log: Draft) -> None:
+def _check_together(log: Draft) -> None:
     """Check the two sides of the joint and the input against each other."""
     encoders = log.those_of(ENCODERS)
     for name in encoders:
@@ -85,7 +85,7 @@ def check_together(log: Draft) -> None:
         checks.check_speed(log, name)
 
 
-def recording_of(
+def _recording_of(
     log: Draft, sample_time: float, part: slice, *, resample: bool = False
 ) -> Recording:
     """One recording of a log, interpolated to even times if asked to."""

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,8 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.identification.result.identification import Identification
 from flexid.recording import checks
-from flexid.recording.channel import ENCODERS, Draft
-from flexid.recording.read import add_link_position, check_together, recording_of
+from flexid.recording.channel import ENCODERS, INPUTS, Draft
 from flexid.recording.recipes import MapSource
-from flexid.recording.sampling import GAP
-from flexid.recording.slow_motion import check_motion
 from flexid.recording.wraps import TURN
 from flexid.streaming.checkpoint import ReadBefore, opened_session
 from flexid.streaming.incoming import (
@@ -41,60 +37,44 @@ from flexid.streaming.sources import Datagrams, open_source
 _DURATION = 20.0  # s that are looked at
 _FEWEST = 500  # samples of them
 _MOST = 100_000
-_MOVED = 0.1  # rad by which the motor has to move meanwhile; until then the stretch goes on
 
 
 class Scales:
-    """The first samples of a stream, until they are checked."""
+    """The first samples of a stream, until they are checked for sizes that no joint has.
+
+    What two encoders contradict each other in, the health says.
+    """
 
     def __init__(self, source: str, channels: StreamChannels, sample_time: float) -> None:
-        self._source, self._channels, self._sample_time = source, channels, sample_time
+        self._source, self._channels = source, channels
         self._wanted = min(max(round(_DURATION / sample_time), _FEWEST), _MOST)
-        self._parts: list[FloatArray] | None = []  # None as soon as they are checked
-        self._count = 0  # of samples in them
+        self._parts: list[FloatArray] = []
+        self._is_checked = False
 
     def take(self, samples: FloatArray) -> tuple[str, ...]:
         """What is wrong, a sentence each, as soon as enough samples have come."""
-        if self._parts is None:
+        if self._is_checked:
             return ()
         self._parts.append(samples[np.isfinite(samples).all(axis=1)])
-        self._count += len(self._parts[-1])
-        if self._count < self._wanted:
+        if sum(map(len, self._parts)) < self._wanted:
             return ()
-        taken = np.concatenate(self._parts)
-        later = taken[:, 0] > np.maximum.accumulate(np.concatenate(([-np.inf], taken[:-1, 0])))
-        taken = taken[later]
-        names = [*self._channels.sampled]
-        if len(taken) < _FEWEST or np.ptp(taken[:, names.index("motor_position")]) < _MOVED:
-            self._parts, self._count = [], 0
-            return ()
-        self._parts = None
-        return tuple(dict.fromkeys(self._found(dict(zip(names, taken.T, strict=True)))))
-
-    def _found(self, values: dict[str, FloatArray]) -> list[str]:
-        channels = {
-            name: replace(channel, values=self._unwrapped(name, values[name]))
-            for name, channel in self._channels.sampled.items()
-        }
-        log = Draft(self._source, channels)
-        for name in log.names:
-            checks.check_whole(log, name)
-        add_link_position(log)
+        taken, self._is_checked, self._parts = np.concatenate(self._parts), True, []
+        before = np.maximum.accumulate(np.concatenate(([-np.inf], taken[:-1, 0])))
+        columns = taken[taken[:, 0] > before].T
+        named = zip(self._channels.sampled.items(), columns, strict=True)
+        log = Draft(self._source, {n: replace(one, values=own) for (n, one), own in named})
         try:
-            check_together(log)
+            for name in log.names:
+                checks.check_whole(log, name)
+            for name in log.those_of(ENCODERS):
+                turn = self._channels.motor_turn if name == "motor_position" else 0.0
+                log[name] = np.unwrap(log[name], period=turn or TURN)
+                checks.check_speed(log, name)
+            for name in log.those_of(INPUTS):
+                checks.check_power(log, name)
         except RecordingError as error:  # for which a log would be refused
             log.warnings.append(str(error))
-        gaps = np.flatnonzero(np.diff(log.time) > GAP * self._sample_time) + 1
-        parts = [slice(*ends) for ends in pairwise((0, *gaps.tolist(), len(log.time)))]
-        longest = max(parts, key=lambda part: part.stop - part.start)
-        check_motion(log, recording_of(log, self._sample_time, longest))
-        return log.warnings
-
-    def _unwrapped(self, name: str, values: FloatArray) -> FloatArray:
-        if name not in ENCODERS:
-            return values
-        geared = self._channels.motor_turn if name == "motor_position" else 0.0
-        return np.unwrap(values, period=geared or TURN)
+        return tuple(log.warnings)
 
 
 @dataclass(eq=False)
