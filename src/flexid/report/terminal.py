@@ -20,6 +20,7 @@ WIDEST = 100
 """Columns that an answer takes at most; longer lines are hard to read."""
 
 _BETWEEN = 2  # blanks between two columns
+_NARROWEST = 16  # columns of a name that is broken
 _EMPTY = Text()
 
 
@@ -58,24 +59,35 @@ class Table:
             padding=(0, _BETWEEN - 1, 0, 0),
             header_style="",
         )
-        least = _BETWEEN * (len(self.columns) - 1)
-        for place, column in enumerate(self.columns):
-            texts = [row[place].plain for row in self.rows]
-            breaks = not column.right and any(" " in text for text in texts)
-            words = [word for text in texts for word in (text.split() if breaks else [text])]
-            grid.add_column(
-                column.heading,
-                justify="right" if column.right else "left",
-                no_wrap=not breaks,
-                min_width=max((cell_len(word) for word in column.heading.split()), default=0),
-                overflow="fold",
-            )
-            least += max(map(cell_len, [*words, *column.heading.split()]), default=0)
+        widths = self._widths(width)
+        for column, own in zip(self.columns, widths, strict=True):
+            justify = "right" if column.right else "left"
+            grid.add_column(column.heading, justify=justify, width=own, overflow="fold")
         for row in self.rows:
             grid.add_row(*row)
-        if least > width:
-            grid.width = least
+        grid.width = sum(widths) + _BETWEEN * (len(widths) - 1)
         return grid
+
+    def _widths(self, width: int) -> list[int]:
+        """The width of each column: words keep together, and names give way at last."""
+        widths, least = [], []
+        for place, column in enumerate(self.columns):
+            texts = [column.heading, *(row[place].plain for row in self.rows)]
+            widths.append(max(map(cell_len, texts)))
+            least.append(
+                max((cell_len(word) for text in texts for word in text.split()), default=0)
+            )
+        rooms = [
+            (whole - word, place)
+            for place, (whole, word) in enumerate(zip(widths, least, strict=True))
+        ]
+        rooms = [*sorted(rooms, reverse=True), (max(0, least[0] - _NARROWEST), 0)]
+        over = sum(widths) + _BETWEEN * (len(widths) - 1) - width
+        for room, place in rooms:
+            taken = min(room, max(over, 0))
+            widths[place] -= taken
+            over -= taken
+        return widths
 
 
 Part = Table | Text | str
