@@ -126,13 +126,6 @@ def result_names(system: ParametricSystem) -> list[str]:
     ]
 
 
-def result_schema(system: ParametricSystem) -> dict[str, pl.DataType]:
-    """Columns that `part_rows` adds to the plan's, in their order."""
-    of_all: dict[str, pl.DataType] = {STATUS: pl.String(), ERROR: pl.String()}
-    numbers = {name: pl.Float64() for name in result_names(system)}
-    return of_all | numbers | {STEPS: pl.Int64()}
-
-
 def _blocks(system: ParametricSystem) -> dict[str, Sequence[str]]:
     """What each result is called, and of what there is one value each."""
     coefficients, alone = system.coefficients, ("",)

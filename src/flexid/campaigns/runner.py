@@ -15,7 +15,7 @@ import polars as pl
 
 import flexid
 from flexid.campaigns.plan import Plan, make_plan
-from flexid.campaigns.rows import part_rows, result_schema
+from flexid.campaigns.rows import part_rows
 from flexid.campaigns.store import Manifest, Store, open_store
 from flexid.errors import CampaignError, ExperimentError, SettingError
 from flexid.estimators.threads import cores
@@ -92,7 +92,7 @@ def _complete(
     progress: Progress | None,
 ) -> None:
     manifest = store.manifest
-    missing = store.missing(plan, result_schema(experiment.loop.system))
+    missing = store.missing()
     left = sum(len(manifest.runs_of(part)) for part in missing)
     if progress is not None:
         progress(manifest.runs - left, manifest.runs)

@@ -1,6 +1,6 @@
 """The rows of a campaign on disk: a directory of Parquet files that are complete or not there."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,6 @@ import polars as pl
 from filelock import FileLock, Timeout
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from flexid.campaigns.plan import Plan
 from flexid.errors import CampaignError
 from flexid.experiments.variation import MOST_RUNS
 from flexid.files import write_atomically
@@ -83,24 +82,14 @@ class Store:
         there = (part for part in self.manifest.parts if self.path(part).exists())
         return sum(len(self.manifest.runs_of(part)) for part in there)
 
-    def missing(self, plan: Plan, results: Mapping[str, pl.DataType]) -> list[int]:
+    def missing(self) -> list[int]:
         """Numbers of the parts that have to be run, damaged ones among them."""
-        return [part for part in self.manifest.parts if not self._holds(part, plan, results)]
-
-    def _holds(self, part: int, plan: Plan, results: Mapping[str, pl.DataType]) -> bool:
-        rows = self.read(part)
-        if rows is None:
-            return False
-        planned = plan.table(self.manifest.runs_of(part))
-        if list(rows.schema.items()) != [*planned.schema.items(), *results.items()]:
-            return False
-        return rows.select(planned.columns).equals(planned)
+        return [part for part in self.manifest.parts if self.read(part) is None]
 
 
 @contextmanager
 def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
     """Open the directory of a campaign for writing, alone; make it if it is missing."""
-    _check_name(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         lock = FileLock(directory / _LOCK)
@@ -139,22 +128,12 @@ def _settled(directory: Path, wanted: Manifest) -> Manifest:
 
 def find_store(directory: Path) -> Store:
     """Open the directory of a campaign for reading, while it runs or later."""
-    _check_name(directory)
     manifest = _read_manifest(directory)
     if manifest is None:
         raise CampaignError(
             str(directory), f"holds no campaign (no {FILE}): give the directory of --out"
         )
     return Store(directory, manifest)
-
-
-def _check_name(directory: Path) -> None:
-    try:
-        str(directory).encode()
-    except UnicodeEncodeError:  # Polars can neither read nor write there
-        raise CampaignError(
-            repr(str(directory)), "has a name that is not UTF-8: give another directory"
-        ) from None
 
 
 def _read_manifest(directory: Path) -> Manifest | None:

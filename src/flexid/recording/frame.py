@@ -47,13 +47,9 @@ def table_of_frame(frame: Any) -> Table:
 
 def _with_index(frame: Any) -> Any:
     """A frame of pandas whose index is among the columns, if it has names or is a time."""
-    names = [name for name in frame.index.names if name is not None]
-    own, others = (  # without units, in small letters
-        {str(name).partition("[")[0].strip().casefold() for name in each}
-        for each in (names, frame.columns)
-    )
+    names = {name for name in frame.index.names if name is not None}
     is_time = getattr(frame.index.dtype, "kind", "") in "mM"
-    return frame.reset_index() if (names or is_time) and not own & others else frame
+    return frame.reset_index() if (names or is_time) and not names & {*frame.columns} else frame
 
 
 def _values(column: Any) -> Any:
@@ -74,14 +70,6 @@ def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
         if not isinstance(name, str):
             raise RecordingError(ARRAYS, f"key {name!r}", "it is not text: name the channel")
         columns[name] = _array(name, values)
-        first = next(iter(columns))
-        if len(columns[name]) != len(columns[first]):
-            raise RecordingError(
-                ARRAYS,
-                f"column {name!r}",
-                f"it has {len(columns[name])} values where {first!r} has {len(columns[first])}: "
-                f"give every column one value for each sample",
-            )
     return _table(ARRAYS, columns)
 
 
@@ -120,7 +108,8 @@ def _table(file: str, columns: Mapping[str, Any]) -> Table:
         }
         frame = pl.DataFrame(known, strict=False)
     except (pl.exceptions.PolarsError, TypeError, ValueError) as error:
-        reason = f"its columns are no table of numbers ({error}): give numbers"
+        what = " ".join(str(error).split())
+        reason = f"its columns are no table of numbers ({what}): give one for each sample"
         raise RecordingError(file, "", reason) from None
     if not frame.height or not frame.width:
         raise RecordingError(file, "", "it holds no samples: give a value for each sample")

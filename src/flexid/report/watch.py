@@ -13,7 +13,7 @@ from flexid.report.identification import PARAMETERS, estimates_table, negligible
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, laid_out, numbers
 from flexid.streaming.health import Health
-from flexid.streaming.session import Session, clock_words
+from flexid.streaming.session import Session
 
 COLOURS = {
     Health.CONVERGING: "yellow",
@@ -72,12 +72,12 @@ def live_view(session: Session | None, width: int) -> Group:
     """The view of a terminal that is renewed."""
     if session is None:
         return laid_out(("waiting for the first samples",), width)
-    return laid_out((f"flexid watch, {clock_words(session.time)}", *parts(session)), width)
+    return laid_out((f"flexid watch, {session.time:.3f} s", *parts(session)), width)
 
 
 def heading(session: Session) -> tuple[str, str]:
     """What is watched, and until when."""
-    return "A drive that runs", clock_words(session.time)
+    return "A drive that runs", f"{session.time:.3f} s"
 
 
 def document(session: Session) -> dict[str, Any]:

@@ -75,15 +75,6 @@ def _weight(fading: float, count: int) -> float:
 SETTLED = 2  # windows that have been learnt from before motion can contradict an estimate
 
 
-def clock_words(time: float) -> str:
-    """A time of the stream's clock, which may count from 1970, to the millisecond or better.
-
-    >>> clock_words(12.3456), clock_words(1714557600.1234)
-    ('12.3456 s', '1714557600.123 s')
-    """
-    return f"{time:.6g} s" if abs(time) < 1e3 else f"{time:.3f} s"
-
-
 @dataclass(frozen=True)
 class Change:
     """When the motion began to contradict what was learnt, so that learning began again."""
@@ -97,7 +88,7 @@ class Change:
     def sentence(self) -> str:
         """What happened, for a report."""
         return (
-            f"since {clock_words(self.time)} the prediction error of the {self.row} is "
+            f"since {self.time:.3f} s the prediction error of the {self.row} is "
             f"{self.times_worse:.2g} times as large as before: the load or the drive has changed, "
             f"and estimation has started again"
         )
