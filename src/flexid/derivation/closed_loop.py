@@ -13,6 +13,7 @@ Of a composed loop is printed: rates with their exact Jacobian, outputs, and sta
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from textwrap import indent
 
 import sympy as sp
@@ -240,56 +241,85 @@ def stiff_loop_source(loop: SymbolicLoop) -> str:
         if loop.rates[i].has(loop.variables[j])
     }
     slopes = {f"_slope[{i}]": loop.signals.derivative(rate) for i, rate in enumerate(loop.rates)}
-    variables = {"_z": loop.variables}
+    printed, variables = (
+        partial(loop_function, loop.declaration, loop.signals),
+        {"_z": loop.variables},
+    )
+    functions = (
+        printed(
+            "rates(_t, _z, _p, _dz)",
+            "_dz = z' at time _t for the parameters _p.",
+            variables,
+            rates,
+        ),
+        printed(
+            "rates_and_jacobian(_t, _z, _p, _dz, _jacobian, _slope)",
+            "_dz = z', _jacobian = ∂z'/∂z (zeros are not written), _slope = ∂z'/∂t.",
+            variables,
+            rates | jacobian | slopes,
+        ),
+    )
+    return "\n\n".join((_loop_source(loop), *functions))
+
+
+# Products and sums in one instruction: faster, and no less accurate.
+_FUSED = 'njit(cache=True, error_model="numpy", fastmath={"contract"})'
+
+
+def lane_loop_source(loop: SymbolicLoop, lanes: int) -> str:
+    """Print what an explicit integrator of several runs needs; see the template ``dopri5``."""
+    observed = [*loop.inputs, *loop.errors, loop.tracking_error, *loop.regressors]
+    parts = {"RATES": loop.rates, "NEXT_OBSERVED": observed}
+    rates, outputs = (
+        {_of_lane(start).format(i): value for i, value in enumerate(expressions)}
+        for start, expressions in parts.items()
+    )
+    places = {
+        _of_lane("STAGE"): loop.variables,
+        _of_lane("PARAMETERS"): parameters(loop.declaration),
+    }
+
+    def function_of_lanes(name: str, what: str, results: Mapping[str, sp.Expr]) -> str:
+        body = _body(loop.signals, places, "_w[at(STAGE_TIME, _lane)]", results)
+        body = "    for _lane in range(LANES):\n" + indent(body, "    ")
+        what = f"{what} at every lane's STAGE and STAGE_TIME."
+        return function(f"{name}(_w)", what, body, decorator=_FUSED)
+
     return "\n\n".join(
         (
-            loop_source(loop),
-            loop_function(
-                loop.declaration,
-                loop.signals,
-                "rates(_t, _z, _p, _dz)",
-                "_dz = z' at time _t for the parameters _p.",
-                variables,
-                rates,
-            ),
-            loop_function(
-                loop.declaration,
-                loop.signals,
-                "rates_and_jacobian(_t, _z, _p, _dz, _jacobian, _slope)",
-                "_dz = z', _jacobian = ∂z'/∂z (zeros are not written), _slope = ∂z'/∂t.",
-                variables,
-                rates | jacobian | slopes,
-            ),
+            _loop_source(loop) + f"\nN_OBSERVED = {len(observed)}\nLANES = {lanes}\n",
+            function_of_lanes("lane_rates", "RATES", rates),
+            function_of_lanes("lane_rates_and_outputs", "RATES and NEXT_OBSERVED", rates | outputs),
         )
     )
 
 
-def loop_source(loop: SymbolicLoop) -> str:
-    """Print what every integrator needs of a loop."""
+def _of_lane(start: str) -> str:
+    """Place of each number of a block, for a lane."""
+    return f"_w[at({start} + {{}}, _lane)]"
+
+
+def _loop_source(loop: SymbolicLoop) -> str:
+    """What every integrator needs of a loop."""
     outputs = [*loop.states, *loop.inputs, *loop.estimates, *loop.errors, loop.tracking_error]
     outputs += loop.regressors
     symbolic = symbolic_system(loop.declaration.system)
-    return "\n\n".join(
-        (
-            _header(loop),
-            loop_function(
-                loop.declaration,
-                loop.signals,
-                "outputs(_t, _z, _p, _y)",
-                "_y = plain states, inputs, estimates, their errors, tracking error, regressors.",
-                {"_z": loop.variables},
-                {f"_y[{i}]": expression for i, expression in enumerate(outputs)},
-            ),
-            loop_function(
-                loop.declaration,
-                loop.signals,
-                "start(_t, _x, _estimates, _p, _z)",
-                "_z from the plain states _x and the estimates.",
-                {"_x": symbolic.states, "_estimates": start_estimates(symbolic)},
-                {f"_z[{i}]": expression for i, expression in enumerate(loop.start)},
-            ),
-        )
+    printed = partial(loop_function, loop.declaration, loop.signals)
+    functions = (
+        printed(
+            "outputs(_t, _z, _p, _y)",
+            "_y = plain states, inputs, estimates, their errors, tracking error, regressors.",
+            {"_z": loop.variables},
+            {f"_y[{i}]": expression for i, expression in enumerate(outputs)},
+        ),
+        printed(
+            "start(_t, _x, _estimates, _p, _z)",
+            "_z from the plain states _x and the estimates.",
+            {"_x": symbolic.states, "_estimates": start_estimates(symbolic)},
+            {f"_z[{i}]": expression for i, expression in enumerate(loop.start)},
+        ),
     )
+    return "\n\n".join((_header(loop), *functions))
 
 
 def _header(loop: SymbolicLoop) -> str:
@@ -326,12 +356,9 @@ def loop_function(
     last: str = "",
 ) -> str:
     """A compiled function of time, arrays and the loop's parameters ``_p``."""
-    places = {
-        name: f"{array}[{place}]"
-        for array, names in {**arrays, "_p": parameters(declaration)}.items()
-        for place, name in enumerate(names)
-    }
-    return function(signature, docstring, loop_body(signals, places, "_t", results), last)
+    every = {**arrays, "_p": parameters(declaration)}
+    places = {f"{array}[{{}}]": names for array, names in every.items()}
+    return function(signature, docstring, _body(signals, places, "_t", results), last)
 
 
 def parameters(declaration: LoopDeclaration) -> list[sp.Symbol]:
@@ -339,62 +366,17 @@ def parameters(declaration: LoopDeclaration) -> list[sp.Symbol]:
     return [symbol(name) for name in declaration.parameter_names]
 
 
-def loop_body(
+def _body(
     signals: Signals,
-    places: Mapping[sp.Symbol, str],
+    places: Mapping[str, Sequence[sp.Symbol]],  # symbols by the text that gets their number
     time: str,
     results: Mapping[str, sp.Expr],
 ) -> str:
     """Lines of a function of a loop: what is used is read, then signals, then the results."""
     used = set().union(*(expression.free_symbols for expression in results.values()))
     lines, used = signals.assignments(used)
-    found = {**places, symbol("t"): time}
+    found = {s: place.format(i) for place, names in places.items() for i, s in enumerate(names)}
+    found[symbol("t")] = time
     reads = [f"    {name} = {place}" for name, place in found.items() if name in used]
     body = assignments(list(results), list(results.values()))
     return "\n".join(block for block in ("\n".join(reads), lines, body) if block)
-
-
-# Products and sums in one instruction: faster, and no less accurate.
-_FUSED = 'njit(cache=True, error_model="numpy", fastmath={"contract"})'
-
-
-def lane_loop_source(loop: SymbolicLoop, lanes: int) -> str:
-    """Print what an explicit integrator of several runs needs; see the template ``dopri5``."""
-    observed = [*loop.inputs, *loop.errors, loop.tracking_error, *loop.regressors]
-    rates = _targets("RATES", loop.rates)
-    return "\n\n".join(
-        (
-            loop_source(loop) + f"\nN_OBSERVED = {len(observed)}\nLANES = {lanes}\n",
-            _lane_function(
-                loop, "lane_rates(_w)", "RATES at every lane's STAGE and STAGE_TIME.", rates
-            ),
-            _lane_function(
-                loop,
-                "lane_rates_and_outputs(_w)",
-                "RATES and NEXT_OBSERVED at every lane's STAGE and STAGE_TIME.",
-                rates | _targets("NEXT_OBSERVED", observed),
-            ),
-        )
-    )
-
-
-def _lane_function(
-    loop: SymbolicLoop, signature: str, docstring: str, results: Mapping[str, sp.Expr]
-) -> str:
-    blocks = {"STAGE": loop.variables, "PARAMETERS": parameters(loop.declaration)}
-    places = {
-        name: _number(f"{start} + {place}")
-        for start, names in blocks.items()
-        for place, name in enumerate(names)
-    }
-    body = loop_body(loop.signals, places, _number("STAGE_TIME"), results)
-    lanes = "    for _lane in range(LANES):\n" + indent(body, "    ")
-    return function(signature, docstring, lanes, decorator=_FUSED)
-
-
-def _targets(start: str, expressions: Sequence[sp.Expr]) -> dict[str, sp.Expr]:
-    return {_number(f"{start} + {i}"): value for i, value in enumerate(expressions)}
-
-
-def _number(slot: str) -> str:
-    return f"_w[at({slot}, _lane)]"
