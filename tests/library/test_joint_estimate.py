@@ -131,6 +131,9 @@ def test_regions_have_any_level(estimate):
         (patch, *_) = estimate.plot("regions", level=level).axes[0].patches
         areas.append(np.prod(np.ptp(patch.get_path().vertices, axis=0)))
     assert areas[0] < 0.5 * areas[1]
+    for name, options in (("regions", {"level": 95}), ("fit", {"level": 0.5})):
+        with pytest.raises(SettingError):
+            estimate.plot(name, **options)
 
 
 def test_a_saved_estimate_is_the_same(estimate, loaded):

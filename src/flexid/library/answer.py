@@ -168,6 +168,7 @@ class Answer:
     def _repr_html_(self) -> str:
         from rich.console import Console
 
+        from flexid.report.figure import draw, png
         from flexid.report.terminal import WIDEST, laid_out
 
         with io.StringIO() as nowhere:
@@ -175,19 +176,9 @@ class Answer:
             console.print(laid_out(self._parts(), WIDEST), crop=False)
             text = console.export_html(inline_styles=True, code_format="<pre>{code}</pre>")
         warnings = (f"<p>Warning: {escape(warning)}</p>" for warning in self.warnings)
-        shown = ""
-        if (figure := self._leading_figure()) is not None:
-            with io.BytesIO() as file:
-                figure.savefig(file, format="png", dpi=figure.dpi)
-                encoded = base64.b64encode(file.getvalue()).decode()
-            shown = f'<img src="data:image/png;base64,{encoded}"/>'
-        return "".join((text, *warnings, shown))
-
-    def _leading_figure(self) -> Figure | None:
-        """The figure that a notebook shows."""
-        from flexid.report.figure import draw
-
-        return draw(self._drawn[0]) if self._drawn else None
+        pictures = (base64.b64encode(png(draw(chart))).decode() for chart in self._drawn[:1])
+        shown = (f'<img src="data:image/png;base64,{picture}"/>' for picture in pictures)
+        return "".join((text, *warnings, *shown))
 
 
 class TabularAnswer(Answer):

@@ -248,11 +248,14 @@ class JointEstimate(Answer):
         from flexid.report.identification_charts import regions_chart
         from flexid.report.response_charts import bode_chart
 
-        if options and name == "bode":
+        if not options:
+            return super().plot(name, ax=ax)
+        if name == "bode":
             return draw(bode_chart(self.frequency_response(**options)), ax=ax)
-        if options and (chart := regions_chart(self.result, **options)) is not None:
-            return draw(chart, ax=ax)
-        return super().plot(name, ax=ax)
+        chart = regions_chart(self.result, **options) if name == "regions" else None
+        if chart is None:
+            raise SettingError("plot", f"{name!r} takes no options: leave them out")
+        return draw(chart, ax=ax)
 
     def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:
         """Hold the estimate against other logs, as `flexid.validate` does.

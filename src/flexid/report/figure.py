@@ -59,9 +59,14 @@ class NotebookFigure(Figure):
     """A figure that a notebook shows although pyplot does not know it."""
 
     def _repr_png_(self) -> bytes:
-        with io.BytesIO() as file:
-            self.savefig(file, format="png", dpi=self.dpi)
-            return file.getvalue()
+        return png(self)
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as a picture."""
+    with io.BytesIO() as file:
+        figure.savefig(file, format="png", dpi=figure.dpi)
+        return file.getvalue()
 
 
 def new_figure(width: float, height: float) -> Figure:

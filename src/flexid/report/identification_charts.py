@@ -18,7 +18,7 @@ from flexid.identification.preparation.joint import joint_of
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate, slopes_of
-from flexid.identification.vocabulary.intervals import CONFIDENCE, interval
+from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level, interval
 from flexid.report.chart import (
     VERDICT_COLOURS,
     Axis,
@@ -108,6 +108,7 @@ _PAIRS = (
 
 def regions_chart(result: Identification, level: float = CONFIDENCE) -> Chart | None:
     """Joint confidence regions of physical parameters; None where no two were estimated."""
+    checked_level(level)
     found = parameter_estimate(result)
     pairs = correlated_pairs(found)
     if not pairs:
