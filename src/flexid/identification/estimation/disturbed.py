@@ -75,8 +75,6 @@ _OF_LINK = {"theta2": "alpha1", "theta_cubic": "alpha_cubic", "theta_backlash": 
 _LEAST_STIFFER = 0.02
 _WIDTHS = 5  # of play, until it is as wide as its gap
 _BANDS = (0.5, 2.0)  # of the usual number of samples per period
-_LEAST_TURN = 0.5  # rad, below which gravity is as straight as a spring, within 1 %
-_GRAVITY = frozenset({"theta1", "theta_cosine", "gamma1", "gamma_cosine"})
 _RATE = 20.0  # 1/s, of the filter that shows how much each term moves its row
 _SKEWED = 0.5  # share of the deflection's variance that a delay explains, to begin with it
 
@@ -104,12 +102,11 @@ def fit_disturbed(
     with_play: bool,
 ) -> Disturbed:
     """Fit all usual terms, and play if it is likely; take away what the log does not show."""
-    if _turned(data) < _LEAST_TURN:
-        structure = structure.without(_GRAVITY - {*kept})
     factor = thinning(data, _start(structure, data))
     if LINK in structure.timing.sought:
         skewed = skew(structure.joint, thinned(data, factor, held=False))
-        if skewed.makes_the_deflection:  # and a spring may be anything
+        if skewed.makes_the_deflection:  # and a spring may be anything, with any play
+            with_play = False
             structure = replace(structure, timing=_given(structure.timing, skewed.delay))
             factor = thinning(data, _start(structure, data))
     found: list[FitInBand] = []
@@ -387,12 +384,6 @@ def _given(timing: Timing, link_delay: float) -> Timing:
     """The same with the delay of the link's encoder given."""
     sought = tuple(name for name in timing.sought if name != LINK)
     return replace(timing, delays={**timing.delays, LINK: link_delay}, sought=sought)
-
-
-def _turned(data: Data) -> float:
-    """How far the first row, that of the link where there is one, turned, in rad."""
-    positions = [samples.positions[:, 0] for samples in data.samples]
-    return max(map(np.max, positions)) - min(map(np.min, positions))
 
 
 def _shares(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
