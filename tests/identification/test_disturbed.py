@@ -21,6 +21,7 @@ from flexid.identification.structure import gap
 from flexid.identification.structure.link_delay import skew
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.flexible_joint import HARDENING
 
 JOINT = flexible()
 CORE = ("theta2", "alpha1", "beta1")
@@ -188,6 +189,38 @@ def test_a_spring_that_hardens_is_no_play():
     assert "alpha_cubic" in found.fitted.names
     half = half_widths(estimate)["theta2"]
     assert abs(estimate.by_name["theta2"] - TRUTH["theta2"]) <= half < 0.1 * TRUTH["theta2"]
+
+
+def supposed_play(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Say that least squares finds play in a drive whose spring hardens, and fit that."""
+
+    def likely_play(structure: Structure, _: Data) -> gap.LikelyPlay:
+        without = structure.without(HARDENING)
+        wide = gap.as_wide(replace(without, absent=without.absent - gap.PLAY), 0.02)
+        return gap.LikelyPlay(wide, {**TRUTH, "theta_backlash": 3.0}, 5.0, 0.5)
+
+    monkeypatch.setattr(disturbed, "likely_play", likely_play)
+    log = data(recording(*drive(7, link_push=0.3, hardening=20.0)))
+    on = {c for term in ("motor_viscous", "cubic_stiffness") for c in JOINT.terms[term]}
+    structure = Structure(
+        JOINT.scaled(log.samples), frozenset(JOINT.optional - on), Timing("cubic")
+    )
+    return fit_disturbed(structure, log, (), ("cubic",), THRESHOLDS, with_play=True)
+
+
+def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch):
+    """Assert that what least squares takes for play does not count where a fit of it is worse."""
+    assert supposed_play(monkeypatch).by_play == 0.0
+
+
+def test_play_that_has_no_fit_is_a_doubt(monkeypatch: pytest.MonkeyPatch):
+    """Assert that then least squares says by how much the spring may be stiffer."""
+
+    def diverging(_: FitInBand) -> FitInBand:
+        raise ConvergenceError("prediction error", "the motion diverges")
+
+    nth_fit(monkeypatch, 2, diverging)
+    assert supposed_play(monkeypatch).by_play == 5.0
 
 
 def test_what_a_balance_cannot_do_without_stays(monkeypatch: pytest.MonkeyPatch):

@@ -5,11 +5,13 @@ from typing import Any, cast
 
 import pytest
 from made_fits import JOINT, WITHOUT, made_fit, over
+from made_joint import fitted, made
 
 import flexid.identification.full_model.fits_by_length as fits_by_length
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     fit_with_hysteresis,
+    sampled,
     turning,
 )
 from flexid.identification.structure.job import _least_gain
@@ -40,13 +42,14 @@ def tried(monkeypatch):
         monkeypatch.setattr(
             fits_by_length, "promised", lambda *at: promises.get(share(at[-1]), 0.0)
         )
+        monkeypatch.setattr(fits_by_length, "sampled", lambda fit: fit)
         monkeypatch.setattr(fits_by_length, "explained_by", remembering)
         monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])
         monkeypatch.setattr(fits_by_length, "with_best_hold", lambda found, *_: found)
         segments = range(4)
-        fitted = made_fit(9.0, segments=segments)
-        by_length = FitsByLength((fitted,), cast(Any, (segments,)), True, ("cubic",), "")
-        found = fit_with_hysteresis(by_length, fitted, lambda _: None)
+        before = made_fit(9.0, segments=segments)
+        by_length = FitsByLength((before,), cast(Any, (segments,)), True, ("cubic",), "")
+        found = fit_with_hysteresis(by_length, before, lambda _: None)
         assert (found is not None) == (holding in begun)
         return begun
 
@@ -119,6 +122,7 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
         asked.append((before, structure.absent, noise))
         return before
 
+    monkeypatch.setattr(fits_by_length, "sampled", lambda fit: fit)
     monkeypatch.setattr(fits_by_length, "promised", lambda *_: 0.9)
     monkeypatch.setattr(fits_by_length, "explained_by", remembering)
     monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])
@@ -165,3 +169,15 @@ def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
 def test_what_explains_need_not_save_more(rival, chosen, gain):
     """Assert that a rival which leaves noise alone, as the chosen does not, is better by a hair."""
     assert _least_gain(rival, chosen, THRESHOLDS) == gain
+
+
+@pytest.mark.parametrize(("enough", "of"), [(10_000, 1), (1_000, 5)])
+def test_a_long_log_is_searched_in_part(monkeypatch: pytest.MonkeyPatch, enough: int, of: int):
+    """Assert that some of its segments have the fit's values, and nearly the residuals of all."""
+    monkeypatch.setattr(fits_by_length, "_ENOUGH", enough)
+    whole = fitted(made(1, 10.0))
+    some = sampled(whole)
+    assert (some is whole) == (of == 1)
+    assert len(some.problem.segments) == pytest.approx(len(whole.problem.segments) / of, abs=1)
+    assert some.by_name == whole.by_name
+    assert some.excess == pytest.approx(whole.excess, rel=0.1)

@@ -48,8 +48,8 @@ from flexid.identification.full_model.starting import least_squares_start, no_st
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import (
     CHANCE,
-    LIKELIER,
     PLAY,
+    LikelyPlay,
     as_wide,
     half_gap,
     is_dead_zone,
@@ -90,6 +90,7 @@ class Disturbed:
     # what each row leaves unexplained over its acceleration, root mean squares
     shares: Mapping[str, float]
     factor: int  # of so many samples of the log one was fitted
+    by_play: float = 0.0  # share by which its spring is stiffer if it has play and does not curve
 
 
 def fit_disturbed(
@@ -120,7 +121,11 @@ def fit_disturbed(
     if not found:
         raise no_start()
     full = min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
-    best = full = _with_play(full, data, factor) if with_play else full
+    likely = None if structure.joint.kind == "rigid" else likely_play(full.fitted.structure, data)
+    by_play = likely.doubt if likely else 0.0
+    if likely and with_play:
+        full, by_play = _with_play(full, likely, data, factor)
+    best = full
     evidence = ()
     strict = replace(thresholds, friction_sign=np.inf)
     for _ in range(_ROUNDS):
@@ -138,24 +143,30 @@ def fit_disturbed(
         return fit_disturbed(without, data, kept, holds, thresholds, with_play=with_play)
     best = _as_wide_as_its_gap(best, data, factor)
     shares = _shares(best.fitted, best.sizes)
-    return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, factor)
+    return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, factor, by_play)
 
 
-def _with_play(fit: FitInBand, data: Data, factor: int) -> FitInBand:
-    """A fit with play, where the log finds it likelier, or as it is."""
-    found = likely_play(fit.fitted.structure, data)
-    if found is None or found.stiffer < _LEAST_STIFFER:
-        return fit
-    likelier = fit.cost - CHANCE
+def _with_play(
+    fit: FitInBand, likely: LikelyPlay, data: Data, factor: int
+) -> tuple[FitInBand, float]:
+    """A fit with play, where the log finds it likelier, or as it is; and the doubt of its spring.
+
+    The doubt is the share by which the spring is stiffer with play, where the log does not say.
+    """
+    if likely.stiffer < _LEAST_STIFFER:
+        return fit, likely.doubt
     try:
-        start = _stiffer(fit.fitted.by_name, found.start)
-        played = _fit(found.structure, data, factor, start)
-        if played.cost < likelier:
-            played = _as_wide_as_its_gap(played, data, factor)
+        start = _stiffer(fit.fitted.by_name, likely.start)
+        played = _fit(likely.structure, data, factor, start)
+        played = _as_wide_as_its_gap(played, data, factor)
     except ConvergenceError:
-        return fit
-    is_play = is_dead_zone(played.fitted) and played.fitted.has_partners
-    return played if is_play and played.cost < likelier else fit
+        return fit, likely.doubt
+    if played.cost > fit.cost + CHANCE:
+        return fit, 0.0
+    if not (is_dead_zone(played.fitted) and played.fitted.has_partners):
+        return fit, likely.doubt
+    stiffer = abs(played.fitted.by_name["theta2"] / fit.fitted.by_name["theta2"] - 1.0)
+    return (played if played.cost < fit.cost - CHANCE else fit), stiffer
 
 
 def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:
@@ -239,7 +250,7 @@ def disturbed_estimate(
         input_unit,
         _by_gauge(found, data),
         pulled(fitted, found.sizes, data.samples, found.factor),
-        _by_play(fitted, data),
+        found.by_play * (not HARDENING.isdisjoint(fitted.names) and PLAY.isdisjoint(fitted.names)),
     )
     own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
@@ -261,14 +272,6 @@ def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
     return (
         np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
     )
-
-
-def _by_play(fitted: Fitted, data: Data) -> float:
-    """Share by which its spring is stiffer if what was taken for a hardening one has play."""
-    if HARDENING.isdisjoint(fitted.names) or not PLAY.isdisjoint(fitted.names):
-        return 0.0
-    likely = likely_play(fitted.structure, data, LIKELIER)
-    return likely.stiffer if likely else 0.0
 
 
 def _rescaled(data: Data, scale: float) -> Data:

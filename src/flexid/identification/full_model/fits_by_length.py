@@ -14,6 +14,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
+from flexid.estimators.gauss_newton import Minimum
 from flexid.estimators.segments import Segments
 from flexid.identification.full_model.fitting import (
     fit_by_length,
@@ -35,6 +36,7 @@ TURNING = 0.5
 
 _SHORT = 0.5  # s of segments up to which any hold will do
 _SETTLED_FROM = 0.5  # of that share, from which on it is worth what else belongs to the first steps
+_ENOUGH = 10_000  # samples, in which a term that explains most of what is left shows
 # Of the grip that suits the motion, to begin with.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
@@ -99,12 +101,15 @@ def fit_with_hysteresis(
         {**before.by_name, **dict.fromkeys(joint.grips.values(), share * joint.first_grip)}
         for share in _GRIPS
     ]
-    promising = [(promised(before, structure, way), way) for way in ways]
+    some = sampled(before)
+    promising = [(promised(some, structure, way), way) for way in ways]
     floor = thresholds.noise_floor(by_length.found[0].excess)
     for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
         if promise < thresholds.shape_promise:
             break
-        first = explained_by(before, structure, way, floor, thresholds)
+        first = explained_by(some, structure, way, floor, thresholds)
+        if first is not None and some is not before:
+            first = explained_by(before, structure, first.by_name, floor, thresholds)
         if first is not None:
             found = [first, *longer_fits(first, by_length.divisions)]
             divisions = [s for s in by_length.divisions if len(s) <= len(segments)]
@@ -122,6 +127,24 @@ def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
     left = [fitted for fitted in found if fitted.excess > thresholds.sensor_excess]
     longer = (fitted for fitted in left if fitted.duration >= TURNING)
     return next(longer, left[-1] if left else None)
+
+
+def sampled(fitted: Fitted) -> Fitted:
+    """A fit as it is over some of its segments, spread evenly, where a log has very many samples.
+
+    What the whole log lacks is sought there, and has to explain all of it then.
+    """
+    segments = fitted.problem.segments
+    count = int(_ENOUGH / np.mean(segments.lengths))
+    if len(segments) < 2 * count:
+        return fitted
+    some = segments.some(count)
+    states = fitted.minimum.point.initial_states[np.isin(segments.starts, some.starts)]
+    rest = (fitted.data, some, fitted.by_name, states, fitted.data.refinement)
+    problem, point = motion_at(fitted.ended, *rest)
+    equations = problem.equations(point)
+    minimum = Minimum(point, equations, problem.solve(equations), 0, 0.0)
+    return replace(fitted, problem=problem, minimum=minimum)
 
 
 def _as_it_is(fitted: Fitted) -> Fitted:

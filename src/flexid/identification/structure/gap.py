@@ -220,22 +220,25 @@ class LikelyPlay(NamedTuple):
     structure: Structure  # with play of its width, beside a spring that hardens or instead
     start: dict[str, float]  # where a fit of it may begin
     stiffer: float  # share by which its spring is stiffer than one without play
+    left: float  # of what a spring without play leaves of the link's balance
+
+    @property
+    def doubt(self) -> float:
+        """The same share, if play leaves so much less that nothing else need speak for it."""
+        return self.stiffer if self.left < LIKELIER else 0.0
 
 
-def likely_play(structure: Structure, data: Data, least: float = 1.0) -> LikelyPlay | None:
-    """The play that leaves least of the link's balance; None if none leaves less than some share.
-
-    The share is that of what a spring without play leaves.
-    """
+def likely_play(structure: Structure, data: Data) -> LikelyPlay | None:
+    """The play that leaves least of the link's balance; None if none leaves less than without."""
     play = PLAY & structure.joint.shapes
-    found = None
+    found, least = None, 1.0
     for spring in (structure.without(HARDENING), structure):
         wide = replace(spring, absent=spring.absent - play)
         for (own, start, fit), (other, its_fit) in _by_rate(wide, structure, data):
             left, its = (_of_link(each) for each in (fit, its_fit))
             if left < least * its and other["theta2"] > 0.0:
                 stiffer = abs(start["theta2"] / other["theta2"] - 1.0)
-                found, least = LikelyPlay(own, start, stiffer), left / its
+                found, least = LikelyPlay(own, start, stiffer, left / its), left / its
         least *= LIKELIER if found else 1.0  # with hardening, too, any play leaves a little less
     return found
 

@@ -21,6 +21,7 @@ from flexid.identification.full_model.fits_by_length import (
     explained_by,
     leaves_more,
     promised,
+    sampled,
     turning,
     with_best_hold,
 )
@@ -88,12 +89,14 @@ def fit_with_shape(
         return None
     progress(shape.words)
     floor = thresholds.noise_floor(by_length.found[0].excess)
-    for promise, structure in _promising(shape, before, full):
+    some, settled = sampled(before), partial(at_its_constant, shape)
+    for promise, structure in _promising(shape, some, full):
         if promise < thresholds.shape_promise:
             continue
-        first = explained_by(
-            before, structure, before.by_name, floor, thresholds, partial(at_its_constant, shape)
-        )
+        first = explained_by(some, structure, some.by_name, floor, thresholds, settled)
+        if first is not None and some is not before:
+            own, way = first.structure, first.by_name
+            first = explained_by(before, own, way, floor, thresholds, settled)
         if first is not None:
             worse = leaves_more(first, chosen, thresholds)
             return None if worse else _fit_longer(shape, first, by_length, thresholds)
