@@ -155,10 +155,14 @@ def _with_play(
     """
     if likely.stiffer < _LEAST_STIFFER:
         return fit, likely.doubt
+    start = _stiffer(fit.fitted.by_name, likely.start)
     try:
-        start = _stiffer(fit.fitted.by_name, likely.start)
         played = _fit(likely.structure, data, factor, start)
         played = _as_wide_as_its_gap(played, data, factor)
+        if played.cost > fit.cost + CHANCE:  # perhaps by other sizes alone
+            structure, start = played.fitted.structure, played.fitted.by_name
+            other = _fit(structure, data, factor, start, fit.sizes)
+            played = min(played, _as_wide_as_its_gap(other, data, factor), key=_cost)
     except ConvergenceError:
         return fit, likely.doubt
     if played.cost > fit.cost + CHANCE:
