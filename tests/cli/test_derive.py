@@ -1,8 +1,6 @@
 """``flexid derive`` from the command line: text, notes, exit status."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -51,13 +49,3 @@ def test_exported_files_are_listed(flexid, tmp_path: Path):
     document = json.loads(done.stdout)
     assert {Path(path).name for path in document["files"]} == {p.name for p in tmp_path.iterdir()}
     assert document["files"]
-
-
-def test_start_is_light():
-    """Assert that the command line starts without SymPy, numba, polars and matplotlib."""
-    code = (
-        "import sys, flexid.cli.main; "
-        "print([m for m in ('sympy', 'numba', 'polars', 'matplotlib') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

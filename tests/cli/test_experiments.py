@@ -74,25 +74,6 @@ def test_divergence_says_what_and_when(flexid: Callable, tmp_path: Path):
     assert not out.exists()
 
 
-def test_model_of_ones_own_has_its_own_names(flexid: Callable, tmp_path: Path, examples: Path):
-    """Assert that a model file is simulated under its own names, without units it did not state."""
-    (tmp_path / "pendulum.toml").write_bytes((examples / "models/pendulum.toml").read_bytes())
-    path = tmp_path / "experiment.toml"
-    path.write_text(
-        '[model]\nfile = "pendulum.toml"\n[plant]\ngravity = 9.0\nviscous = 0.1\ndrag = 0.0\n'
-        '[controller]\nlaw = "expressions"\ntracked = "q"\ninputs = { u = "stiffness*(qd - q)" }\n'
-        "parameters = { stiffness = 2.0 }\n"
-        '[reference]\nkind = "constant"\nvalue = 0.3\n[observer]\narm = 5.0\n'
-        "[run]\nduration = 0.5\n[sampling]\n",
-        encoding="utf-8",
-    )
-    outcome = flexid("simulate", path, "--out", tmp_path / "run")
-    assert outcome.status == 0, outcome.stderr
-    columns = pl.read_parquet(tmp_path / "run" / "run.parquet").columns
-    assert {"time", "arm_position", "true_arm_position", "viscous_estimate"} <= set(columns)
-    assert not any("[" in name for name in columns)
-
-
 @pytest.fixture
 def tiny(tmp_path):
     """The tiny campaign."""

@@ -75,24 +75,6 @@ def test_truth_is_table_1(script: ModuleType, examples: Path) -> None:
     )
 
 
-def test_engine_follows_equation_4_under_a_constant_torque(script: ModuleType) -> None:
-    """Assert that 30 s of MuJoCo agree with SciPy's eq. (4): no hidden damping, limit, contact."""
-    torque = 4.0
-    angles = script.simulate(np.full(30_000, torque))
-    reference = solve_ivp(
-        equation_4,
-        (0.0, 30.0),
-        np.zeros(4),
-        args=(torque,),
-        method="DOP853",
-        rtol=1e-12,
-        atol=1e-13,
-        t_eval=1e-3 * np.arange(30_000),
-    )
-    assert np.ptp(angles[:, 0]) > 1.5
-    np.testing.assert_allclose(angles, reference.y[[0, 2]].T, rtol=0, atol=1e-9)
-
-
 def test_logged_torque_acts_from_its_row_to_the_next(committed: NDArray[np.float64]) -> None:
     """Assert that eq. (4), fed each logged torque for one row, gives the logged angles."""
     state = np.zeros(4)

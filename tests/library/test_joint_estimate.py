@@ -171,16 +171,6 @@ def test_a_loaded_estimate_says_that_it_has_no_series(loaded):
     assert loaded.plot().axes
 
 
-def test_saving_needs_a_place(estimate, tmp_path):
-    """Assert that a file that cannot be written is a sentence, and leaves nothing behind."""
-    with pytest.raises(SettingError, match="cannot be written"):
-        estimate.save(tmp_path / "missing" / "estimate.json")
-    (tmp_path / "taken").mkdir()
-    with pytest.raises(SettingError, match="cannot be written"):
-        estimate.save(tmp_path / "taken")
-    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
-
-
 def test_figures_are_saved_as_the_command_does(estimate, tmp_path):
     """Assert that the files have the command's names."""
     estimate.save_figures(tmp_path / "out")
