@@ -127,11 +127,11 @@ def changed(text: str, **content: object) -> str:
 
 FAR = {"time": 10**400, "row": "link", "times_worse": 1.0}
 OTHERS: dict[str, tuple[Callable[[str], str], str]] = {
-    "damaged": (lambda text: text.replace('"fed": 501', '"fed": 3'), "checksum is wrong"),
-    "cut": (lambda text: text[:5000], "not JSON"),
-    "another version": (lambda text: text.replace('"version": 5', '"version": 4'), "version 4"),
-    "something else": (lambda _: "{}", "something else"),
-    "too large": (lambda text: changed(text, changes=[FAR]), "not hold what it should"),
+    "damaged": (lambda text: text.replace('"fed": 501', '"fed": 3'), "changed or cut"),
+    "cut": (lambda text: text[:5000], "changed or cut"),
+    "another version": (lambda text: text.replace('"version": 5', '"version": 4'), "version 5"),
+    "something else": (lambda _: "{}", "no checkpoint"),
+    "too large": (lambda text: changed(text, changes=[FAR]), "no checkpoint"),
 }
 for name in ("guard_state", "now", "recent", "fed", "options", "changes"):
     OTHERS[name] = (lambda text, name=name: changed(text, **{name: "AAAA"}), "checkpoint")

@@ -10,6 +10,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -33,6 +34,9 @@ PARTS = (
 
 LARGEST_FILE = 50_000_000  # bytes; the largest model makes some megabytes
 WANTED = "a checkpoint of flexid watch"
+
+_WRONG = (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
+"""What is raised where something else stands in a file."""
 
 _KNOWN_BY = 200  # samples by which a file is known again; as many as are waited for
 _SAME = 1e-3  # relative difference of sample times of one stream
@@ -58,24 +62,16 @@ def read_session(path: Path) -> Session:
         return SettingError("checkpoint", f"{path}: {reason}")
 
     raw = read_bytes(path, LARGEST_FILE, WANTED, refuse)
-    try:
+    with suppress(*_WRONG):
         document = json.loads(raw.decode("utf-8"))
-    except (ValueError, RecursionError):
-        raise refuse(f"this is not JSON: give {WANTED}") from None
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise refuse(f"this is something else: give {WANTED}")
-    if document.get("version") != VERSION:
-        raise refuse(
-            f"it is of version {document.get('version')!r}, and this flexid reads version "
-            f"{VERSION}: start without it"
-        )
-    content = document.get("content")
-    if not isinstance(content, dict) or document.get("sha256") != _digest(content):
-        raise refuse("its checksum is wrong, so it was changed or cut: start without it")
-    try:
-        return _session(content)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
-        raise refuse("it does not hold what it should: start without it") from None
+        content = document["content"]
+        kind = (document["format"], document["version"], document["sha256"])
+        if kind == (FORMAT, VERSION, _digest(content)):
+            return _session(content)
+    raise refuse(
+        f"this is no checkpoint of flexid watch in version {VERSION}, or it was changed or cut: "
+        f"start without it"
+    )
 
 
 def _digest(content: Mapping[str, Any]) -> str:
