@@ -38,27 +38,24 @@ def all_pass(fraction: float) -> FloatArray:
 
 def later(values: FloatArray, samples: float) -> FloatArray:
     """A channel later by so many samples of either sign, shape (n,); see `spoilt`."""
-    whole, weights = response(samples)
-    if len(weights) == 1:
+    whole = round(samples)
+    fraction = samples - whole
+    if fraction == 0.0:
         return _rolled(values, whole)
     # From the channel's first value on, not from zero, so that little is left to settle.
     first = values[0]
-    delayed = first + np.convolve(values - first, weights)[: len(values)]
-    return _rolled(delayed, whole)
+    delayed = first + np.convolve(values - first, _response(all_pass(fraction)))[: len(values)]
+    return _rolled(delayed, whole - ORDER)
 
 
-def response(samples: float) -> tuple[int, FloatArray]:
-    """Impulse response of a delay by so many samples: the place of its first weight, and all."""
-    whole = round(samples)
-    if samples == whole:
-        return whole, np.ones(1)
-    denominator = all_pass(samples - whole)  # SciPy's package loads slowly
-    weights = np.zeros(_LASTING)
-    weights[: ORDER + 1] = denominator[::-1]
+def _response(denominator: FloatArray) -> FloatArray:
+    """Impulse response of an all-pass filter, shape (_LASTING,); SciPy's package loads slowly."""
+    response = np.zeros(_LASTING)
+    response[: ORDER + 1] = denominator[::-1]
     for i in range(1, _LASTING):
-        back = weights[max(i - ORDER, 0) : i][::-1]
-        weights[i] -= denominator[1 : 1 + len(back)] @ back
-    return whole - ORDER, weights
+        back = response[max(i - ORDER, 0) : i][::-1]
+        response[i] -= denominator[1 : 1 + len(back)] @ back
+    return response
 
 
 def spoilt(samples: float) -> tuple[int, int]:

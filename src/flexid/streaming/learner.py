@@ -11,7 +11,7 @@ Whether a drive has changed since an estimate was made is a comparison of both w
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, floor, isfinite, nan
+from math import isfinite, nan
 
 import numpy as np
 
@@ -28,7 +28,6 @@ from flexid.identification.vocabulary.intervals import POSITIVE, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.parameter_kinds import ANGLES, difference
 from flexid.recording.recording import Hold
-from flexid.recording.shift import response, spoilt
 from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.options import RATES, WatchOptions
 
@@ -47,7 +46,6 @@ class Learner:
         self.options = options
         self.system = options.system
         self._is_driven = options.kind == "link"
-        self._delays = Delays(options) if options.input_delay or options.link_delay else None
         hold: Hold = "zero" if options.hold == "zero" else "linear"
         runs: list[tuple[float, Hold]] = [(rate, hold) for rate in RATES]
         if options.hold == "auto" and not self._is_driven:
@@ -67,19 +65,14 @@ class Learner:
         states = [estimator.init(start) for estimator in self._estimators]
         if self._is_driven:
             states.append(np.full(4, np.nan))
-        if self._delays is not None:
-            states.append(self._delays.first_state())
         return tuple(states)
 
     def learn(self, states: States, rows: FloatArray) -> tuple[States, History]:
         """Take in rows of positions and inputs; the history is that of the first estimator."""
         last: States = ()
-        if self._delays is not None:
-            delayed, rows = self._delays.undone(states[-1], rows)
-            last = (delayed,)
         if self._is_driven:
-            rows, end = _driven(rows, states[len(self._estimators)], self.options.sample_time)
-            last = (end, *last)
+            rows, end = _driven(rows, states[-1], self.options.sample_time)
+            last = (end,)
         histories = [
             estimator.replay(state, rows)
             for estimator, state in zip(self._estimators, states, strict=False)
@@ -119,64 +112,6 @@ def _driven(rows: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray,
     link, motor = known.T
     velocity = (motor[2:] - motor[:-2]) / (2.0 * h)
     return np.column_stack((link[1:-1], motor[1:-1], velocity)), known[-2:].ravel()
-
-
-class Delays:
-    """Rows of positions and inputs without the delays of the options: sums over nearby rows."""
-
-    def __init__(self, options: WatchOptions) -> None:
-        drive = options.input_delay / options.sample_time
-        link = -options.link_delay / options.sample_time
-        lag = floor(drive)
-        self._drive = lag, np.array([1.0 - (drive - lag), drive - lag])  # a straight line
-        self._link = response(link)
-        first, last = zip(*((f, f + len(w) - 1) for f, w in (self._drive, self._link)), strict=True)
-        self._ahead = max(0, -min(first))  # samples that are waited for
-        self._span = max(0, *last) + self._ahead
-        self._skipped = max(0, spoilt(link)[0], ceil(drive))  # rows of a run, at its beginning
-        self._from_deflection = options.from_deflection
-        self._has_input = options.n_inputs > 0
-        self._width = options.n_encoders + options.n_inputs
-
-    def first_state(self) -> FloatArray:
-        """State before a run: rows so far, and the latest of them."""
-        return np.zeros(1 + self._span * self._width)
-
-    def undone(self, state: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """New state, and the rows that can be known by now; a row of NaN ends a run."""
-        found = [rows[:0]]
-        for run in np.split(rows, np.flatnonzero(np.isnan(rows).any(axis=1))):
-            if len(run) and np.isnan(run[0]).any():
-                state = self.first_state()
-                found.append(run[:1])
-                run = run[1:]
-            if len(run):
-                state, known = self._go_on(state, run)
-                found.append(known)
-        return state, np.concatenate(found)
-
-    def _go_on(self, state: FloatArray, run: FloatArray) -> tuple[FloatArray, FloatArray]:
-        count, kept = int(state[0]), state[1:].reshape(self._span, self._width)
-        if not count:  # as if it had been at rest before, so that little is left to settle
-            kept = np.repeat(run[:1], self._span, axis=0)
-        rows = np.vstack((kept, run))
-        first = max(count - self._ahead, self._skipped)
-        last = max(first, count + len(run) - self._ahead)
-        places = np.arange(first, last) - (count - self._span)
-        known = rows[places]
-        if self._from_deflection:  # the deflection alone is late
-            known[:, 0] = known[:, 1] + _shifted(rows[:, 0] - rows[:, 1], *self._link)[places]
-        else:
-            known[:, 0] = _shifted(rows[:, 0], *self._link)[places]
-        if self._has_input:
-            known[:, -1] = _shifted(rows[:, -1], *self._drive)[places]
-        latest = rows[len(rows) - self._span :].ravel()
-        return np.concatenate(([count + len(run)], latest)), known
-
-
-def _shifted(values: FloatArray, first: int, weights: FloatArray) -> FloatArray:
-    """Weighted sums of values, the first weight for that so many samples before; known inside."""
-    return np.roll(np.convolve(values, weights)[: len(values)], first)
 
 
 @dataclass(frozen=True)

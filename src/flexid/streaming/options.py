@@ -117,8 +117,6 @@ class WatchOptions:
     # A turn of the motor at the link's side of the gear, in rad, where its encoder may wrap by
     # such turns; 0 where it stands behind the gear, or there is none
     motor_turn: float = 0.0
-    input_delay: float = 0.0  # s, by which the input acts later than it comes
-    link_delay: float = 0.0  # s, by which the link's encoder, or the deflection's, is late
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))

@@ -1,7 +1,7 @@
 """A log of any length: a stream with an end, watched with what its head shows.
 
-The head, in memory, is identified as any log is. Its terms, hold, delays and filter rate hold for
-the rest, and the whole log is fed to a session of `flexid watch`, in bounded memory. Friction that
+The head, in memory, is identified as any log is. Its terms, hold and filter rate hold for the
+rest, and the whole log is fed to a session of `flexid watch`, in bounded memory. Friction that
 is dry, and what else least squares does not account for, makes the session's values differ from
 those of the head: what noise does not explain of that counts as a standard deviation.
 """
@@ -125,13 +125,7 @@ def _options(replay: Replay, log: Log, head: Identification, settings: Settings)
         chosen["coulomb_velocity"] = joint.scaled(moving).smooth.constants[SMOOTHING]
     sample_time = log.recordings[0].sample_time
     options = options_of_stream(chosen, head, channels, sample_time, said.given)
-    alignment = head.choices.alignment
-    return replace(
-        options,
-        input_delay=alignment.input_delay.value,
-        link_delay=alignment.link_delay.value,
-        reference={},  # the values of the head are not known beforehand
-    )
+    return replace(options, reference={})  # the values of the head are not known beforehand
 
 
 def _usual_terms(head: Identification) -> tuple[str, ...]:
@@ -286,6 +280,6 @@ def _stream_warnings(head: Identification, estimate: Estimate, apart: FloatArray
         verb = "differ" if len(moved) > 1 else "differs"
         yield (
             f"{', '.join(moved)} by least squares of the whole log {verb} from the prediction "
-            f"error of its head: friction is sharper than least squares has it, or the drive "
-            f"changed; the intervals make allowance for that, and {advice}"
+            f"error of its head: friction is sharper than least squares has it, a channel is "
+            f"late, or the drive changed; the intervals make allowance for that, and {advice}"
         )
