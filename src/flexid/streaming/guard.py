@@ -47,8 +47,6 @@ class Counts:
     wraps: int  # turns that absolute encoders jumped by
     restarts: int  # how often the clock was set back
     jumps: int  # motions that went on elsewhere, after three outliers or other losses in a row
-    # places at which it cannot be known by how many wraps an encoder in front of a gear moved
-    unclear: int = 0
 
     @property
     def fed(self) -> int:
@@ -65,15 +63,8 @@ class Counts:
             for name, word in _EVENTS.items()
             if found[name]
         )
-        text = f"Samples: {self.taken} of {self.fed} learnt from"
-        text += "".join(f"; {part}" for part in (bad, events) if part)
-        if self.unclear:
-            places = "1 place" if self.unclear == 1 else f"{self.unclear} places"
-            text += (
-                f". At {places} it cannot be known by how many turns the motor's encoder moved: if "
-                f"it wraps, unwrap it, or sample faster and without gaps"
-            )
-        return text
+        more = "".join(f"; {part}" for part in (bad, events) if part)
+        return f"Samples: {self.taken} of {self.fed} learnt from{more}"
 
 
 class Guarded(NamedTuple):
@@ -123,8 +114,7 @@ class Guard:
     def counts(self, state: FloatArray) -> Counts:
         """What happened so far."""
         found = Counts(*map(int, state[: self._kernel.N_COUNTS]))
-        wraps, unclear = self._kernel.gear_counts(state)
-        return replace(found, wraps=found.wraps + int(wraps), unclear=int(unclear))
+        return replace(found, wraps=found.wraps + int(self._kernel.gear_wraps(state)))
 
     def is_stuck(self, state: FloatArray) -> bool:
         """Whether an encoder stands still at this moment that should not."""

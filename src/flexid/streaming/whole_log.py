@@ -259,7 +259,7 @@ def _choices(head: Identification, options: WatchOptions) -> Choices:
 def _data_warnings(session: Session) -> Iterator[str]:
     """What was left out, and where the drive changed."""
     counts = session.counts
-    if counts.taken < counts.fed or counts.gaps or counts.wraps or counts.unclear:
+    if counts.taken < counts.fed or counts.gaps or counts.wraps:
         yield counts.sentence
     for change in session.changes[-3:]:
         yield f"{change.sentence}; the values are those since then"

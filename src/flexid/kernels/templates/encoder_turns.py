@@ -5,8 +5,7 @@ jumps, from one sample to the next, by turns of the motor within which it has st
 then on by these. Should it leave them later, it does not wrap, and is taken as it is.
 
 Once it is known by what it wraps, a reading is taken to be the one of all that differ by wraps that
-is nearest to where the latest speed leads. Where that cannot be known, the nearest to the reading
-before is taken, and it is counted.
+is nearest to where the latest speed leads.
 """
 
 from typing import TYPE_CHECKING
@@ -20,14 +19,13 @@ if TYPE_CHECKING:
 TURN = 2.0 * np.pi
 NEAR = 3.5  # sample times from one reading to the next within which a jump is a wrap: two are lost
 PERSISTENT = 3  # readings in a row that are off by a quarter of a turn: the motor is elsewhere
-NOT_CLEAR = 0.25  # of what it wraps by, off the speed: it could as well be another wrap
 SLACK = 0.01  # turns by which the range of an encoder may exceed what it wraps by
 
 # Places in the state of an encoder in front of a gear: the last reading that was believed and its
 # time, the range of readings, what it wraps by (0: not known, below 0: it does not), what was taken
-# off, readings in a row that were odd, wraps, places that are not clear, and the latest speeds.
-SEEN_AT, SEEN, LEAST, MOST, PERIOD, OFFSET, ODD, WRAPPED, UNCLEAR, NEWEST, SECOND, THIRD = range(12)
-N_GEAR = 12
+# off, readings in a row that were odd, wraps, and the latest speeds.
+SEEN_AT, SEEN, LEAST, MOST, PERIOD, OFFSET, ODD, WRAPPED, NEWEST, SECOND, THIRD = range(11)
+N_GEAR = 11
 
 
 @rounded
@@ -96,8 +94,6 @@ def behind_gear(gear, time, reading, turn, sample_time):
     """The position of a reading in front of a gear, a turn of whose motor is `turn`."""
     samples = (time - gear[SEEN_AT]) / sample_time
     if not 0.0 < samples <= NEAR:
-        if not np.isnan(gear[SEEN_AT]):
-            gear[UNCLEAR] += 1.0
         forget_speeds(gear)
         return believe_reading(gear, time, reading, turn)
     samples = max(1.0, np.rint(samples))
@@ -108,15 +104,12 @@ def behind_gear(gear, time, reading, turn, sample_time):
     period = gear[PERIOD] if gear[PERIOD] > 0.0 else turn
     wraps = np.rint((jump - expected) / period) if gear[PERIOD] > 0.0 else 0.0
     step = jump - period * wraps
-    off = abs(step - expected)
-    is_odd = off > 0.25 * turn
+    is_odd = abs(step - expected) > 0.25 * turn
     if is_odd and not np.isnan(gear[THIRD]) and gear[ODD] + 1.0 < PERSISTENT:
         gear[ODD] += 1.0
         return reading - gear[OFFSET] - period * wraps
     # After two that did not fit, one that does may be where another turn leads.
     is_new = is_odd or gear[ODD] + 1.0 >= PERSISTENT
-    if off > NOT_CLEAR * period or (is_new and gear[ODD] > 0.0):
-        gear[UNCLEAR] += 1.0
     if gear[PERIOD] == 0.0 and np.isnan(gear[NEWEST]):
         step -= turn * np.rint(step / turn)  # a wrap may lie between the first two
     if is_new:

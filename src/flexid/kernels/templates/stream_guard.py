@@ -331,7 +331,6 @@ def guard(state, samples, settings, n_encoders, rows, fates):
     return new, samples.shape[0], filled, 0.0
 
 
-def gear_counts(state):
-    """How often the motor's encoder wrapped in front of a gear, and places that are not clear."""
-    gear = state[GEAR_AT:ENCODERS_AT]
-    return gear[WRAPPED], gear[UNCLEAR] if gear[PERIOD] > 0.0 else 0.0
+def gear_wraps(state):
+    """How often the motor's encoder wrapped in front of a gear."""
+    return state[GEAR_AT + WRAPPED]
