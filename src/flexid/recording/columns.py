@@ -62,12 +62,6 @@ def recipes_of(
     return recipes, tuple(f"{table.file}: {warning}" for warning in plan.warnings)
 
 
-def _canonical(name: str) -> tuple[str | None, str | None]:
-    """The channel whose own name a column has, and the unit beside it."""
-    bare, unit = split_header(name)
-    return _BY_FOLDED.get(folded(bare).replace("_", "")), unit
-
-
 class _Plan:
     """Where each channel comes from: from a column map, or from a column by its name."""
 
@@ -119,7 +113,8 @@ class _Plan:
         """Add columns with canonical names, but for those that a column map is about."""
         named = {*self.map.recipes, *self.map.unread}
         for header in self.table.names:
-            name, unit = _canonical(self.table.short_name(header))
+            bare, unit = split_header(self.table.short_name(header))
+            name = _BY_FOLDED.get(folded(bare).replace("_", ""))
             if name is None or name in named:
                 continue
             if name in self.found:

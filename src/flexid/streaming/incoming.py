@@ -60,7 +60,7 @@ class TextStream:
         header: str | None = None,  # names of columns, where the text does not begin with them
         fewest: int = HEAD_LINES,  # lines that are waited for before the layout is decided
     ) -> None:
-        self.name, self._column_map, self._model, self._header = name, column_map, model, header
+        self.name, self._column_map, self._model = name, column_map, model
         self._fewest = fewest
         self._first = [] if header is None else [header.strip(" \r\n").encode()]
         self.rest = b""  # the line that has not ended yet
@@ -109,7 +109,7 @@ class TextStream:
         channels = channels_of(table, recipes, self._clock)
         self.channels = chosen_channels(self.name, channels, warnings, self._model)
         self._recipes = {name: recipes[name] for name in self.channels.sampled}
-        samples = np.column_stack([channel.values for channel in self.channels.sampled.values()])
+        samples = _stacked(self.channels.sampled)
         if not self._most_are_rows(frame, samples):  # as a log it is refused for the first
             read_channels(read_text(self.name, head), self._column_map)
         rest = text[len(head) :].split(b"\n")
@@ -121,8 +121,7 @@ class TextStream:
         if not frame.height:
             return np.empty((0, len(self._recipes)))
         table = layout.table(self.name, frame, self._mark)
-        channels = channels_of(table, self._recipes, self._clock)
-        return np.column_stack([channel.values for channel in channels.values()])
+        return _stacked(channels_of(table, self._recipes, self._clock))
 
     def _most_are_rows(self, frame: polars.DataFrame, samples: FloatArray) -> bool:
         """Whether half of some lines or more have numbers, finite or not, or nothing in each."""
