@@ -21,7 +21,6 @@ _KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in smal
     "us": (1e-6, "s", "us|µs|μs|usec|usecs|micros|microsecond|microseconds|微秒"),
     "ns": (1e-9, "s", "ns|nsec|nsecs|nanosec|nanoseconds"),
     "rad": (1.0, "rad", "rad|radian|radians|弧度"),
-    "min": (60.0, "s", "min|mins|minute|minutes"),
     "mrad": (1e-3, "rad", "mrad"),
     "urad": (1e-6, "rad", "urad|µrad|μrad"),
     "deg": (pi / 180.0, "rad", "deg|°|º|degree|degrees|gradi|grados|度"),
@@ -54,10 +53,8 @@ _KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in smal
     "ozf in": (0.007061551814226044, "N m", "oz-in|oz in|ozin|in-oz|ozf in"),
     "V": (1.0, "V", "v|volt|volts"),
     "mV": (1e-3, "V", "mv"),
-    "kV": (1e3, "V", "kv"),
     "A": (1.0, "A", "a|amp|amps|ampere|amperes|arms|a_rms|a rms|安"),
     "mA": (1e-3, "A", "ma|milliamp|milliamps"),
-    "kA": (1e3, "A", "ka"),
 }
 _BY_SPELLING = {word: unit for unit, (*_, words) in _KNOWN.items() for word in words.split("|")}
 _USUAL = {  # exactly so, what else stands in a row of units
