@@ -18,7 +18,7 @@ from scipy.signal import savgol_filter
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import rigid_samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.models.physical import rigid_parameters
+from flexid.models.physical import physical_parameters
 from flexid.models.rigid_joint import rigid_joint
 from flexid.recording import Recording, read_log, with_velocities
 from flexid.recording.velocities import velocity
@@ -135,7 +135,7 @@ def main() -> None:
     recording = replace(recording, motor_velocity=None)
     found = fit(recording)
     values = values_of(found)
-    for parameter in rigid_parameters(values, input_is_torque=True):
+    for parameter in physical_parameters(values, input_is_torque=True, kind="rigid"):
         gradient = parameter.gradient(values, found.names)
         std = float(np.sqrt(gradient @ found.covariance @ gradient))
         print(f"{parameter.name} {parameter.value(values):.4f} ± {std:.4f} {parameter.unit}")

@@ -1,11 +1,13 @@
 """Physical parameters from lumped coefficients, and back."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS, TIES, flexible_joint
 from flexid.models.parameter_kinds import Quotient
-from flexid.models.physical import joint_coefficients, physical_parameters, rigid_parameters
+from flexid.models.physical import joint_coefficients, physical_parameters
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
 
 TRUTH = {
@@ -29,6 +31,7 @@ RIGID = {
     "gamma_offset": 0.05 / 1.6,
     "beta1": 1 / 1.6,
 }
+rigid = partial(physical_parameters, kind="rigid")
 
 
 def test_map_is_inverted():
@@ -67,7 +70,7 @@ def test_every_coefficient_has_a_unit_and_a_meaning():
     names = rigid_joint(RIGID_TERMS).coefficients
     assert set(names) == set(RIGID_UNITS)
     for input_is_torque in (True, False):
-        used = {c for p in rigid_parameters(names, input_is_torque) for c in p.coefficients}
+        used = {c for p in rigid(names, input_is_torque) for c in p.coefficients}
         assert used == set(names)
 
 
@@ -82,8 +85,8 @@ BY_DIRECTION = {**RIGID, "gamma_asymmetry": 0.02 / 1.6}
     [
         (joint_coefficients(TRUTH), physical_parameters),
         (OFF_ZERO, physical_parameters),
-        (RIGID, rigid_parameters),
-        (BY_DIRECTION, rigid_parameters),
+        (RIGID, rigid),
+        (BY_DIRECTION, rigid),
         (ARM, lambda *_: [RATIO]),
     ],
 )
@@ -107,7 +110,7 @@ def test_gravity_off_the_encoders_zero():
     found = {p.name: p.value(OFF_ZERO) for p in physical_parameters(OFF_ZERO, True)}
     assert found["gravity_torque"] == pytest.approx(5.0, rel=1e-13)
     assert found["gravity_angle"] == pytest.approx(0.2, rel=1e-13)
-    found = {p.name: p.value(RIGID) for p in rigid_parameters(RIGID, True)}
+    found = {p.name: p.value(RIGID) for p in rigid(RIGID, True)}
     expected = {"gravity_torque": 5.0, "gravity_angle": -0.3, "inertia": 1.6}
     expected |= {"viscous_friction": 0.1, "coulomb_friction": 0.4, "offset_torque": 0.05}
     assert found == pytest.approx(expected, rel=1e-13)
@@ -115,10 +118,10 @@ def test_gravity_off_the_encoders_zero():
 
 def test_friction_by_direction():
     """Assert that friction by direction is what brakes a rigid joint that turns either way."""
-    found = {p.name: p for p in rigid_parameters(BY_DIRECTION, input_is_torque=True)}
+    found = {p.name: p for p in rigid(BY_DIRECTION, input_is_torque=True)}
     for direction, v in (("forwards", 1.0), ("backwards", -1.0)):
         viscous = found[f"viscous_friction_{direction}"].value(BY_DIRECTION)
         coulomb = found[f"coulomb_friction_{direction}"].value(BY_DIRECTION)
         braking = 0.1 * v + 0.02 * abs(v) + 0.4 * v - 0.05
         assert v * (viscous + coulomb) == pytest.approx(braking, rel=1e-13)
-    assert "coulomb_friction_forwards" not in {p.name for p in rigid_parameters(RIGID, True)}
+    assert "coulomb_friction_forwards" not in {p.name for p in rigid(RIGID, True)}

@@ -11,7 +11,7 @@ Gravity that has a sine and a cosine is the exception: an amplitude and an angle
 """
 
 from collections.abc import Collection, Mapping
-from typing import Any
+from typing import Any, Literal
 
 from flexid.models.parameter_kinds import (
     Amplitude,
@@ -44,38 +44,21 @@ PARAMETER_NAMES = tuple(dict.fromkeys(p.name for table in _TABLES.values() for p
 
 
 def physical_parameters(
-    coefficients: Collection[str], input_is_torque: bool
+    coefficients: Collection[str],
+    input_is_torque: bool,
+    kind: Literal["flexible", "rigid", "link"] = "flexible",
 ) -> tuple[PhysicalParameter, ...]:
-    """Physical parameters of the flexible joint that a set of coefficients determines.
+    """Physical parameters of a joint that a set of coefficients determines.
 
-    If the input is no torque in N m, only ratios are known. With ``gravity_cosine`` among the
-    terms, gravity is the amplitude of both its parts, and ``gravity_angle`` the link encoder's
-    reading where the link hangs straight down.
+    If the input is no torque in N m, only ratios are known; those of the link alone are relative to
+    its inertia. The inertia of a rigid joint is that of motor and link together. With
+    ``gravity_cosine`` among the terms, gravity is the amplitude of both its parts, and
+    ``gravity_angle`` the link encoder's reading where the link hangs straight down.
     """
-    return _determined("with_torque" if input_is_torque else "ratios", coefficients)
-
-
-def link_parameters(coefficients: Collection[str]) -> tuple[PhysicalParameter, ...]:
-    """Physical parameters that the link's row alone determines; as `physical_parameters`.
-
-    All are relative to the link's inertia, which no log without a torque shows.
-    """
-    return _determined("link_ratios", coefficients)
-
-
-def rigid_parameters(
-    coefficients: Collection[str], input_is_torque: bool
-) -> tuple[PhysicalParameter, ...]:
-    """Physical parameters of the rigid joint; as `physical_parameters`.
-
-    The inertia is that of motor and link together, at the link side of the gear.
-    """
-    return _determined("rigid_with_torque" if input_is_torque else "rigid_ratios", coefficients)
-
-
-def _determined(table: str, coefficients: Collection[str]) -> tuple[PhysicalParameter, ...]:
+    known = "with_torque" if input_is_torque and kind != "link" else "ratios"
+    table = _TABLES[known if kind == "flexible" else f"{kind}_{known}"]
     # Of two entries with one name the later one heeds more coefficients, and takes the place.
-    found = {p.name: p for p in _TABLES[table] if set(p.coefficients) <= set(coefficients)}
+    found = {p.name: p for p in table if set(p.coefficients) <= set(coefficients)}
     return tuple(found.values())
 
 

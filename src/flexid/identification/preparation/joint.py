@@ -34,11 +34,7 @@ from flexid.models.flexible_joint import (
 )
 from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.physical import (
-    link_parameters,
-    physical_parameters,
-    rigid_parameters,
-)
+from flexid.models.physical import physical_parameters
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint, row_alone
 from flexid.models.terms import SMOOTHING, with_dry_friction
 from flexid.recording.recording import Recording
@@ -204,11 +200,7 @@ class Joint:
         self, coefficients: Collection[str], input_is_torque: bool
     ) -> tuple[PhysicalParameter, ...]:
         """Physical parameters that a set of coefficients determines."""
-        if self.kind == "flexible":
-            return physical_parameters(coefficients, input_is_torque)
-        if self.kind == "link":
-            return link_parameters(coefficients)
-        return rigid_parameters(coefficients, input_is_torque)
+        return physical_parameters(coefficients, input_is_torque, self.kind)
 
 
 def flexible() -> Joint:
