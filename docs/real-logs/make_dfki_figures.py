@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
 from flexid.estimators.rowwise import LeastSquaresFit
-from flexid.estimators.samples import rigid_samples
+from flexid.estimators.samples import samples_of_recording
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.physical import physical_parameters
 from flexid.models.rigid_joint import rigid_joint
@@ -40,7 +40,8 @@ FloatArray = NDArray[np.float64]
 
 def fit(recording: Recording, terms: tuple[str, ...] = TERMS) -> LeastSquaresFit:
     """Least squares on the filtered position."""
-    return filtered_least_squares([rigid_samples(with_velocities(recording))], rigid_joint(terms))
+    samples = samples_of_recording(with_velocities(recording), "rigid")
+    return filtered_least_squares([samples], rigid_joint(terms))
 
 
 def values_of(found: LeastSquaresFit) -> dict[str, float]:

@@ -5,7 +5,7 @@ import pytest
 from joint_log import assert_words, joint_columns, read_columns, refused, without
 
 from flexid.errors import RecordingError
-from flexid.estimators.samples import link_samples, rigid_samples, samples_of_recording
+from flexid.estimators.samples import samples_of_recording
 from flexid.recording import Log, Recording, with_velocities
 
 MOTION = without(joint_columns(), "torque")
@@ -64,7 +64,7 @@ def test_motion_alone() -> None:
     (recording,) = log.recordings
     assert (recording.input, recording.input_unit, log.warnings) == (None, "", ())
     assert with_velocities(recording).window(10, 20).input is None
-    samples = link_samples(recording)
+    samples = samples_of_recording(recording, "link")
     assert recording.motor_velocity is not None
     np.testing.assert_array_equal(samples.inputs[:, 0], recording.motor_position)
     np.testing.assert_array_equal(samples.inputs[:, 1], recording.motor_velocity)
@@ -72,7 +72,9 @@ def test_motion_alone() -> None:
     (derived,) = read_columns(without(MOTION, "motor_velocity")).recordings
     inner = slice(20, -20)
     np.testing.assert_allclose(
-        link_samples(derived).inputs[inner, 1], recording.motor_velocity[inner], atol=0.05
+        samples_of_recording(derived, "link").inputs[inner, 1],
+        recording.motor_velocity[inner],
+        atol=0.05,
     )
     assert_words("input: .*identify the link alone", refused(samples_of_recording, recording))
 
@@ -125,9 +127,9 @@ def test_samples_of_the_rigid_joint(alone: Recording) -> None:
     assert part.link_velocity is None
     assert part.motor_velocity is not None
     np.testing.assert_allclose(part.motor_velocity, np.cos(part.time - 2.0), atol=1e-6)
-    samples = rigid_samples(alone)
+    samples = samples_of_recording(alone, "rigid")
     assert samples.velocities is None
     np.testing.assert_array_equal(samples.positions, alone.motor_position[:, np.newaxis])
-    velocities = rigid_samples(with_velocities(alone)).velocities
+    velocities = samples_of_recording(with_velocities(alone), "rigid").velocities
     assert velocities is not None
     assert velocities.shape == (300, 1)

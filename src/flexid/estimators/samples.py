@@ -1,6 +1,7 @@
 """Measured samples as the estimators take them: plain arrays for any parametric system."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -59,38 +60,29 @@ class Samples:
         )
 
 
-def samples_of_recording(recording: Recording) -> Samples:
-    """Arrays of a recording for the rows link and motor of the flexible joint."""
+def samples_of_recording(
+    recording: Recording, kind: Literal["flexible", "rigid", "link"] = "flexible"
+) -> Samples:
+    """Arrays of a recording for the rows of a joint: link and motor, the motor's or the link's.
+
+    The link's row alone has the motor's motion as its inputs.
+    """
     link, motor = recording.link_velocity, recording.motor_velocity
+    positions, velocities = [recording.motor_position], [motor]
+    if kind == "flexible":
+        positions, velocities = [recording.needed_link_position, *positions], [link, motor]
+    if kind == "link":
+        if motor is None:
+            motor = velocity(recording.motor_position, recording.sample_time)
+        inputs = [recording.motor_position, motor]
+        positions, velocities = [recording.needed_link_position], [link]
+    else:
+        inputs = [recording.needed_input]
+    known = [v for v in velocities if v is not None]
     return Samples(
-        np.column_stack((recording.needed_link_position, recording.motor_position)),
-        None if link is None or motor is None else np.column_stack((link, motor)),
-        recording.needed_input[:, None].astype(np.float64),
-        recording.sample_time,
-        recording.start_time,
-    )
-
-
-def rigid_samples(recording: Recording) -> Samples:
-    """Arrays of a recording for the one row of the rigid joint: those of the motor's encoder."""
-    velocity = recording.motor_velocity
-    return Samples(
-        recording.motor_position[:, None],
-        None if velocity is None else velocity[:, None],
-        recording.needed_input[:, None].astype(np.float64),
-        recording.sample_time,
-        recording.start_time,
-    )
-
-
-def link_samples(recording: Recording) -> Samples:
-    """Arrays of a recording for the link's row alone, whose inputs are the motor's motion."""
-    link, motor = recording.link_velocity, recording.motor_velocity
-    motor = velocity(recording.motor_position, recording.sample_time) if motor is None else motor
-    return Samples(
-        recording.needed_link_position[:, None],
-        None if link is None else link[:, None],
-        np.column_stack((recording.motor_position, motor)),
+        np.column_stack(positions),
+        np.column_stack(known) if len(known) == len(velocities) else None,
+        np.column_stack(inputs).astype(np.float64),
         recording.sample_time,
         recording.start_time,
     )

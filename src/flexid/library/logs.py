@@ -74,14 +74,11 @@ def samples(log: OneLog, *, columns: Columns | None = None) -> tuple[Samples, ..
     tuple of Samples
         Positions, velocities where they were measured, and inputs, with the sample time.
     """
-    from flexid.estimators.samples import rigid_samples, samples_of_recording
+    from flexid.estimators.samples import samples_of_recording
 
-    recordings = one_log(log, columns).recordings
     return tuple(
-        rigid_samples(recording)
-        if recording.link_position is None
-        else samples_of_recording(recording)
-        for recording in recordings
+        samples_of_recording(part, "rigid" if part.link_position is None else "flexible")
+        for part in one_log(log, columns).recordings
     )
 
 

@@ -16,8 +16,6 @@ from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import (
     Samples,
-    link_samples,
-    rigid_samples,
     samples_of_recording,
 )
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
@@ -153,9 +151,7 @@ class Joint:
 
     def samples(self, recording: Recording) -> Samples:
         """A recording as the estimators take it."""
-        if self.kind == "flexible":
-            return samples_of_recording(recording)
-        return link_samples(recording) if self.kind == "link" else rigid_samples(recording)
+        return samples_of_recording(recording, self.kind)
 
     def channels_of(
         self,
