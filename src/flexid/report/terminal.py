@@ -77,11 +77,12 @@ class Table:
             least.append(
                 max((cell_len(word) for text in texts for word in text.split()), default=0)
             )
-        rooms = [
-            (whole - word, place)
-            for place, (whole, word) in enumerate(zip(widths, least, strict=True))
-        ]
-        rooms = [*sorted(rooms, reverse=True), (max(0, least[0] - _NARROWEST), 0)]
+        slack = [whole - word for whole, word in zip(widths, least, strict=True)]
+        numbers_last = sorted(
+            range(len(widths)), key=lambda place: (self.columns[place].right, -slack[place])
+        )
+        rooms = [(slack[place], place) for place in numbers_last]
+        rooms.append((max(0, least[0] - _NARROWEST), 0))
         over = sum(widths) + _BETWEEN * (len(widths) - 1) - width
         for room, place in rooms:
             taken = min(room, max(over, 0))
