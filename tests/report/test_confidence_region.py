@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.report.identification_charts import confidence_region, most_correlated
+from flexid.report.identification_charts import confidence_region
 
 
 def made(
@@ -63,10 +63,3 @@ def test_an_exact_correlation_is_a_line():
     assert region is not None
     apart = region.boundary - region.centre[:, None]
     assert apart[1] == pytest.approx(20.0 * apart[0])
-
-
-def test_the_most_correlated_pair():
-    """Assert that the largest correlation counts, whatever its sign, among those asked for."""
-    assert most_correlated(fit(), ("a", "b", "c")) == ("a", "b")
-    assert most_correlated(fit(), ("c", "b")) == ("b", "c")
-    assert most_correlated(fit(), ("c",)) is None

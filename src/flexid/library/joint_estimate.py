@@ -254,7 +254,7 @@ class JointEstimate(Answer):
             return draw(bode_chart(self.frequency_response(**options)), ax=ax)
         chart = regions_chart(self.result, **options) if name == "regions" else None
         if chart is None:
-            raise SettingError("plot", f"{name!r} takes no options: leave them out")
+            raise SettingError("plot", f"no figure {name!r} takes options here: leave them out")
         return draw(chart, ax=ax)
 
     def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:

@@ -5,8 +5,8 @@ estimates correlate that is wrong: the region of both together is a narrow ellip
 rectangle of the intervals, and its long axis is the combination that the log does not determine.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import fdtri
@@ -81,22 +81,6 @@ def confidence_region(
     return Region(centre, boundary, (first, second), correlation, level)
 
 
-def most_correlated(fit: Estimate, among: Sequence[str]) -> tuple[str, str] | None:
-    """The two of some coefficients whose estimates correlate most; None if there are not two."""
-    names = [name for name in fit.names if name in among]
-    places = [fit.names.index(name) for name in names]
-    covariance = fit.covariance[np.ix_(places, places)]
-    known = np.isfinite(np.diag(covariance)) & (np.diag(covariance) > 0.0)
-    if np.sum(known) < 2:
-        return None
-    deviations = np.sqrt(np.where(known, np.diag(covariance), 1.0))
-    correlations = np.abs(covariance) / np.outer(deviations, deviations)
-    correlations[~known, :] = correlations[:, ~known] = 0.0
-    np.fill_diagonal(correlations, -1.0)
-    first, second = np.unravel_index(np.argmax(correlations), correlations.shape)
-    return names[min(first, second)], names[max(first, second)]
-
-
 _REGION_MARGIN = 0.06  # of what is shown, on either side of it
 _REGION_HEIGHT = 1.8
 _PAIRS = (
@@ -107,67 +91,42 @@ _PAIRS = (
 
 
 def regions_chart(result: Identification, level: float = CONFIDENCE) -> Chart | None:
-    """Joint confidence regions of physical parameters; None where no two were estimated."""
+    """Joint confidence regions of stiffness and inertias; None where no two were estimated."""
     checked_level(level)
-    found = parameter_estimate(result)
-    pairs = correlated_pairs(found)
-    if not pairs:
+    fit = parameter_estimate(result)
+    pairs = [pair for pair in _PAIRS if {*pair} <= {*fit.names}]
+    regions = {pair: confidence_region(fit, pair, level) for pair in pairs}
+    panels = [_panel(pair, region, result) for pair, region in regions.items() if region]
+    if not panels:
         return None
-    units = {name: result.parameters[name].unit for name in found.names}
-    label = result.choices.estimator.replace("-", " ")
-    return confidence_regions_chart(label, found, pairs, units, level)
-
-
-def confidence_regions_chart(
-    label: str,
-    fit: Estimate,
-    pairs: Sequence[tuple[str, str]],
-    units: Mapping[str, str],
-    level: float = CONFIDENCE,
-) -> Chart:
-    """The joint region of each pair."""
-    panels = [_panel(pair, confidence_region(fit, pair, level), label, units) for pair in pairs]
     says = (
         f"Both values of a pair lie in the ellipse with {100 * level:g} % confidence. A narrow, "
         "tilted ellipse: the log determines a combination of the two better than either of them."
     )
     title = "Joint confidence regions"
-    columns = max(1, len(panels))
-    return Chart("regions", title, says, tuple(panels), columns, linked=False)
+    return Chart("regions", title, says, tuple(panels), len(panels), linked=False)
 
 
-def _panel(
-    pair: tuple[str, str], region: Region | None, label: str, units: Mapping[str, str]
-) -> Panel:
+def _panel(pair: tuple[str, str], region: Region, result: Identification) -> Panel:
     """The region of a pair, with the interval of each by itself."""
-    first, second = pair
-    x, y = (Axis(name, units[name]) for name in pair)
-    title = f"{first} and {second}:\n"
-    if region is None:
-        return Panel(f"{title}the log leaves one of the two free", x, y, (), _REGION_HEIGHT)
     x_edge, y_edge = region.boundary
     (left, right), (low, high) = region.intervals
     around = np.array([left, right, right, left, left]), np.array([low, low, high, high, low])
     marks = (
-        Line(f"{label}: joint {100 * region.level:g} %", x_edge, y_edge, "blue", filled=True),
+        Line(f"joint {100 * region.level:g} %", x_edge, y_edge, "blue", filled=True),
         Line("each by itself", *around, "blue", 1.0, "dotted"),
         Points("", region.centre[:1], region.centre[1:], "blue"),
     )
     x, y = (
-        replace(axis, limits=with_margin(float(ends.min()), float(ends.max()), _REGION_MARGIN))
-        for axis, ends in zip((x, y), region.boundary, strict=True)
+        Axis(
+            name,
+            result.parameters[name].unit,
+            limits=with_margin(float(ends.min()), float(ends.max()), _REGION_MARGIN),
+        )
+        for name, ends in zip(pair, region.boundary, strict=True)
     )
-    return Panel(f"{title}correlation {region.correlation:+.2f}", x, y, marks, _REGION_HEIGHT)
-
-
-def correlated_pairs(estimate: Estimate) -> tuple[tuple[str, str], ...]:
-    """Two pairs of parameters at most: stiffness and inertias, else those that correlate most."""
-    wanted = [pair for pair in _PAIRS if {*pair} <= {*estimate.names}]
-    pairs = [pair for pair in wanted if most_correlated(estimate, pair) is not None]
-    if not pairs:
-        pair = most_correlated(estimate, estimate.names)
-        pairs = [] if pair is None else [pair]
-    return tuple(pairs[:2])
+    title = f"{pair[0]} and {pair[1]}:\ncorrelation {region.correlation:+.2f}"
+    return Panel(title, x, y, marks, _REGION_HEIGHT)
 
 
 def parameter_estimate(result: Identification) -> Estimate:
