@@ -126,22 +126,6 @@ def test_too_much_at_once(reader: Readers):
     assert "the file is larger than 1 MB" in refusal(path)
 
 
-def test_signs_of_life(reader: Readers, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a reader that takes long, and says that it goes on, is waited for."""
-    monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(silence=2.0))
-    source = """
-import time
-from flexid.readers.child import still_alive
-
-def read(path):
-    for _ in range(30):
-        time.sleep(0.1)
-        still_alive()
-    return table()
-"""
-    assert table_of_file(reader(source), None).frame.height == 100
-
-
 def test_a_child_ends_with_its_reading(reader: Readers):
     """Assert that no process is left, whether a file is read to its end or not."""
     path = reader("def read(path): return table()")

@@ -47,7 +47,6 @@ def test_invalid_samples(tmp_path: Path):
     words = "'motor_torque': 1 of its 100 samples are marked as invalid"
     assert words in refused(read_log, path)
     tables = tables_of_file(path, None, 25)
-    assert [next(tables).frame.height for _ in range(2)] == [25, 25]
     assert "1 of its 25 samples, from 51 on, are marked" in refused(next, tables)
 
 

@@ -7,7 +7,6 @@ import io
 import json
 import os
 import sys
-import time
 import warnings
 from collections.abc import Iterable
 from contextlib import suppress
@@ -17,9 +16,7 @@ from typing import Any, BinaryIO
 
 from flexid.readers.contents import Contents, Frame, RefusedError, of_frame
 
-_BEAT = 1.0  # s between signs of life
 _pipe: BinaryIO | None = None
-_last = 0.0
 
 
 def main() -> None:
@@ -42,14 +39,6 @@ def contents_of(module: str, path: Path) -> Contents:
     """What a file holds, by the reader of a module."""
     found = import_module(module).read(path)
     return found if isinstance(found, Contents) else of_frame(found)
-
-
-def still_alive() -> None:
-    """Say that a long job goes on: a reader that says nothing for long is given up."""
-    global _last
-    if _pipe is not None and time.monotonic() - _last > _BEAT:
-        _last = time.monotonic()
-        _write({"alive": True})
 
 
 def say(hold: Any, questions: Iterable[bytes]) -> None:

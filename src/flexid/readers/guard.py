@@ -1,7 +1,7 @@
 """A file of another program, opened in a child process: its signals, or one sentence.
 
 Libraries that read such files end their process for some damaged ones, fill all memory, or never
-return. The child has limits of memory and of processor time, and must give signs of life.
+return. The child has limits of memory and of time.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Limits(NamedTuple):
     """What a child may use. A large file gives it more time, as the slowest reader needs."""
 
     memory: int = 4_000_000_000  # bytes
-    silence: float = 15.0  # s without a sign of life, and 1 s for each 50 MB of the file
+    silence: float = 15.0  # s without an answer, and 1 s for each 100 kB of the file
     processor: float = 15.0  # s, and 1 s for each 500 kB of the file
     message: int = 1_000_000_000  # bytes that are handed back at once
     file: int = 10_000_000_000  # bytes
@@ -61,7 +61,7 @@ class Reading:
                 f"the file is larger than {LIMITS.file / 1e6:g} MB, the most that is read: cut the "
                 f"log into shorter files"
             )
-        self._silence = LIMITS.silence + size / 50e6
+        self._silence = LIMITS.silence + size / 100e3
         self._is_late = False
         self._process = _started(
             found.module, str(path), LIMITS.memory, round(LIMITS.processor + size / 500e3)
@@ -114,20 +114,18 @@ class Reading:
     def _next(self, rows: int | None = None) -> tuple[dict[str, Any], bytes]:
         """The child's next message, of values after so many rows; raise what it does wrong."""
         out: Any = self._process.stdout
-        answer: dict[str, Any] = {"alive": True}
         data = b""
-        while "alive" in answer:
-            timer = threading.Timer(self._silence, self._give_up)
-            timer.start()
-            try:
-                answer = json.loads(out.readline(LIMITS.message))
-                size = answer.get("bytes", 0)
-                if size <= LIMITS.message:
-                    data = out.read(size)
-            except ValueError:  # of a process that has ended there is none, or a part
-                answer = {"unreadable": ""}
-            finally:
-                timer.cancel()
+        timer = threading.Timer(self._silence, self._give_up)
+        timer.start()
+        try:
+            answer: dict[str, Any] = json.loads(out.readline(LIMITS.message))
+            size = answer.get("bytes", 0)
+            if size <= LIMITS.message:
+                data = out.read(size)
+        except ValueError:  # of a process that has ended there is none, or a part
+            answer = {"unreadable": ""}
+        finally:
+            timer.cancel()
         if answer.keys() & {"series", "end"} or len(data) == answer.get("bytes", -1):
             return answer, data
         self.close()

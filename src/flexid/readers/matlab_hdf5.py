@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from flexid.readers.arrays import Arrays
-from flexid.readers.child import still_alive
 from flexid.readers.contents import WIDEST, Contents
 
 _MATLABS_OWN = ("#refs#", "#subsystem#")
@@ -41,7 +40,6 @@ def _add_hdf5(found: Arrays, path: Path, *, is_matlab: bool) -> None:
     import h5py
 
     def visit(name: str, one: Any) -> None:
-        still_alive()
         name = name.replace("/", ".") if is_matlab else name
         if not isinstance(one, h5py.Dataset) or (is_matlab and name.startswith(_MATLABS_OWN)):
             return

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from flexid.readers.child import still_alive
 from flexid.readers.contents import STAMPS, Contents, Frame, RefusedError, Series
 
 _TIME_MASTER = (0, 1)  # sync types: none stated, as in version 3, and time
@@ -61,7 +60,6 @@ def _channels(file: Any, others: dict[str, str]) -> Iterator[tuple[int, int, str
             getattr(group.channels[master], "sync_type", 0) in _TIME_MASTER
         )
         for index, channel in enumerate(group.channels):
-            still_alive()
             name = str(channel.name)
             if index == master:
                 continue

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexid.readers.child import still_alive
 from flexid.readers.contents import STAMPS, WIDEST, Contents, Frame, RefusedError, Series
 from flexid.readers.formats import files_of
 
@@ -127,7 +126,6 @@ def _messages(
             is_mcap = opened.read(5) == b"\x89MCAP"
         source = _of_mcap(path) if is_mcap else _of_bag(path, topics)
         for message in source:
-            still_alive()
             if topics is None or message[0].name in topics:
                 yield message
 
