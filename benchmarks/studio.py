@@ -150,13 +150,13 @@ def load(windows: int, identified: int) -> Load:
         for visitor in visitors:
             visitor.send(LOG)
         for visitor in visitors:
-            visitor.shown("check", "Samples")
+            visitor.shown("check", "Check before you run")
             answers.append(asking.answer_time())
         checked = time.monotonic() - begun
         for visitor in visitors[:identified]:
             visitor.ask("run", values={})
         for visitor in visitors[:identified]:
-            visitor.shown("result", "Parameter")
+            visitor.shown("result", "What the log says")
             answers.append(asking.answer_time())
         spent = time.monotonic() - begun
         return Load(checked, spent - checked, max(answers), peak[0])
