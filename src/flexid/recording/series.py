@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,6 @@ from flexid.recording.names import (
     quoted,
     shortest_ends,
     split_header,
-    usual_channel,
 )
 from flexid.recording.one_clock import Signal, on_one_clock
 from flexid.recording.table import Table
@@ -135,36 +134,16 @@ class _Wanted:
         """Columns of a table, or arrays of one length and of one time."""
         times = self.headers["time"] or [*self.chosen]  # where they are counted, as many as any
         time = self.chosen[times[0]]
-        clocks = {} if self.reading.is_table else self._own_times(time)
-        clocks = clocks if self.headers["time"] else {}
-        asked = {**self.paths, **dict.fromkeys(clocks)}
-        for _, frame in self.reading.frames(asked, size or MOST_ROWS):
-            for clock, path in clocks.items():
-                if not frame[clock].equals(frame[time.path]):
-                    raise self._other_times(path, clock, time)
-            yield frame.select([*self.paths]).rename(self.paths), ()
-
-    def _own_times(self, time: Series) -> dict[str, str]:
-        """Arrays of times that stand nearer to a chosen one than the chosen time, and whose."""
-        lengths = {one.path: one.length for one in self.reading.series}
-        beside = _times_beside(self.reading.series)
-        found = {}
         for one in self.chosen.values():
-            _check_length(self.file, one, time)
-            clock = _nearest(one.path, beside)
-            if clock and clock != time.path:
-                if lengths[clock] != time.length:
-                    raise self._other_times(one.path, clock, time)
-                found[clock] = one.path
-        return found
-
-    def _other_times(self, path: str, clock: str, time: Series) -> RecordingError:
-        return RecordingError(
-            self.file,
-            f"{path!r}",
-            f"its times stand in {clock!r} and differ from those in {time.path!r}: bring the two "
-            f"to one clock, and save them with one time",
-        )
+            if one.length != time.length:
+                raise RecordingError(
+                    self.file,
+                    f"{one.path!r}",
+                    f"it has {one.length} values where {time.path!r} has {time.length}: bring the "
+                    f"two to one clock, and save them at one length",
+                )
+        for _, frame in self.reading.frames(self.paths, size or MOST_ROWS):
+            yield frame.select([*self.paths]).rename(self.paths), ()
 
     def _clocked(self, size: int | None) -> Iterator[Part]:
         """Signals with clocks of their own, brought to one."""
@@ -223,41 +202,3 @@ def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, po
 def _header_of(series: Series) -> str:
     """Its path, with the unit in brackets."""
     return f"{series.path} [{series.unit}]" if series.unit else series.path
-
-
-def _times_beside(series: Iterable[Series]) -> dict[str, str]:
-    """By the path of what they stand in, the arrays of times; empty where there are several."""
-    found: dict[str, str] = {}
-    for one in series:
-        folder, name = _split_path(one.path)
-        usual = usual_channel(name)
-        if usual is not None and usual.channel == "time":
-            found[folder] = "" if folder in found else one.path
-    return found
-
-
-def _nearest(path: str, times: Mapping[str, str]) -> str:
-    """The array of times that stands nearest to another array; empty where it is not clear."""
-    folder = path
-    while folder:
-        folder, _ = _split_path(folder)
-        if folder in times:
-            return times[folder]
-    return ""
-
-
-def _split_path(path: str) -> tuple[str, str]:
-    """The path of what an array stands in, and its own name."""
-    at = max(path.rfind("/"), path.rfind("."))
-    return (path[:at], path[at + 1 :]) if at >= 0 else ("", path)
-
-
-def _check_length(file: str, one: Series, time: Series) -> None:
-    """Raise where an array is longer or shorter than its times."""
-    if one.length != time.length:
-        raise RecordingError(
-            file,
-            f"{one.path!r}",
-            f"it has {one.length} values where {time.path!r} has {time.length}: bring the two to "
-            f"one clock, and save them at one length",
-        )
