@@ -8,6 +8,7 @@ from made_fits import JOINT, WITHOUT, made_fit, over
 from made_joint import fitted, made
 
 import flexid.identification.full_model.fits_by_length as fits_by_length
+import flexid.identification.full_model.fitting as fitting
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     fit_with_hysteresis,
@@ -174,7 +175,7 @@ def test_what_explains_need_not_save_more(rival, chosen, gain):
 @pytest.mark.parametrize(("enough", "of"), [(10_000, 1), (1_000, 5)])
 def test_a_long_log_is_searched_in_part(monkeypatch: pytest.MonkeyPatch, enough: int, of: int):
     """Assert that some of its segments have the fit's values, and nearly the residuals of all."""
-    monkeypatch.setattr(fits_by_length, "_ENOUGH", enough)
+    monkeypatch.setattr(fitting, "_ENOUGH", enough)
     whole = fitted(made(1, 10.0))
     some = sampled(whole)
     assert (some is whole) == (of == 1)

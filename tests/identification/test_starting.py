@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, made
+from made_joint import COEFFICIENTS, made, posed
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.identification.full_model import starting
+from flexid.identification.full_model import fitting, starting
 from flexid.identification.full_model.fits_by_length import (
     fit_full_model,
     held_otherwise,
@@ -17,7 +17,7 @@ from flexid.identification.full_model.fits_by_length import (
 )
 from flexid.identification.full_model.fitting import fit_by_length, lengths, refit
 from flexid.identification.full_model.model import FINE, LINK, Data, Structure, data_of
-from flexid.identification.full_model.starting import least_squares_start, starts
+from flexid.identification.full_model.starting import first_fits, least_squares_start, starts
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
@@ -294,3 +294,23 @@ def test_a_fall_counts_less_where_residuals_are_correlated(samples):
     assert fitted.excess == pytest.approx(1.0, abs=0.3)
     low, high = (1.0, 2.5) if samples == 1 else (6.0, 90.0)
     assert low <= residual_variance([fitted]) <= high
+
+
+def test_starts_of_a_long_log_are_tried_in_part(monkeypatch: pytest.MonkeyPatch):
+    """Assert that few of the segments lead to where all of them do, and are fitted first."""
+    fitted_over = []
+
+    def recorded(structure: Structure, own: Data, way: dict[str, float], divisions, **how):
+        fitted_over.append(len(divisions[0]))
+        return fit_by_length(structure, own, way, divisions, **how)
+
+    structure, own = posed(made(1, 10.0))
+    short = lengths(own)[:1]
+    (whole,) = first_fits(structure, own, short)
+    monkeypatch.setattr(fitting, "_ENOUGH", 1_000)
+    monkeypatch.setattr(starting, "fit_by_length", recorded)
+    (found,) = first_fits(structure, own, short)
+    part, all_of_it = fitted_over
+    assert 0.1 * len(short[0]) < part < 0.25 * len(short[0])
+    assert all_of_it == len(short[0])
+    assert found.values == pytest.approx(whole.values, rel=1e-3)

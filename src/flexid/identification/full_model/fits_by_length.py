@@ -19,6 +19,7 @@ from flexid.estimators.segments import Segments
 from flexid.identification.full_model.fitting import (
     fit_by_length,
     fit_like,
+    in_part,
     led_from,
     lengths,
     longer_fits,
@@ -36,7 +37,6 @@ TURNING = 0.5
 
 _SHORT = 0.5  # s of segments up to which any hold will do
 _SETTLED_FROM = 0.5  # of that share, from which on it is worth what else belongs to the first steps
-_ENOUGH = 10_000  # samples, in which a term that explains most of what is left shows
 # Of the grip that suits the motion, to begin with.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
@@ -135,10 +135,9 @@ def sampled(fitted: Fitted) -> Fitted:
     What the whole log lacks is sought there, and has to explain all of it then.
     """
     segments = fitted.problem.segments
-    count = int(_ENOUGH / np.mean(segments.lengths))
-    if len(segments) < 2 * count:
+    some = in_part(segments)
+    if some is segments:
         return fitted
-    some = segments.some(count)
     states = fitted.minimum.point.initial_states[np.isin(segments.starts, some.starts)]
     rest = (fitted.data, some, fitted.by_name, states, fitted.data.refinement)
     problem, point = motion_at(fitted.ended, *rest)

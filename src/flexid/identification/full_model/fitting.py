@@ -34,6 +34,8 @@ SHORTEST = 0.1
 LONGEST = 10.0
 """Length in s beyond which segments hold hardly more information."""
 
+_ENOUGH = 10_000  # samples, in which what explains most of a log shows
+
 
 @dataclass(frozen=True)
 class Steps:
@@ -65,6 +67,12 @@ def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) ->
         if last.mean_duration < 1.5 * shortest or not last.can_be_halved:
             return found[::-1]
         found.append(last.halved())
+
+
+def in_part(segments: Segments) -> Segments:
+    """Some of very many segments, spread evenly: what leads nowhere there does so in no more."""
+    count = max(1, int(_ENOUGH / segments.lengths.mean()))
+    return segments if len(segments) < 2 * count else segments.some(count)
 
 
 def fit_by_length(

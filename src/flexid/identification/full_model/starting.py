@@ -24,7 +24,13 @@ from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
-from flexid.identification.full_model.fitting import USUAL, Steps, fit_by_length, motion_at
+from flexid.identification.full_model.fitting import (
+    USUAL,
+    Steps,
+    fit_by_length,
+    in_part,
+    motion_at,
+)
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, data_of
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, SQUARES
 from flexid.recording.recording import Recording
@@ -264,8 +270,12 @@ def _tries(
     """Fits from one start after the other, by way of other segments, that reach the divisions."""
     climbed = [*before, *divisions]
     stuck: list[Fitted] = []  # of what leads not even there
+    first = in_part(climbed[0])
     for way in ways:
         try:
+            if first is not climbed[0]:
+                some = fit_by_length(structure, data, way, [first], iterations=FIRST_ITERATIONS)
+                way = some[0].by_name
             found = fit_by_length(structure, data, way, climbed, iterations=FIRST_ITERATIONS)
         except ConvergenceError:
             continue
