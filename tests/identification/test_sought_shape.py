@@ -95,6 +95,23 @@ def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
     assert len(asked) == len(STRIBECK.candidates(plain.structure, plain.data)) + 2 * 5
 
 
+def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
+    """Assert that neither a candidate nor a step goes below what friction takes meanwhile."""
+    terms, width = ("motor_coulomb", "motor_stribeck"), {"stribeck_velocity": 0.24}
+    first = fitted(made(3, **STICKING), *terms, widths=width)
+    sample_time = first.data.samples[0].sample_time
+    taken = abs(first.by_name["alpha_coulomb"]) * sample_time
+    assert STRIBECK.least(first) == pytest.approx(taken)
+    asked = []
+    monkeypatch.setattr(sought_shape, "_promised", lambda _, own: asked.append(own) or len(asked))
+    shape = replace(STRIBECK, least=lambda _: 0.23)
+    assert list(sought_shape._promising(shape, first, first.structure))
+    assert min(STRIBECK.of(own) for own in asked) > 0.23
+    assert min(STRIBECK.candidates(first.structure, first.data)) < 0.23
+    # The sum of squares is least at 0.15.
+    assert at_its_constant(shape, first) is first
+
+
 @pytest.mark.parametrize(
     ("theta", "alpha", "slack"),
     [(0.5, 0.5, True), (2.0, 0.5, False), (0.5, 2.0, False), (-3.0, -3.0, True)],

@@ -131,12 +131,22 @@ def velocities(structure: Structure, data: Data) -> list[float]:
     return [share * usual for share in _VELOCITIES] if usual > 0.0 else []
 
 
+def _lost_in_a_sample(fitted: Fitted) -> float:
+    """Velocity in rad/s that dry friction alone takes from the motor between two samples.
+
+    A friction that falls off over less changes faster than the log was sampled.
+    """
+    sample_time = max(samples.sample_time for samples in fitted.data.samples)
+    return abs(fitted.by_name.get("alpha_coulomb", 0.0)) * sample_time
+
+
 STRIBECK = SoughtShape(
     "friction that falls off its static value",
     frozenset(SHAPE_TERMS["motor_stribeck"].motor),
     STRIBECK_VELOCITY,
     velocities,
     _apart_in_velocity,
+    _lost_in_a_sample,
 )
 """Stribeck friction of the motor, and its velocity."""
 

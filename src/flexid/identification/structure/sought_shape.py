@@ -53,6 +53,8 @@ class SoughtShape:
     candidates: Callable[[Structure, Data], list[float]]
     # how far apart two constants are, near that of a joint, which its data distinguish at a glance
     resolution: Callable[[Joint, Data], float]
+    # what a constant has to exceed, to be seen beside a fit
+    least: Callable[[Fitted], float] = lambda _: 0.0
 
     def of(self, structure: Structure) -> float:
         """The constant of a structure."""
@@ -139,6 +141,7 @@ def _promising(
     structure = replace(full, absent=full.absent - shape.coefficients)
     structure = structure.with_hold(before.structure.timing.hold)
     constants = shape.candidates(before.structure, before.data)
+    constants = [value for value in constants if value > shape.least(before)]
     promising = [(_promised(before, shape.put(structure, value)), value) for value in constants]
     most = sorted(promising, key=itemgetter(0), reverse=True)[:_FOLLOWED]
     for _, value in most:
@@ -155,7 +158,7 @@ def _near(
     """What constants within the resolution promise, and structures with them."""
     resolution = shape.resolution(shape.put(structure, value).joint, before.data)
     for away in value + _AROUND * resolution:
-        if away > 0.0:
+        if away > shape.least(before):
             own = shape.put(structure, float(away))
             yield _promised(before, own), own
 
@@ -167,7 +170,7 @@ def at_its_constant(shape: SoughtShape, fitted: Fitted) -> Fitted:
             return fitted
         step, deviation = _profile(fitted, shape)
         value = shape.of(fitted.structure) + step
-        if not abs(step) > _SETTLED * deviation or value <= 0.0:
+        if not abs(step) > _SETTLED * deviation or value <= shape.least(fitted):
             return fitted
         better = fit_like(shape.put(fitted.structure, value), fitted)
         if better is None or better.minimum.equations.cost >= fitted.minimum.equations.cost:
