@@ -78,7 +78,7 @@ def measured(rows: int, runs: int) -> Outcome:
     comparisons = [
         Comparison(
             f"stream a Parquet log of {name} through least squares",
-            Side("one pass, filters of several rates in threads", _timing(own["pass"])),
+            Side("one pass, filters of several rates", _timing(own["pass"])),
             reading,
         ),
         Comparison(

@@ -131,7 +131,7 @@ def test_a_deflection_by_its_usual_name() -> None:
     columns = without(columns, "velocity")
     log = read_columns({**columns, "spring_deflection_deg": np.degrees(deflection)})
     link = joint_columns()["link_position"]
-    np.testing.assert_allclose(log.recordings[0].link_position, link, rtol=1e-12)
+    np.testing.assert_allclose(log.recordings[0].needed_link_position, link, rtol=1e-12)
     assert read_columns({**columns, "torsion_V": deflection}).recordings[0].link_position is None
 
 
