@@ -117,12 +117,11 @@ def model_warnings(
         "the joint has something that no term here describes, or an encoder is not as even as it "
         "is fine"
         if model == "link"
-        else "and not as noise of the torque would make them: the drive has something that no term "
-        "here describes, or the input as recorded is not what acted"
+        else "the drive has something that no term here describes, or the input as recorded is not "
+        "what acted, by noise, a lag or a limit"
     )
-    link = ": " if model == "link" else ", "
     yield Caution(
-        f"the residuals are {_times(error)} the sensors' noise{link}{cause}; the intervals make "
+        f"the residuals are {_times(error)} the sensors' noise: {cause}; the intervals make "
         f"allowance for that",
         Rank.MODEL,
     )
