@@ -38,8 +38,8 @@ def test_a_run(experiment, command, tmp_path):
     assert len(frame) == len(run.result.time)
     (recording,) = run.log().recordings
     assert recording.input_unit == "N m"
-    assert isinstance(run.plot("motion"), Figure)
-    assert isinstance(run.plot("estimates"), Figure)
+    titles = [run.plot(name).get_suptitle() for name in ("motion", "estimates")]
+    assert titles == [f"{run.experiment.name}: motion", f"{run.experiment.name}: estimates"]
     assert "<img" in run._repr_html_()
     assert "0.1 s" in repr(run)
 
@@ -86,6 +86,7 @@ def test_a_design(examples, command, tmp_path):
     frame = design.to_dataframe()
     assert frame.columns == ["time [s]", "motor_torque [N m]"]
     assert isinstance(design.plot(), Figure)
+    assert design._page().title == "A D-optimal multisine"
     assert max(design.deviations.values()) == design.result.prediction.worst
     assert "multisine of 2 s" in repr(design)
 

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import flexid
-from flexid.errors import SettingError
+from flexid.errors import FlexidError, SettingError
 
 TRUE = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
 
@@ -131,9 +131,23 @@ def test_regions_have_any_level(estimate):
         (patch, *_) = estimate.plot("regions", level=level).axes[0].patches
         areas.append(np.prod(np.ptp(patch.get_path().vertices, axis=0)))
     assert areas[0] < 0.5 * areas[1]
-    for name, options in (("regions", {"level": 95}), ("fit", {"level": 0.5})):
-        with pytest.raises(SettingError):
-            estimate.plot(name, **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("regions", {"level": 95}, "level: must lie between 0 and 1, such as 0.95, got 95"),
+        ("regions", {"colour": "red"}, "the figure 'regions' does not take colour"),
+        ("fit", {"level": 0.5}, "the figure 'fit' does not take level"),
+        ("bode", {"colour": "red"}, "unexpected keyword argument 'colour'"),
+        ("fit", {"ax": 3}, "ax is an int: give axes of Matplotlib"),
+        (3, {}, "name is an int: give text"),
+    ],
+)
+def test_what_a_figure_does_not_take_is_named(estimate, name, options, words):
+    """Assert that an option of another figure, or of none, is refused in one sentence."""
+    with pytest.raises(FlexidError, match=words):
+        estimate.plot(name, **options)
 
 
 def test_a_saved_estimate_is_the_same(estimate, loaded):

@@ -6,7 +6,8 @@ import pytest
 from made_page import made_page
 
 from browser import Watched, serious_faults
-from flexid.report.page import page_html
+from flexid.report.page import Command, Presenter, page_html
+from flexid.report.terminal import Column, Table
 
 HOSTILE = '"><img src=x onerror=alert(1)></script><script>alert(2)</script>{{ 7 * 7 }}'
 STROKE = "() => getComputedStyle(document.querySelector('.chart path[stroke]')).stroke"
@@ -47,6 +48,15 @@ def test_a_page_asks_for_nothing_and_may_ask_for_nothing(opened):
     assert any("Connecting to" in text for text in watched.complaints)
     assert any("inline script" in text for text in watched.complaints)
     assert watched.requests == [page.url]
+
+
+def test_how_to_repeat_it_says_only_what_is_known():
+    """Assert that a result without provenance has no table of it, and without a command nothing."""
+    table = Table("Values", [Column("name")])
+    shown = Presenter(lambda _: ("Title", "subject"), lambda _: [table], lambda _: {})
+    assert shown.page((None,), (), (), "").sections == []
+    (origin,) = shown.page((None,), (), (), "flexid watch -").sections
+    assert origin.content == [Command("flexid watch -")]
 
 
 @pytest.mark.thorough

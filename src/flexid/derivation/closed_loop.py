@@ -241,10 +241,8 @@ def stiff_loop_source(loop: SymbolicLoop) -> str:
         if loop.rates[i].has(loop.variables[j])
     }
     slopes = {f"_slope[{i}]": loop.signals.derivative(rate) for i, rate in enumerate(loop.rates)}
-    printed, variables = (
-        partial(loop_function, loop.declaration, loop.signals),
-        {"_z": loop.variables},
-    )
+    printed = partial(loop_function, loop.declaration, loop.signals)
+    variables = {"_z": loop.variables}
     functions = (
         printed(
             "rates(_t, _z, _p, _dz)",

@@ -92,6 +92,7 @@ class Answer:
 
         return as_text(self._parts())
 
+    @entrance
     def plot(self, name: str = "", *, ax: Axes | None = None) -> Figure:
         """A figure that the command writes with ``--out``.
 

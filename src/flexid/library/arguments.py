@@ -298,6 +298,7 @@ _CONVERTED: Mapping[str, Callable[[Any], Any]] = {
 """What converts an argument, by its annotation."""
 
 _TYPES: Mapping[str, tuple[Any, str]] = {
+    "Axes": ((), "axes of Matplotlib"),
     "AutoHold": (str, "a name such as 'zero'"),
     "Callable[[int, int], None]": (Callable, "a function"),
     "Columns": ((*_PATH, Mapping), "the path of a column map, or a mapping of channels to columns"),

@@ -232,6 +232,7 @@ class JointEstimate(Answer):
 
         return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
+    @entrance
     def plot(self, name: str = "", *, ax: Axes | None = None, **options: Any) -> Figure:
         """A figure: fit, residuals, estimates, excitation, bode or regions.
 
@@ -252,9 +253,12 @@ class JointEstimate(Answer):
             return super().plot(name, ax=ax)
         if name == "bode":
             return draw(bode_chart(self.frequency_response(**options)), ax=ax)
-        chart = regions_chart(self.result, **options) if name == "regions" else None
+        if name != "regions" or [*options] != ["level"]:
+            given = ", ".join(options)
+            raise SettingError("plot", f"the figure {name!r} does not take {given}: leave it out")
+        chart = regions_chart(self.result, options["level"])
         if chart is None:
-            raise SettingError("plot", f"no figure {name!r} takes options here: leave them out")
+            raise SettingError("plot", "there is no figure 'regions': it needs two estimates")
         return draw(chart, ax=ax)
 
     def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:
@@ -281,7 +285,7 @@ class JointEstimate(Answer):
         position: float | None = None,
         level: float = CONFIDENCE,
     ) -> FrequencyResponse:
-        """Frequency responses of the joint for small motions: what ``plot.bode()`` draws.
+        """Frequency responses of the joint for small motions: what ``plot("bode")`` draws.
 
         Parameters
         ----------

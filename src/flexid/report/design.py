@@ -169,7 +169,8 @@ def _rounded(values: np.ndarray) -> np.ndarray:
 def heading(result: Design) -> tuple[str, str]:
     """What is designed."""
     wanted = result.drive.experiment
-    return f"A {wanted.criterion}-optimal {wanted.kind}", f"{wanted.duration:g} s"
+    article = "An" if wanted.criterion == "E" else "A"
+    return f"{article} {wanted.criterion}-optimal {wanted.kind}", f"{wanted.duration:g} s"
 
 
 def document(result: Design) -> dict[str, Any]:

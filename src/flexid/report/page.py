@@ -88,14 +88,14 @@ class Presenter:
         parts = [*self.parts(*shown)]
         lead = next(part for part in parts if isinstance(part, Table))
         rest = [part for part in parts if part is not lead]
-        repeated = [Command(command)] if command else []
-        origin = _facts(self.document(*shown).get("provenance", {}))
+        facts = _facts(self.document(*shown).get("provenance", {}))
+        origin = [*([Command(command)] if command else ()), *([facts] if facts.rows else ())]
         sections = (
             Section("warnings", "Warnings", [Text(warning, "yellow") for warning in warnings]),
             Section("numbers", "In numbers and sentences", rest),
             *(Section(chart.name, chart.title, [chart]) for chart in charts),
             Section("evidence", "The evidence behind every choice", [*self.evidence(*shown)]),
-            Section("origin", "How to repeat it", [*repeated, origin]),
+            Section("origin", "How to repeat it", origin),
         )
         title, subject = self.heading(*shown)
         filled = [section for section in sections if section.content]

@@ -114,7 +114,7 @@ def motion_chart(name: str, run: Run) -> Chart:
         ),
     )
     says = "A few samples that would hide all others leave the frame, and the title says so."
-    return Chart("motion", name, says, panels)
+    return Chart("motion", f"{name}: motion", says, panels)
 
 
 def observer_chart(name: str, run: Run) -> Chart:
@@ -132,7 +132,8 @@ def observer_chart(name: str, run: Run) -> Chart:
         y = Axis("estimate", coefficient_unit(run, coefficient))
         panels.append(Panel(coefficient, Axis("time", "s"), y, marks))
     says = "An estimate that stays in the band of the true value has settled."
-    return Chart("estimates", name, says, tuple(panels), columns=2 if len(panels) > 1 else 1)
+    columns = 2 if len(panels) > 1 else 1
+    return Chart("estimates", f"{name}: estimates", says, tuple(panels), columns)
 
 
 def _frame(values: FloatArray) -> tuple[tuple[float, float] | None, str]:

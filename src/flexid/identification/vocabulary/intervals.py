@@ -46,7 +46,7 @@ class Propagated:
 def checked_level(level: float) -> float:
     """The level of an interval, if it is one; else a `SettingError`."""
     if not (isinstance(level, int | float) and 0.0 < level < 1.0):
-        raise SettingError("level", f"{level!r} is none: give a probability such as 0.95")
+        raise SettingError("level", f"must lie between 0 and 1, such as 0.95, got {level!r}")
     return float(level)
 
 
