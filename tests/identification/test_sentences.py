@@ -62,6 +62,7 @@ def test_a_free_run_that_fails_is_one_sentence():
     weak, still = validation_warnings({**fits, "other": 99.0})
     assert "the model repeats link_position 12 %, motor_position not: it lacks" in weak
     assert still.startswith("deflection hardly moves in the held-out part")
+    assert ranked((weak, still)) == (still, weak)  # it is the cause of what else is said there
     assert list(validation_warnings({"link_position": 99.0})) == []
 
 

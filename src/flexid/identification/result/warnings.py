@@ -82,8 +82,8 @@ def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[Caution]:
     if still:
         yield Caution(
             f"{', '.join(still)} hardly moves in the held-out part, so the free run tests nothing "
-            f"there: choose another --validation-share, or record motion to the end",
-            Rank.MOTION,
+            f"there: cut the log where its motion ends, or choose another --validation-share",
+            Rank.DATA,  # what is judged by that part follows from it
         )
 
 
