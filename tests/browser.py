@@ -72,12 +72,3 @@ def serious_faults(page: Page) -> list[str]:
         for fault in found
         if fault["impact"] in ("serious", "critical")
     ]
-
-
-def wait_until(page: Page, expression: str, argument: object = None) -> None:
-    """Wait until JavaScript says so; a page's policy forbids Playwright's own way, which evals."""
-    for _ in range(600):
-        if page.evaluate(expression, argument):
-            return
-        page.wait_for_timeout(50)
-    raise AssertionError(f"{expression} did not come true within 30 s")

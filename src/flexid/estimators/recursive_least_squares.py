@@ -147,8 +147,8 @@ def recursive_least_squares(
 ) -> RecursiveLeastSquares:
     """Recursive least squares on positions through the filter λ²/(s + λ)².
 
-    It ends, without forgetting, where `filtered_least_squares` does. What the filter
-    remembers from before the first sample is estimated until it has decayed.
+    It ends, without forgetting, where `filtered_least_squares` does. What the filter remembers from
+    before the first sample is estimated until it has decayed.
 
     Parameters
     ----------

@@ -247,6 +247,8 @@ def disturbed_estimate(
     fitted = found.fitted
     estimate = fitted.fit.at_least(fitted.unit_deviations)
     estimate = with_free_width(estimate, fitted)
+    names = fitted.names
+    curves = not HARDENING.isdisjoint(names) and PLAY.isdisjoint(names)
     doubted = Doubted(
         fitted,
         row_sizes(_squares(fitted).rows),
@@ -254,7 +256,7 @@ def disturbed_estimate(
         input_unit,
         _by_gauge(found, data),
         pulled(fitted, found.sizes, data.samples, found.factor),
-        found.by_play * (not HARDENING.isdisjoint(fitted.names) and PLAY.isdisjoint(fitted.names)),
+        found.by_play if curves else 0.0,
     )
     own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
