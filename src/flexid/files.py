@@ -124,14 +124,19 @@ def write_document(path: Path, text: str, setting: str = "path") -> None:
         raise SettingError(setting, f"{path} cannot be written ({reason})") from None
 
 
+def check_name(directory: Path, setting: str = "--out") -> None:
+    """Raise where a directory's name is not UTF-8: Polars can neither read nor write there."""
+    try:
+        str(directory).encode()
+    except UnicodeEncodeError:
+        raise SettingError(setting, "its name is not UTF-8: name another directory") from None
+
+
 @contextmanager
 def output_directory(out: Path) -> Iterator[Path]:
     """Directory to write into, whose files move to `out` only when all are written."""
     existed = out.exists()
-    try:
-        str(out).encode()
-    except UnicodeEncodeError:  # Polars cannot write there
-        raise SettingError("--out", "its name is not UTF-8: name another directory") from None
+    check_name(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
         _sweep(out)

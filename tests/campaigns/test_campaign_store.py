@@ -16,7 +16,7 @@ from tests.campaigns.tiny import EXPERIMENT, made_manifest, rows_of, same_bits, 
 from flexid.campaigns import run_campaign
 from flexid.campaigns.plan import make_plan
 from flexid.campaigns.store import find_store, open_store
-from flexid.errors import CampaignError
+from flexid.errors import CampaignError, SettingError
 from flexid.experiments import read_experiment
 from flexid.experiments.variation import Variation
 
@@ -144,6 +144,16 @@ def test_a_directory_that_cannot_be_is_refused(tmp_path, name):
     (tmp_path / "file").write_text("")
     with pytest.raises(CampaignError, match="cannot be written"):
         missing(tmp_path / name)
+
+
+def test_a_name_that_is_not_utf_8_is_refused(tmp_path):
+    """Assert that a directory in which Polars cannot write or read is named by its option."""
+    directory = tmp_path / os.fsdecode(b"\xff")
+    with pytest.raises(SettingError, match="--out: its name is not UTF-8"):
+        missing(directory)
+    assert not directory.exists()
+    with pytest.raises(SettingError, match="--summary: its name is not UTF-8"):
+        find_store(directory)
 
 
 def test_a_full_disk_is_one_sentence(full, monkeypatch):

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flexid.errors import CampaignError
 from flexid.experiments.variation import MOST_RUNS
-from flexid.files import write_atomically
+from flexid.files import check_name, write_atomically
 from flexid.recording.frame import write_parquet
 
 FILE = "campaign.json"
@@ -90,6 +90,7 @@ class Store:
 @contextmanager
 def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
     """Open the directory of a campaign for writing, alone; make it if it is missing."""
+    check_name(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         lock = FileLock(directory / _LOCK)
@@ -128,6 +129,7 @@ def _settled(directory: Path, wanted: Manifest) -> Manifest:
 
 def find_store(directory: Path) -> Store:
     """Open the directory of a campaign for reading, while it runs or later."""
+    check_name(directory, "--summary")
     manifest = _read_manifest(directory)
     if manifest is None:
         raise CampaignError(
