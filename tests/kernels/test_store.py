@@ -203,6 +203,29 @@ def test_a_cache_that_cannot_be_written_is_refused(
         store.load_kernel("nowhere", ["x"], lambda: KERNEL)
 
 
+def test_a_cache_that_may_only_be_read_is_refused(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Assert that kernels which are there are not loaded where numba could save nothing."""
+    forget(store.load_kernel("read", ["x"], lambda: KERNEL))
+    monkeypatch.setattr(os, "access", lambda *_: False)  # as to a user that does not own it
+    with pytest.raises(SettingError, match=r"cannot be written \(Permission denied\)"):
+        store.load_kernel("read", ["x"], lambda: KERNEL)
+    assert list(cache.glob("flexid_read_*.py"))
+
+
+def test_a_cache_without_locks_is_refused(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that a file system on which no process can wait for another is one sentence."""
+
+    def acquire(*_: object) -> None:
+        raise NotImplementedError("no locks here")
+
+    monkeypatch.setattr("filelock.FileLock.acquire", acquire)
+    with pytest.raises(SettingError, match=r"cannot be written \(no locks here\)"):
+        store.load_kernel("locked", ["x"], lambda: KERNEL)
+    assert not list(cache.glob("*.py"))
+
+
 PAIRS = """
 from collections import namedtuple
 from numba import njit

@@ -5,11 +5,12 @@ disk cache does not notice a change in a function called from another file, so n
 from elsewhere and the file's name is a hash of its text.
 
 What is generated for the usual drive is part of the package. Other generated parts lie beside the
-kernel, in the folder ``derived``, under a hash of the declarations and of
-the code that generates. A change of that code costs another derivation, of some seconds; what comes
-out of it as it was, is not compiled again.
+kernel, in the folder ``derived``, under a hash of the declarations and of the code that generates.
+A change of that code costs another derivation, of some seconds; what comes out of it as it was, is
+not compiled again.
 """
 
+import errno
 import hashlib
 import importlib.util
 import logging
@@ -59,10 +60,11 @@ def load_kernel(
         if asked not in _LOADED:
             try:
                 _LOADED[asked] = _load(directory, task, declarations, build, templates)
-            except OSError as error:
+            except (OSError, NotImplementedError) as error:  # of a file system without locks
+                reason = getattr(error, "strerror", None) or error
                 raise SettingError(
                     "cache",
-                    f"{directory} cannot be written ({error.strerror}): make room there, or set "
+                    f"{directory} cannot be written ({reason}): make room there, or set "
                     f"{CACHE_VARIABLE} to another folder",
                 ) from None
         return _LOADED[asked]
@@ -90,6 +92,8 @@ def _load(
         return sys.modules[name]
     path = directory / f"{name}.py"
     _provided(path, lambda: source)
+    if not os.access(directory, os.W_OK):  # numba loads nothing from where it could not save
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     _discard_damaged(path)
     return _import(name, path, source)
 
