@@ -226,8 +226,7 @@ class _Plan:
         lacks = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
         what = self.map.described if self.is_mapped else "a column map"
         found = f"found {self.table.listing}"
-        likely = [f", as {name} = {h!r}" for label in missing for name, h in _likely(label, bare)]
-        likely = likely[0] if likely else ""
+        likely = next((f", as {name} = {header!r}" for name, header in _likely(missing, bare)), "")
         if is_optional:
             only = "rigid joint" if missing == [_LINK] else "link"
             self.warnings.append(
@@ -241,13 +240,14 @@ class _Plan:
         raise self._refusal(f"there is no {lacks}; {found}: {remedy}")
 
 
-def _likely(label: str, columns: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """A missing channel, and columns that measure what it does, by a word of their names."""
-    name = label.partition(" ")[0]
-    for header in columns:
-        words = words_of(split_header(header)[0])
-        if words is not None and name.rpartition("_")[2] in words.quantities:
-            yield name, header
+def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Missing channels, and columns that measure what they do, by a word of their names."""
+    for label in missing:
+        name = label.partition(" ")[0]
+        for header in columns:
+            words = words_of(split_header(header)[0])
+            if words is not None and name.rpartition("_")[2] in words.quantities:
+                yield name, header
 
 
 def _side_of_bare(known: Collection[str], count: int) -> str:

@@ -130,9 +130,9 @@ def _rounded_up(number: float) -> str:
 def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:
     changed = comparison.having("changed")
     if changed:
-        listed = ", ".join(f"{d.name} by {_change(d)}" for d in changed)
+        by = ", ".join(f"{d.name} by {_change(d)}" for d in changed)
         return (
-            f"Changed: {listed}. That is beyond chance for {_count(compared)} together: where "
+            f"Changed: {by}. That is beyond chance for {_count(compared)} together: where "
             f"nothing has changed, at most one comparison in twenty names anything."
         )
     said = f"No change is seen in {_count(compared)}"

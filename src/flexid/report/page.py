@@ -89,7 +89,8 @@ class Presenter:
         lead = next(part for part in parts if isinstance(part, Table))
         rest = [part for part in parts if part is not lead]
         facts = _facts(self.document(*shown).get("provenance", {}))
-        origin = [*([Command(command)] if command else ()), *([facts] if facts.rows else ())]
+        origin: list[Item] = [Command(command)] if command else []
+        origin += [facts] if facts.rows else []
         sections = (
             Section("warnings", "Warnings", [Text(warning, "yellow") for warning in warnings]),
             Section("numbers", "In numbers and sentences", rest),
