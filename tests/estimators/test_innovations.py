@@ -148,7 +148,14 @@ def resting(samples: Samples) -> np.ndarray:
     return found
 
 
-@pytest.mark.parametrize("directions", [still, resting])
+def both_resting(samples: Samples) -> np.ndarray:
+    """The same, and those of the link, whose position is late, for another while."""
+    found = resting(samples)
+    found[300:340, 0] = RESTING
+    return found
+
+
+@pytest.mark.parametrize("directions", [still, resting, both_resting])
 @pytest.mark.parametrize("delays", [(), ("input_delay", "link_delay")], ids=["timely", "late"])
 def test_derivatives_are_those_of_differences(delays, directions):
     """Assert that the right-hand side is minus half the slope of the cost, the gains held.

@@ -178,17 +178,21 @@ def omit_resting(errors, rows, model, work):
 
 
 @uncounted
-def follow_sensors(outputs, k, last, h, model, work):
+def follow_sensors(outputs, speeds, late_columns, k, last, h, model, work):
     """Let a row that rests be where it was measured, at the velocity that was measured."""
     before, after = k - 1, min(k + 1, last)
+    span = (after - before) * h
     for a in range(outputs.shape[1]):
         state = 2 * a
         if work[model.dry + a] != 0.0:
             work[model.x + state] = outputs[k, a]
-            work[model.x + state + 1] = (outputs[after, a] - outputs[before, a]) / (
-                (after - before) * h
-            )
-            clear(model.z + state * model.width, 2 * model.width, work)
+            work[model.x + state + 1] = (outputs[after, a] - outputs[before, a]) / span
+            position = model.z + state * model.width
+            clear(position, 2 * model.width, work)
+            if late_columns[a] >= 0:  # where it was measured depends on how late that was
+                column = position + 1 + late_columns[a]
+                work[column] = speeds[k, a]
+                work[column + model.width] = (speeds[after, a] - speeds[before, a]) / span
 
 
 @uncounted
@@ -300,4 +304,4 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                 correct(errors, rows, gains, model, work, columns)
                 if directed and k > first:
                     last = first + lengths[s] - 1
-                    follow_sensors(outputs, k, last, h, model, work)
+                    follow_sensors(outputs, speeds, late_columns, k, last, h, model, work)
