@@ -221,6 +221,9 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     full = found.full  # which says what may hide, with two thirds of the data if need be
     with suppress(ConvergenceError):
         fuller = _fit(full.structure, data, factor, full.by_name, own.sizes)
+        if not fuller.fitted.converged:  # what it says of terms that may hide is far off
+            other = _fit(full.structure, data, factor, own.fitted.by_name, own.sizes)
+            fuller = min(fuller, other, key=_cost)
         full = fuller.fitted
         if _leaves_more(own, fuller):  # which it did not before: it went astray
             other = _fit(structure, data, factor, full.by_name, fuller.sizes)
