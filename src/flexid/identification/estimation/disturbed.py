@@ -151,7 +151,8 @@ def _with_play(
 ) -> tuple[FitInBand, float]:
     """A fit with play, where the log finds it likelier, or as it is; and the doubt of its spring.
 
-    The doubt is the share by which the spring is stiffer with play, where the log does not say.
+    The doubt is the share by which the spring is stiffer with play, where the log does not say: by
+    least squares or by the fit, whichever is less.
     """
     if likely.stiffer < _LEAST_STIFFER:
         return fit, likely.doubt
@@ -170,7 +171,8 @@ def _with_play(
     if not (is_dead_zone(played.fitted) and played.fitted.has_partners):
         return fit, likely.doubt
     stiffer = abs(played.fitted.by_name["theta2"] / fit.fitted.by_name["theta2"] - 1.0)
-    return (played if played.cost < fit.cost - CHANCE else fit), stiffer
+    accepted = played if played.cost < fit.cost - CHANCE else fit
+    return accepted, min(stiffer, likely.doubt)
 
 
 def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:
