@@ -1,10 +1,11 @@
 """Every block of code in README and documentation runs, and prints what the page shows."""
 
+import json
 import shutil
 from pathlib import Path
 
 import pytest
-from page_blocks import PAGES, blocks, indented_code, page_name
+from page_blocks import PAGES, ROOT, blocks, indented_code, page_name
 from run_page import run_page
 
 # Blocks that are not run, of which each says why: how many a page may have.
@@ -44,6 +45,22 @@ def test_page_runs(page: Path, tmp_path: Path) -> None:
     if program is not None and shutil.which(program) is None:
         pytest.skip(f"{program} is not installed")
     run_page(page_name(page), blocks(page.read_text(encoding="utf-8")), tmp_path)
+
+
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=page_name)
+def test_notebook_runs(notebook: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that the cells of a notebook run in their order."""
+    monkeypatch.chdir(notebook.parent)
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    names: dict[str, object] = {}
+    for cell in code:
+        exec(cell, names)
+    assert len(code) > 1
 
 
 def test_blocks_that_are_not_run_are_counted() -> None:
