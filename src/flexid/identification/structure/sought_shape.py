@@ -170,7 +170,8 @@ def at_its_constant(shape: SoughtShape, fitted: Fitted) -> Fitted:
             return fitted
         step, deviation = _profile(fitted, shape)
         value = shape.of(fitted.structure) + step
-        if not abs(step) > _SETTLED * deviation or value <= shape.least(fitted):
+        near = _SETTLED * deviation * np.sqrt(max(fitted.excess, 1.0))  # of all that is left
+        if not abs(step) > near or value <= shape.least(fitted):
             return fitted
         better = fit_like(shape.put(fitted.structure, value), fitted)
         if better is None or better.minimum.equations.cost >= fitted.minimum.equations.cost:
