@@ -112,6 +112,18 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     assert at_its_constant(shape, first) is first
 
 
+def test_a_constant_is_as_exact_as_what_is_left_allows(monkeypatch):
+    """Assert that a step of the noise's deviation is taken, but not where much more is left."""
+    terms, width = ("motor_coulomb", "motor_stribeck"), {"stribeck_velocity": 0.16}
+    fine = fitted(made(3, **STICKING), *terms, widths=width)
+    step = 0.15 - 0.16
+    monkeypatch.setattr(sought_shape, "_profile", lambda *_: (step, abs(step)))
+    rough = replace(fine)
+    vars(rough)["excess"] = 101.0
+    assert at_its_constant(STRIBECK, rough) is rough
+    assert at_its_constant(STRIBECK, fine) is not fine
+
+
 @pytest.mark.parametrize(
     ("theta", "alpha", "slack"),
     [(0.5, 0.5, True), (2.0, 0.5, False), (0.5, 2.0, False), (-3.0, -3.0, True)],
