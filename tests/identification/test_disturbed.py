@@ -280,6 +280,23 @@ def test_a_full_model_without_a_fit_stays_that_of_the_training_data(
     assert again.fitted is not found.fitted
 
 
+def test_a_full_fit_whose_steps_do_not_end_begins_where_the_leaner_did(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Assert that what may hide is not said by a fit that went astray."""
+    found, _ = pushed()
+    log = data(recording(*drive(1, link_push=1.0)))
+
+    def unended(fit: FitInBand) -> FitInBand:
+        minimum = fit.fitted.minimum
+        reduced = replace(minimum.reduced, decrement=minimum.equations.cost)
+        minimum = replace(minimum, reduced=reduced, last_step=20.0)
+        return replace(fit, fitted=replace(fit.fitted, minimum=minimum), cost=fit.cost + 1e4)
+
+    nth_fit(monkeypatch, 2, unended)
+    assert disturbed.fit_disturbed_to(found, log).full.converged
+
+
 def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch):
     """Assert that play keeps the width that it has where a fit with that of its gap fails."""
     found, _ = loose(0.02, 0.0)
