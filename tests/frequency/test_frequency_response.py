@@ -282,7 +282,7 @@ def test_other_logs_can_stand_beside(estimate, log):
         ({"frequency": [1.0, 0.0]}, "Hz"),
         ({"frequency": [np.nan]}, "Hz"),
         ({"position": np.inf}, "rad"),
-        ({"level": 95}, "probability"),
+        ({"level": 95}, "between 0 and 1"),
     ],
 )
 def test_nonsense_is_refused(estimate, options, said):
