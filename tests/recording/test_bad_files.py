@@ -168,6 +168,7 @@ def test_bad_text(edit: Edit, words: str, tmp_path: Path) -> None:
         (GOOD.replace(b"\n0.005,", b"\n\xb5,"), "log.csv", "line 3.*'µ' is not a number"),
         (b'time = "t"', "columns.toml", "this is a TOML file.*--columns"),
         (b"{}", "estimate.json", "this is a JSON file.*export the log"),
+        (b"{}\n{}", "log.jsonl", "these are lines of JSON.*export the log"),
     ],
 )
 def test_bad_bytes(content: bytes, name: str, words: str, tmp_path: Path) -> None:

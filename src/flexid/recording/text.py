@@ -42,6 +42,7 @@ _OPEN_QUOTE = "a quotation mark opens on this line and does not close on it: rem
 _OTHERS = {  # what else flexid reads, and where it belongs
     ".toml": "this is a TOML file, not a log: a column map is given with --columns",
     ".json": "this is a JSON file, not a log: export the log as CSV or Parquet",
+    ".jsonl": "these are lines of JSON, not a log: export the log as CSV or Parquet",
 }
 
 
