@@ -22,6 +22,12 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 JUST, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
 
 
+@pytest.fixture(autouse=True)
+def of_short_logs(monkeypatch):
+    """Let made-up fits be searched as a whole: their segments are mere numbers."""
+    monkeypatch.setattr(fits_by_length, "sampled", lambda fit: fit)
+
+
 @pytest.fixture
 def tried(monkeypatch):
     """Return a function that says which grips are tried, over that which suits the motion.
@@ -43,7 +49,6 @@ def tried(monkeypatch):
         monkeypatch.setattr(
             fits_by_length, "promised", lambda *at: promises.get(share(at[-1]), 0.0)
         )
-        monkeypatch.setattr(fits_by_length, "sampled", lambda fit: fit)
         monkeypatch.setattr(fits_by_length, "explained_by", remembering)
         monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])
         monkeypatch.setattr(fits_by_length, "with_best_hold", lambda found, *_: found)
@@ -123,7 +128,6 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
         asked.append((before, structure.absent, noise))
         return before
 
-    monkeypatch.setattr(fits_by_length, "sampled", lambda fit: fit)
     monkeypatch.setattr(fits_by_length, "promised", lambda *_: 0.9)
     monkeypatch.setattr(fits_by_length, "explained_by", remembering)
     monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])

@@ -201,7 +201,7 @@ def _equations(
 class _PythonPrinter(PythonCodePrinter):
     """Notes what it has used: names of `math` in ``module_imports``."""
 
-    def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802, the same
+    def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802 - SymPy's
         return f"{self._module_format('math.exp')}(1)"  # a model may have its own e
 
     def _print_sign(self, e: sp.Function) -> str:
@@ -286,10 +286,10 @@ RESERVED = frozenset(_RESERVED_WORDS.split())
 class _CPrinter(C99CodePrinter):
     """Products for small powers, and no macro that C99 does not have."""
 
-    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802, the same
+    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802 - SymPy's
         return repr(float(expr))
 
-    def _print_Pow(self, expr: sp.Pow) -> str:  # noqa: N802, the same
+    def _print_Pow(self, expr: sp.Pow) -> str:  # noqa: N802 - SymPy's
         base, exponent = expr.args
         if isinstance(exponent, sp.Integer) and 2 <= int(exponent) <= 4:
             factor = self._print(base)

@@ -107,9 +107,7 @@ def fit_with_hysteresis(
     for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
         if promise < thresholds.shape_promise:
             break
-        first = explained_by(some, structure, way, floor, thresholds)
-        if first is not None and some is not before:
-            first = explained_by(before, structure, first.by_name, floor, thresholds)
+        first = explained_by(before, structure, way, floor, thresholds)
         if first is not None:
             found = [first, *longer_fits(first, by_length.divisions)]
             divisions = [s for s in by_length.divisions if len(s) <= len(segments)]
@@ -158,7 +156,16 @@ def explained_by(
     thresholds: Thresholds,
     settled: Callable[[Fitted], Fitted] = _as_it_is,
 ) -> Fitted | None:
-    """A wider fit, if its first steps take away most of what one without leaves beyond noise."""
+    """A wider fit, if its first steps take away most of what one without leaves beyond noise.
+
+    Of a log with very many samples it has to do so in part of it first.
+    """
+    some = sampled(before)
+    if some is not before:
+        part = explained_by(some, structure, way, floor, thresholds, settled)
+        if part is None:
+            return None
+        structure, way = part.structure, part.by_name
     found = led_from(before, structure, way, insist=False, iterations=FIRST_ITERATIONS)
     wanted = thresholds.shape_share * (before.excess - floor)
     if found is None or before.excess - found.excess < _SETTLED_FROM * wanted:

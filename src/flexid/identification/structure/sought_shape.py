@@ -91,14 +91,11 @@ def fit_with_shape(
         return None
     progress(shape.words)
     floor = thresholds.noise_floor(by_length.found[0].excess)
-    some, settled = sampled(before), partial(at_its_constant, shape)
-    for promise, structure in _promising(shape, some, full):
+    settled = partial(at_its_constant, shape)
+    for promise, structure in _promising(shape, sampled(before), full):
         if promise < thresholds.shape_promise:
             continue
-        first = explained_by(some, structure, some.by_name, floor, thresholds, settled)
-        if first is not None and some is not before:
-            own, way = first.structure, first.by_name
-            first = explained_by(before, own, way, floor, thresholds, settled)
+        first = explained_by(before, structure, before.by_name, floor, thresholds, settled)
         if first is not None:
             worse = leaves_more(first, chosen, thresholds)
             return None if worse else _fit_longer(shape, first, by_length, thresholds)
