@@ -143,38 +143,10 @@ def _descriptions() -> dict[str, Callable[[], Target]]:
 
 
 def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
-    from flexid.comparisons.comparison import compare_estimates
-    from flexid.experiment_design.drive import read_drive
-    from flexid.library.validation import EstimateComparison
-    from flexid.recording.frame import table_of_arrays
-    from flexid.recording.read import log_of_table
-    from flexid.report.page import page_html
     from flexid.stored_estimates.estimate_file import read_estimate
-    from flexid.stored_estimates.validate_estimate import validate_estimate
 
     files = (estimate, json.dumps(json.loads(estimate), indent=0).encode())
-    drive = ROOT / "examples" / "drive.toml"
-
-    def of(read: Callable[[Path], object]) -> Target:
-        return Target(".json", files, read, _JSON)
-
-    def validated() -> Target:
-        log = log_of_table(table_of_arrays(fuzz_files.log_columns(400)))
-        return of(lambda path: validate_estimate(read_estimate(path), [log]))
-
-    other = read_estimate({**json.loads(estimate), "provenance": {}}).of_joint
-
-    def compared(path: Path) -> object:
-        """Compare with what was not mutated, print it and make its page."""
-        found = EstimateComparison(compare_estimates(other, read_estimate(path).of_joint))
-        return found.summary(), page_html(found._page())
-
-    return {
-        "estimate": lambda: of(lambda path: read_estimate(path).of_joint),
-        "estimate, compared": lambda: of(compared),
-        "estimate, validated": validated,
-        "estimate for a design": lambda: of(lambda path: read_drive(drive, read_estimate(path))),
-    }
+    return {"estimate": lambda: Target(".json", files, read_estimate, _JSON)}
 
 
 def _streams() -> dict[str, Callable[[], Target]]:

@@ -145,7 +145,7 @@ def stored_value(value, **changed):
 
 
 def stored_document(coefficients, parameters=None):
-    """What a file holds of an estimate with these values, none of which was fitted."""
+    """What a file holds of an estimate with these values, none of which was fitted; unsealed."""
     document = json.loads(to_json(estimate_document(exact(TRUE, "another log"))))
     kinds = {"coefficients": coefficients, "parameters": parameters or {}}
     document["fit"] = {"names": [], "values": [], "covariance": [], "degrees_of_freedom": []}

@@ -13,13 +13,7 @@ from flexid.errors import RecordingError
 
 ROOT = Path(__file__).parents[2]
 TEXTS = ("log, text", "column map", "drive file", "experiment file", "model file")
-TEXTS += (
-    "estimate",
-    "estimate, compared",
-    "estimate for a design",
-    "watch, text",
-    "watch, checkpoint",
-)
+TEXTS += ("estimate", "watch, text", "watch, checkpoint")
 # A process for each file takes a while: the command tries more of them.
 APART = ("log, Parquet", "log, MATLAB", "log, MATLAB 7.3", "log, HDF5", "log, MDF", "log, MCAP")
 APART += ("log, ROS 1 bag", "log, ROS 2 bag", "log, stream", "watch, MCAP", "watch, HDF5")

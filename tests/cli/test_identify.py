@@ -64,7 +64,7 @@ def test_output_holds_all_it_promises(flexid, good_log, tmp_path):
     assert max(map(len, table.splitlines())) <= 80
     assert "…" not in table
     names = {path.name for path in tmp_path.iterdir()}
-    figures = {"fit", "residuals", "estimates", "excitation", "bode", "regions"}
+    figures = {"fit", "residuals", "bode"}
     assert names == {"report.html", "estimate.json"} | {f"{name}.png" for name in figures}
     document = json.loads((tmp_path / "estimate.json").read_text())
     assert not set(document["parameters"]) & set(document["removed"])
@@ -130,9 +130,7 @@ def test_motion_alone_gives_the_link(flexid, good_log, tmp_path):
     for name in ("theta1", "theta2"):
         lower, upper = document["coefficients"][name]["interval"]
         assert lower <= TRUE[name] <= upper
-    assert {"fit.png", "estimates.png", "excitation.png", "bode.png"} <= {
-        file.name for file in (tmp_path / "out").iterdir()
-    }
+    assert {"fit.png", "bode.png"} <= {file.name for file in (tmp_path / "out").iterdir()}
     assert load(tmp_path / "out" / "estimate.json").model == "link"
     assert flexid("validate", tmp_path / "out" / "estimate.json", good_log).status == 0
     assert flexid("excitation", path).status == 0

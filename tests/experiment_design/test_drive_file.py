@@ -8,7 +8,7 @@ import pytest
 from flexid.errors import SettingError
 from flexid.experiment_design.drive import read_drive
 from flexid.models.physical import joint_coefficients, physical_parameters
-from flexid.stored_estimates.estimate_file import read_estimate
+from flexid.stored_estimates.estimate_file import read_estimate, sealed
 from made_estimates import stored_document, stored_value
 
 PARAMETERS = {
@@ -86,7 +86,7 @@ def stored(tmp_path):
             document["parameters"][name] = stored_value(100.0) | changes
         document["choices"]["terms"] = terms
         path = tmp_path / "estimate.json"
-        path.write_text(json.dumps(document))
+        path.write_text(json.dumps(sealed(document)))
         return path
 
     return write

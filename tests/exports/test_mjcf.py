@@ -11,6 +11,7 @@ from flexid.errors import SettingError
 from flexid.exports.mjcf import Scene, mjcf_scene
 from flexid.library.export import export
 from flexid.library.logs import read_log
+from flexid.stored_estimates.estimate_file import sealed
 
 # MuJoCo's compiled half has no type stubs, so pyright cannot see what it exports.
 # pyright: reportAttributeAccessIssue=false
@@ -200,7 +201,7 @@ def document(example_estimate):
 
 def _stored(document, folder):
     path = folder / "estimate.json"
-    path.write_text(json.dumps(document))
+    path.write_text(json.dumps(sealed(document)))
     return path
 
 

@@ -95,7 +95,7 @@ def test_it_shows_itself(estimate, loaded):
     assert "<script>" not in flexid.JointEstimate(spiked)._repr_html_()
 
 
-FIGURES = ("fit", "residuals", "regions", "estimates", "excitation", "bode")
+FIGURES = ("fit", "residuals", "bode")
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -124,20 +124,10 @@ def test_figures_are_drawn_in_the_place_of_axes(estimate, name):
         estimate.plot(name, ax=Figure().add_axes((0, 0, 1, 1)))
 
 
-def test_regions_have_any_level(estimate):
-    """Assert that a higher level gives a larger region."""
-    areas = []
-    for level in (0.5, 0.99):
-        (patch, *_) = estimate.plot("regions", level=level).axes[0].patches
-        areas.append(np.prod(np.ptp(patch.get_path().vertices, axis=0)))
-    assert areas[0] < 0.5 * areas[1]
-
-
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
-        ("regions", {"level": 95}, "level: must lie between 0 and 1, such as 0.95, got 95"),
-        ("regions", {"colour": "red"}, "the figure 'regions' does not take colour"),
+        ("bode", {"level": 95}, "level: must lie between 0 and 1, such as 0.95, got 95"),
         ("fit", {"level": 0.5}, "the figure 'fit' does not take level"),
         ("bode", {"colour": "red"}, "unexpected keyword argument 'colour'"),
         ("fit", {"ax": 3}, "ax is an int: give axes of Matplotlib"),
@@ -179,8 +169,8 @@ def loaded_lines(found):
 
 def test_a_loaded_estimate_says_that_it_has_no_series(loaded):
     """Assert that figures of time series are refused with those that there are."""
-    for name in ("fit", "residuals", "estimates"):
-        with pytest.raises(SettingError, match="there is excitation, bode, regions"):
+    for name in ("fit", "residuals"):
+        with pytest.raises(SettingError, match="there is bode"):
             loaded.plot(name)
     assert loaded.plot().axes
 

@@ -28,7 +28,7 @@ def made_chart(name: str = "fit", label: str = "measured") -> Chart:
         "residual",
         time,
         Axis("residual", "rad"),
-        (Points("residual", TIME[::10], 1e-4 * np.cos(40 * TIME[::10]), "orange", stems=True),),
+        (Points("residual", TIME[::10], 1e-4 * np.cos(40 * TIME[::10])),),
         0.5,
     )
     return Chart(name, f"Chart {name}", f"What to see in {name}.", (first, second))
@@ -48,7 +48,7 @@ def made_other_charts() -> list[Chart]:
         "region",
         Axis("stiffness", "N m/rad"),
         Axis("inertia", "kg m^2"),
-        (Line("region", np.cos(turn), np.sin(turn), filled=True),),
+        (Line("region", np.cos(turn), np.sin(turn)),),
     )
     named = Panel(
         "",

@@ -121,15 +121,6 @@ def test_panels_are_as_wide_and_high_as_they_ask():
     assert 1.5 < top.height / left.height < 2.5
 
 
-def test_stems_stand_on_the_bottom():
-    """Assert that each point has a line from the bottom of the panel, on a logarithm too."""
-    y = Axis("size", "–", logarithmic=True, limits=(1e-3, 1e3))
-    (ax,) = draw(chart(panel(Points("", X, X, stems=True), y=y))).axes
-    (stems,) = ax.collections
-    ends = [np.asarray(path.vertices)[:, 1].tolist() for path in stems.get_paths()]
-    assert ends == [[1e-3, x] for x in X]
-
-
 def test_a_long_line_keeps_its_spikes_and_gaps():
     """Assert that a million samples are thinned, and the ones that are different stay."""
     time, still = np.arange(1e6), np.zeros(1_000_000)

@@ -12,25 +12,17 @@ from made_result import VALIDATION, made_result
 from flexid.campaigns.summary import Correlation, Result
 from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
-from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     FreeRun,
-    ObserverTrace,
-    ParameterEstimate,
     Validation,
 )
 from flexid.library.simulate import CampaignResult
 from flexid.report import simulated_run
 from flexid.report.campaign import charts as campaign_charts
 from flexid.report.chart import Band, Level, Line, Panel, Points
-from flexid.report.identification_charts import (
-    confidence_region,
-    identification_charts,
-    observer_histories,
-    parameter_estimate,
-)
+from flexid.report.identification_charts import identification_charts
 from flexid.report.page import page_html
 from flexid.report.reproduction import parts
 from flexid.report.reproduction_charts import error_chart, reproduction_charts, theorem_chart
@@ -41,48 +33,11 @@ from flexid.simulation.closed_loop import Run
 
 M = TypeVar("M")
 COVARIANCE = np.array([[9.0, 0.05], [0.05, 0.0009]])
-TIME = np.linspace(0.0, 10.0, 101)
-
-
-def result(end: float = 3.0, first: float = 0.1) -> Identification:
-    """Return 300/3 N m/rad and 1/3 kg m², with an observer whose beta1 ends somewhere."""
-    alpha1 = CoefficientEstimate("alpha1", "1/s^2", 300.0, 3.0, (294.0, 306.0), "determined")
-    beta1 = CoefficientEstimate("beta1", "rad/s^2/(N m)", 3.0, 0.03, (2.94, 3.06), "determined")
-    slopes = {"alpha1": 1.0 / 3.0, "beta1": -100.0 / 3.0}
-    stiffness = ParameterEstimate(
-        "joint_stiffness", "N m/rad", 100.0, 1.0, (98.0, 102.0), "determined", slopes=slopes
-    )
-    inertia = ParameterEstimate(
-        "motor_inertia", "kg m^2", 1 / 3, 0.01, (0.31, 0.35), "weak", slopes={"beta1": -1 / 9}
-    )
-    gain = np.where(TIME < 0.5, first, end)
-    estimates = np.column_stack([np.full(101, 300.0), gain])
-    return replace(
-        made_result(),
-        coefficients={"alpha1": alpha1, "beta1": beta1},
-        parameters={"joint_stiffness": stiffness, "motor_inertia": inertia},
-        observer=ObserverTrace(TIME, ("alpha1", "beta1"), estimates, {}),
-        fit=Estimate(("alpha1", "beta1"), np.array([300.0, 3.0]), COVARIANCE, (9.0, 9.0)),
-    )
-
-
-def test_the_observer_is_shown_in_physical_parameters():
-    """Assert that its coefficients are put together as those of the estimate are."""
-    histories = observer_histories(result())
-    assert histories["joint_stiffness"][[0, -1]] == pytest.approx([3000.0, 100.0])
-    assert histories["motor_inertia"][-1] == pytest.approx(1 / 3)
 
 
 def marks(panel: Panel, kind: type[M]) -> list[M]:
     """Marks of one kind."""
     return [mark for mark in panel.marks if isinstance(mark, kind)]
-
-
-def test_the_covariance_of_parameters_is_that_of_the_delta_method():
-    """Assert that slopes carry it over from the coefficients."""
-    found = parameter_estimate(result())
-    slopes = np.array([[1 / 3, -100 / 3], [0.0, -1 / 9]])
-    assert found.covariance == pytest.approx(slopes @ COVARIANCE @ slopes.T)
 
 
 def test_residuals_that_repeat_leave_the_band():
@@ -113,74 +68,13 @@ def test_a_loaded_estimate_has_the_charts_that_need_no_series():
         name: CoefficientEstimate(name, "1/s^2", value, 0.1, (1.0, 9.0), "determined")
         for name, value in (("theta1", 5.0), ("theta2", 100.0), ("alpha1", 333.0), ("beta1", 3.0))
     }
-    whole = replace(result(), coefficients=coefficients)
-    names = ["fit", "residuals", "estimates", "excitation", "bode", "regions"]
+    fit = Estimate(("alpha1", "beta1"), np.array([300.0, 3.0]), COVARIANCE, (9.0, 9.0))
+    whole = replace(made_result(), coefficients=coefficients, fit=fit)
+    names = ["fit", "residuals", "bode"]
     assert [chart.name for chart in identification_charts(whole)] == names
-    loaded = replace(
-        whole,
-        validation=replace(VALIDATION, runs=()),
-        observer=ObserverTrace(np.empty(0), ("theta1",), np.empty((0, 1)), {}),
-    )
-    assert [chart.name for chart in identification_charts(loaded)] == names[3:]
+    loaded = replace(whole, validation=replace(VALIDATION, runs=()))
+    assert [chart.name for chart in identification_charts(loaded)] == ["bode"]
     assert all(chart.says for chart in identification_charts(loaded))
-
-
-def made(
-    values: np.ndarray,
-    covariance: np.ndarray,
-    names: tuple[str, ...] = ("a", "b", "c"),
-    degrees_of_freedom: tuple[float, ...] = (9.0, 12.0, 20.0),
-) -> Estimate:
-    """A fit of which only the result is known."""
-    return Estimate(names, values, covariance, degrees_of_freedom)
-
-
-def fit(correlation: float = 0.9) -> Estimate:
-    """Three coefficients of which the first two correlate."""
-    deviations = np.array([0.1, 2.0, 30.0])
-    correlations = np.eye(3)
-    correlations[0, 1] = correlations[1, 0] = correlation
-    correlations[1, 2] = correlations[2, 1] = -0.3
-    return made(np.array([1.0, -5.0, 100.0]), correlations * np.outer(deviations, deviations))
-
-
-def test_the_region_holds_the_truth_in_95_percent():
-    """Assert the nominal coverage where the covariance is estimated with 9 degrees of freedom.
-
-    A share of 4000 draws has a standard error of 0.35 %.
-    """
-    generator = np.random.default_rng(2)
-    root = np.array([[1.0, 0.0], [4.0, 0.5]])
-    held = 0
-    for _ in range(4000):
-        values = root @ generator.standard_normal(2)
-        samples = root @ generator.standard_normal((2, 9))
-        drawn = made(values, samples @ samples.T / 9.0, ("a", "b"), (9.0, 9.0))
-        region = confidence_region(drawn, ("a", "b"))
-        assert region is not None
-        # The truth is zero: inside if the boundary winds about it.
-        angles = np.unwrap(np.arctan2(region.boundary[1], region.boundary[0]))
-        held += abs(angles[-1] - angles[0]) > np.pi
-    assert 0.94 < held / 4000 < 0.96
-
-
-def test_the_boundary_is_an_ellipse_of_the_covariance():
-    """Assert that all points of it are equally far from the centre, measured by the covariance."""
-    found = fit()
-    region = confidence_region(found, ("a", "b"))
-    assert region is not None
-    apart = region.boundary - region.centre[:, None]
-    distances = np.einsum("in,ij,jn->n", apart, np.linalg.inv(found.covariance[:2, :2]), apart)
-    assert distances == pytest.approx(np.full(distances.shape, distances[0]))
-    assert region.correlation == pytest.approx(0.9)
-
-
-def test_an_exact_correlation_is_a_line():
-    """Assert that two values that move together without play have a region without width."""
-    region = confidence_region(fit(correlation=1.0), ("a", "b"))
-    assert region is not None
-    apart = region.boundary - region.centre[:, None]
-    assert apart[1] == pytest.approx(20.0 * apart[0])
 
 
 EXPERIMENT = read_experiment(Path(__file__).parents[2] / "experiments" / "huang2003.toml")
@@ -307,24 +201,11 @@ def test_the_document_is_json():
     assert document["complete"]
 
 
-def test_a_distribution_counts_every_run():
-    """Assert that the area of a histogram is the number of runs, with its quantiles as levels."""
-    values = np.random.default_rng(4).uniform(1.0, 2.0, 500)
-    (chart,) = campaign_charts(made_summary(results=(made_of(values=values),)))
-    outline, *levels = chart.panels[0].marks
-    assert isinstance(outline, Line)
-    assert outline.filled
-    assert outline.y[1::2][:-1].sum() == 500
-    assert [outline.y[0], outline.y[-1]] == [0.0, 0.0]
-    assert [level.value for level in levels if isinstance(level, Level)] == [1.0, 1.5, 2.0]
-    assert "tracking_rms is between 1 and 2" in chart.says
-
-
 def test_dependence_is_of_the_runs_that_have_both():
     """Assert that each point is a finite result over the input of the same run."""
     correlated = [Correlation("controller.k", 1.0, True)]
     result = made_of(correlated, values=(1.0, NAN, 3.0))
-    _, chart = campaign_charts(made_summary(results=(result,)))
+    (chart,) = campaign_charts(made_summary(results=(result,)))
     (points,) = chart.panels[0].marks
     assert isinstance(points, Points)
     assert (points.x.tolist(), points.y.tolist()) == ([1.0, 3.0], [1.0, 3.0])

@@ -1,4 +1,4 @@
-"""The work of ``flexid design``: search, check on drives that are wrong, scale, compare."""
+"""The work of ``flexid design``: search, check on drives that are wrong, scale."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,6 @@ from flexid.simulation.free_run import Command
 class Prediction:
     """What an input would determine of the drive as it is believed to be."""
 
-    name: str  # of the input
     # predicted standard deviation of each coefficient over its value
     deviations: Mapping[str, float]
     e_deviation: float  # criterion E as a relative standard deviation
@@ -65,9 +64,6 @@ class Design:
     command: Command
     run: CaseRun  # of the drive as believed
     prediction: Prediction
-    references: tuple[Prediction, ...]  # other inputs of the same peak torque
-    # the same, as large as all drives bear within the limits
-    kept_references: tuple[Prediction, ...]
     largest_use: Mapping[str, Extreme]  # of each limit, over all wrong drives
     largest_deviations: Mapping[str, Extreme]  # of each coefficient, over all wrong drives
     scale: float  # factor on what the search found, so that all drives keep to the limits
@@ -89,20 +85,10 @@ class Design:
 STARTS = 2
 """Random starts of the search."""
 
-STEPS = STARTS + 2
-"""Calls of `finished`."""
-
 _LARGEST_SCALE = 2.0
 _HALVINGS = 12  # of the interval that the scale is sought in
 _STEP_BACK = 0.98
 _SMALLEST_SCALE = 1e-3  # below which limits leave no motion to speak of
-
-REFERENCES: Mapping[str, tuple[tuple[float, float], ...]] = {
-    "paper's sine": ((1.0, 5.0),),
-    "two tones": ((20.0, 2.0), (10.0, 5.3)),
-}
-"""Torques to compare with, as amplitudes and angular frequencies (rad/s): the frequency of Huang
-(2003), section 4, and the pair on which estimators are usually compared."""
 
 
 def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Design:
@@ -117,23 +103,13 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
         scale = _scale(drive, commands[0], search.step, commands[1], everyone)
         command = search.command(search.fine, scale * found)
         run = nominal.play(command, sample_time)
-        candidates.append((predict("design", drive, nominal, run), scale, found, command, run))
+        candidates.append((predict(drive, nominal, run), scale, found, command, run))
     best = min(candidates, key=lambda one: one[0].criterion(drive))
     prediction, scale, weights, command, run = best
     finished("limits checked on wrong drives")
     wrong = {case.name: (case, case.play(command, sample_time)) for case in search.cases}
     use = {name: one.use(drive.limits) for name, (_, one) in wrong.items()}
-    deviations = {name: predict(name, drive, *one).deviations for name, one in wrong.items()}
-    peak = prediction.peaks["torque"]
-    references: list[Prediction] = []
-    kept: list[Prediction] = []
-    for name in REFERENCES:
-        coarse, fine = (_reference(name, drive, h, peak) for h in (search.step, sample_time))
-        largest = peak * _scale(drive, coarse, search.step, fine, everyone)
-        for size, told in ((peak, references), (largest, kept)):
-            played = nominal.play(_reference(name, drive, sample_time, size), sample_time)
-            told.append(predict(name, drive, nominal, played))
-    finished("compared")
+    deviations = {name: predict(drive, *one).deviations for name, one in wrong.items()}
     return Design(
         drive,
         search.fine.angular_frequencies,
@@ -142,8 +118,6 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
         command,
         run,
         prediction,
-        tuple(references),
-        tuple(kept),
         _largest(use),
         _largest(deviations),
         scale,
@@ -159,11 +133,10 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
     )
 
 
-def predict(name: str, drive: Drive, case: Case, run: CaseRun) -> Prediction:
+def predict(drive: Drive, case: Case, run: CaseRun) -> Prediction:
     """What a run of a case would tell."""
     information = information_at(*run.motion(case, drive.sensors.noise))
     return Prediction(
-        name,
         dict(zip(information.names, information.relative_deviations.tolist(), strict=True)),
         deviation(information.relative, "E"),
         deviation(information.relative, "D"),
@@ -171,15 +144,6 @@ def predict(name: str, drive: Drive, case: Case, run: CaseRun) -> Prediction:
         float(np.sqrt(np.mean(run.torque**2))),
         max(run.use(drive.limits).values()) <= 1.0,
     )
-
-
-def _reference(name: str, drive: Drive, sample_time: float, peak_torque: float) -> Command:
-    """One of `REFERENCES` of a peak torque in N m."""
-    count = round(drive.experiment.duration / sample_time) + 1
-    time = sample_time * np.arange(count, dtype=np.float64)
-    torque = np.sum([a * np.sin(rate * time) for a, rate in REFERENCES[name]], axis=0)
-    torque *= peak_torque / np.abs(torque).max()
-    return Command(torque, np.zeros((count, 2)), np.zeros(2))
 
 
 def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:

@@ -234,32 +234,26 @@ class JointEstimate(Answer):
 
     @entrance
     def plot(self, name: str = "", *, ax: Axes | None = None, **options: Any) -> Figure:
-        """A figure: fit, residuals, estimates, excitation, bode or regions.
+        """A figure: fit, residuals or bode.
 
         Parameters
         ----------
         name : str, optional
-            The first one if not given. Of a loaded estimate the last three, for it has no series.
+            The first one if not given. Of a loaded estimate bode alone, for it has no series.
         ax : Axes, optional
             In whose place the panels are drawn.
         **options
-            Of bode those of `frequency_response`, of regions their ``level``.
+            Of bode, those of `frequency_response`.
         """
         from flexid.report.figure import draw
-        from flexid.report.identification_charts import regions_chart
         from flexid.report.response_charts import bode_chart
 
         if not options:
             return super().plot(name, ax=ax)
-        if name == "bode":
-            return draw(bode_chart(self.frequency_response(**options)), ax=ax)
-        if name != "regions" or [*options] != ["level"]:
+        if name != "bode":
             given = ", ".join(options)
             raise SettingError("plot", f"the figure {name!r} does not take {given}: leave it out")
-        chart = regions_chart(self.result, options["level"])
-        if chart is None:
-            raise SettingError("plot", "there is no figure 'regions': it needs two estimates")
-        return draw(chart, ax=ax)
+        return draw(bode_chart(self.frequency_response(**options)), ax=ax)
 
     def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:
         """Hold the estimate against other logs, as `flexid.validate` does.

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.campaigns.summary import QUANTILES, Result, Summary
-from flexid.report.chart import Axis, Chart, Dash, Level, Line, Panel, Points, whole_decades
+from flexid.report.chart import Axis, Chart, Panel, Points, whole_decades
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
@@ -89,65 +89,29 @@ def _sentence(significant: Sequence[str], inputs: int) -> str:
 
 
 _COLUMNS = 3
-_BINS = 40
 _MOST_POINTS = 3000
 _MANY = 200  # points, from which on each is small and faint
 _LOGARITHMIC_FROM = 30.0  # ratio of the largest value to the smallest
 _SMALLEST = 1e-12  # share of the largest value below which all values are drawn alike
-_LINES: tuple[tuple[str, Dash], ...] = (("5 %", "dotted"), ("median", "solid"), ("95 %", "dotted"))
 
 
 def charts(summary: Summary) -> tuple[Chart, ...]:
-    """Distributions and dependence, where there is something to draw."""
+    """Each result over what it depends on, where it does."""
     shown = [result for result in summary.results if _drawable(result)]
     depending = {result.name: name for result in shown if (name := _strongest(result))}
-    found = []
-    if shown:
-        found.append(_distributions(summary, shown))
-    if depending:
-        clouds = (_cloud(r, depending[r.name], summary) for r in shown if r.name in depending)
-        strongest = "; ".join(f"{result}: {name}" for result, name in [*depending.items()][:3])
-        says = f"The input that matters most for each result is below it ({strongest})."
-        title = "Each result against the input that matters most for it, SI units"
-        found.append(Chart("dependence", title, says, tuple(clouds), _COLUMNS, linked=False))
-    return tuple(found)
+    if not depending:
+        return ()
+    clouds = (_cloud(r, depending[r.name], summary) for r in shown if r.name in depending)
+    strongest = "; ".join(f"{result}: {name}" for result, name in [*depending.items()][:3])
+    says = f"The input that matters most for each result is below it ({strongest})."
+    title = "Each result against the input that matters most for it, SI units"
+    return (Chart("dependence", title, says, tuple(clouds), _COLUMNS, linked=False),)
 
 
 def _drawable(result: Result) -> bool:
     finite = result.values[np.isfinite(result.values)]
     varies = len(finite) > 1 and bool(np.ptp(finite) > 0.0)
     return varies and not result.name.startswith(DETAILS)
-
-
-def _distributions(summary: Summary, results: list[Result]) -> Chart:
-    panels = tuple(_distribution(result) for result in results)
-    first = results[0]
-    low, _, high = first.quantiles
-    says = (
-        f"In nine of ten runs {first.name} is between {low:.3g} and {high:.3g}; the dotted "
-        "lines are these limits for each result, the full line its median."
-    )
-    title = f"Distributions of the results of {summary.finished} finished runs, SI units"
-    return Chart("distributions", title, says, panels, _COLUMNS, linked=False)
-
-
-def _distribution(result: Result) -> Panel:
-    """Counts of a result, and its quantiles."""
-    values, said, limits = _scaled(result.values[np.isfinite(result.values)])
-    spread = np.geomspace if limits else np.linspace
-    edges = spread(values.min(), values.max(), _BINS)
-    counts, _ = np.histogram(values, edges)
-    heights = np.concatenate([[0.0], np.repeat(counts.astype(np.float64), 2), [0.0]])
-    marks = (
-        Line("runs", np.repeat(edges, 2), heights, "blue", 0.8, filled=True),
-        *(
-            Level(label, value, "x", "orange", dash)
-            for value, (label, dash) in zip(result.quantiles, _LINES, strict=True)
-        ),
-    )
-    x = Axis(result.name, logarithmic=limits is not None, limits=limits)
-    y = Axis("runs", limits=(0.0, 1.08 * float(counts.max())))
-    return Panel(result.name + said, x, y, marks)
 
 
 def _cloud(result: Result, name: str, summary: Summary) -> Panel:

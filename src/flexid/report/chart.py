@@ -5,7 +5,7 @@ same drawing for a page and the studio. A line of a million samples has no more 
 so marks are thinned to fewer samples with the same look.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -13,17 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.identification.vocabulary.evidence import Verdict
 
 Colour = Literal["ink", "blue", "orange", "green", "red", "grey"]
 Dash = Literal["solid", "dashed", "dotted"]
-
-VERDICT_COLOURS: Mapping[Verdict, Colour] = {
-    "determined": "green",
-    "weak": "orange",
-    "undetermined": "red",
-}
-"""Colour of each verdict; its word is always shown with it."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +40,6 @@ class Line:
     colour: Colour = "blue"
     width: float = 1.3  # points
     dash: Dash = "solid"
-    filled: bool = False  # whether the enclosed area is shaded
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +63,6 @@ class Points:
     colour: Colour = "blue"
     size: float = 4.0  # diameter in points
     faint: bool = False  # for points that are not trusted, or are many
-    stems: bool = False  # whether each stands on a line from the bottom of the panel
 
 
 @dataclass(frozen=True)
@@ -99,7 +89,6 @@ class Panel:
     marks: tuple[Mark, ...]
     height: float = 1.0  # relative to the other rows
     span: int = 1  # columns of the chart that it takes
-    colour: Colour = "ink"  # of the title: that of a verdict, which the title names too
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import polars as pl
 
 from flexid.experiment_design.design import Design
 from flexid.experiment_design.drive import DOUBT
-from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, Points, whole_decades
+from flexid.report.chart import Axis, Chart, Line, Mark, Panel
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
@@ -21,9 +21,6 @@ def parts(result: Design) -> Iterator[Part]:
     yield _predictions(result)
     yield _limits(result)
     wanted = result.drive.experiment
-    broken = [p.name for p in result.references if not p.within_limits]
-    if broken:
-        yield f"Beyond the limits at this torque: {', '.join(broken)}."
     tones = ", ".join(f"{rate:.3g}" for rate in result.angular_frequencies)
     what = "torque" if wanted.kind == "multisine" else "motor position"
     yield f"Tones of the {what}: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}."
@@ -34,27 +31,18 @@ def parts(result: Design) -> Iterator[Part]:
 
 
 def _predictions(result: Design) -> Table:
-    inputs = (result.prediction, *result.references)
+    found, wanted = result.prediction, result.drive.experiment
     worst = Column(f"±{100 * DOUBT:.0f} %, worst drive")
-    columns = (Column("coefficient"), *numbers(*(one.name for one in inputs)), worst)
-    wanted = result.drive.experiment
-    how = f"{wanted.criterion}-optimal {wanted.kind}"
-    title = f"Predicted standard deviations, {how}, equal peak torque"
+    columns = (Column("coefficient"), *numbers("design"), worst)
+    title = f"Predicted standard deviations, {wanted.criterion}-optimal {wanted.kind}"
     table = Table(title, columns)
-    for name in result.prediction.deviations:
+    for name, deviation in found.deviations.items():
         extreme = result.largest_deviations[name]
-        table.add(
-            name,
-            *(_percent(one.deviations[name]) for one in inputs),
-            f"{100 * extreme.value:.3g} % ({extreme.case})",
-        )
-    table.add("worst", *(_percent(one.worst) for one in inputs))
-    table.add("criterion E", *(_percent(one.e_deviation) for one in inputs))
-    table.add("criterion D", *(_percent(one.d_deviation) for one in inputs))
-    table.add("torque, peak", *(number(one.peaks["torque"], 3, "N m") for one in inputs))
-    table.add("torque, rms", *(number(one.torque_rms, 3, "N m") for one in inputs))
-    within = (result.prediction, *result.kept_references)
-    table.add("within limits", *(_percent(one.worst) for one in within))
+        table.add(name, _percent(deviation), f"{100 * extreme.value:.3g} % ({extreme.case})")
+    table.add("worst", _percent(found.worst))
+    table.add("criterion E", _percent(found.e_deviation))
+    table.add("criterion D", _percent(found.d_deviation))
+    table.add("torque, rms", number(found.torque_rms, 3, "N m"))
     return table
 
 
@@ -76,18 +64,10 @@ def _percent(share: float) -> str:
     return number(100 * share, 3, "%")
 
 
-_COLOURS: tuple[Colour, ...] = ("blue", "orange", "green")
-_APART = 0.2  # of the distance of two coefficients, between the inputs of one
-
-
 def charts(result: Design) -> tuple[Chart]:
-    """Torque, positions, tones and predicted deviations."""
-    says = (
-        "What the drive is to do, and how well it would determine each coefficient, next to other "
-        "inputs of the same peak torque."
-    )
-    panels = (*_over_time(result), _tones(result), _deviations(result))
-    return (Chart("design", "The design", says, panels, columns=2),)
+    """Torque, position and deflection over time."""
+    says = "What the drive is to do, and what it then does if it is as it is believed to be."
+    return (Chart("design", "The design", says, tuple(_over_time(result))),)
 
 
 def _over_time(result: Design) -> Iterator[Panel]:
@@ -100,47 +80,11 @@ def _over_time(result: Design) -> Iterator[Panel]:
         reference = result.command.reference[:, 0]
         position.append(Line("motor reference", result.time, reference, "orange", 1.0, "dashed"))
     torque = Line("torque", result.time, result.run.torque, "blue", 1.0)
-    yield Panel(f"Torque {played}", time, Axis("torque", "N m"), (torque,), span=2)
+    yield Panel(f"Torque {played}", time, Axis("torque", "N m"), (torque,))
     title = "Link position, simulated with the assumed drive"
-    yield Panel(title, time, Axis("position", "rad"), tuple(position), span=2)
+    yield Panel(title, time, Axis("position", "rad"), tuple(position))
     deflection = Line("deflection", result.time, x[:, 0] - x[:, 2], "blue", 1.0)
-    yield Panel("Deflection", time, Axis("deflection", "rad"), (deflection,), 0.7, span=2)
-
-
-def _tones(result: Design) -> Panel:
-    unit = "N m" if result.drive.experiment.kind == "multisine" else "rad"
-    rates, sizes = result.angular_frequencies, result.amplitudes
-    resonance = result.drive.resonance
-    ends = whole_decades(np.append(rates, resonance))
-    return Panel(
-        "Tones",
-        Axis("angular frequency", "rad/s", logarithmic=True, limits=ends),
-        Axis("amplitude", unit, limits=(0.0, 1.1 * float(sizes.max()))),
-        (
-            Level("resonance of the drive", resonance, "x", "grey", "dashed"),
-            Points("tones", rates, sizes, "ink", 6.0, stems=True),
-        ),
-        1.3,
-    )
-
-
-def _deviations(result: Design) -> Panel:
-    inputs = (result.prediction, *result.references)
-    names = tuple(result.prediction.deviations)
-    places = np.arange(float(len(names)))
-    marks, shown = [], []
-    for shift, (one, colour) in enumerate(zip(inputs, _COLOURS, strict=True)):
-        values = np.array([100.0 * one.deviations[name] for name in names])
-        marks.append(Points(one.name, values, places + _APART * (shift - 1), colour, 6.0))
-        shown.append(values)
-    decades = whole_decades(np.concatenate(shown))
-    return Panel(
-        "Predictions at the same peak torque",
-        Axis("predicted standard deviation", "%", logarithmic=True, limits=decades),
-        Axis("", categories=names),
-        tuple(marks),
-        1.3,
-    )
+    yield Panel("Deflection", time, Axis("deflection", "rad"), (deflection,), 0.7)
 
 
 _DIGITS = 10  # significant; a drive has fewer
@@ -186,8 +130,6 @@ def document(result: Design) -> dict[str, Any]:
         },
         "position_loop_gains": result.command.gains,
         "prediction": result.prediction,
-        "references": result.references,
-        "references_within_limits": result.kept_references,
         "largest_use": result.largest_use,
         "largest_deviations": result.largest_deviations,
         "scale": result.scale,

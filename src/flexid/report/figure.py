@@ -196,18 +196,13 @@ def _fill(ax: Axes, panel: Panel, beside: int) -> None:
         _draw(ax, thinned(mark, _SAMPLES))
     _set_axis(ax, "x", panel.x, max(3, 9 // beside))
     _set_axis(ax, "y", panel.y, 5)
-    for mark in panel.marks:
-        if isinstance(mark, Points) and mark.stems:  # now that the panel has a bottom
-            ax.vlines(mark.x, ax.get_ylim()[0], mark.y, color=COLOURS[mark.colour])
     title = "\n".join(fill(line, _LETTERS // beside) for line in panel.title.splitlines())
-    ax.set_title(title, color=COLOURS[panel.colour], fontsize=10 if beside == 1 else 8)
+    ax.set_title(title, fontsize=10 if beside == 1 else 8)
 
 
 def _draw(ax: Axes, mark: Mark) -> None:
     colour, label = COLOURS[mark.colour], mark.label or "_"
     if isinstance(mark, Line):
-        if mark.filled:
-            ax.fill(mark.x, mark.y, color=colour, alpha=0.18, linewidth=0)
         style = {"linestyle": _DASHES[mark.dash], "linewidth": mark.width}
         ax.plot(mark.x, mark.y, color=colour, label=label, **style)
     elif isinstance(mark, Band):

@@ -1,7 +1,8 @@
 """Files that hold an identification: written, read, checked, made a result once more.
 
 What a file holds is an `Identification` without its time series, or an `ArmIdentification`: the
-dataclasses are its schema.
+dataclasses are its schema. A digest of all of it stands in the file, since its parts follow from
+each other: coefficients make the parameters, and the covariance the intervals.
 """
 
 import hashlib
@@ -13,10 +14,10 @@ from math import inf, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flexid.arrays import plain
+from flexid.arrays import plain, to_json
 from flexid.errors import SettingError
 from flexid.files import read_bytes
-from flexid.toml_file import Refuse, first_complaint, validated
+from flexid.toml_file import Refuse, first_complaint
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -52,20 +53,33 @@ def estimate_document(result: "Identification | ArmIdentification") -> dict[str,
     made = plain(replace(result, validation=replace(result.validation, runs=())))
     del made["validation"]["runs"]
     if result.model == "arm":
-        return {"format_version": FORMAT_VERSION, **made}
+        return sealed({"format_version": FORMAT_VERSION, **made})
     observer = result.observer
     del made["recordings"]
     for kind in ("coefficients", "parameters", "removed"):
         for estimate in made[kind].values():
             del estimate["name"]
     final = dict(zip(observer.names, observer.estimates[-1], strict=True))
-    return {
+    document = {
         "format_version": FORMAT_VERSION,
         **made,
         "excitation": {row: e.document for row, e in result.excitation.items()},
-        "observer": plain({"final": final, "gains": observer.gains}),
+        "observer": {"final": final, "gains": observer.gains},
         "choices": made["choices"] | made["choices"].pop("alignment"),
     }
+    return sealed(document)
+
+
+def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A document with the digest of all else in it."""
+    return {**document, "sha256": _digest(to_json(document))}
+
+
+def _digest(text: str) -> str:
+    """The digest of a document, however its text is laid out and its whole numbers are written."""
+    content = json.loads(text, parse_int=float)
+    content.pop("sha256", None)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 class StoredEstimate(NamedTuple):
@@ -99,28 +113,25 @@ class StoredEstimate(NamedTuple):
 def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
     """A stored estimate: a file, the folder that holds it, or its content.
 
-    A `SettingError` if it cannot be read, is no estimate, is of a newer version, or a part is
-    missing or is not what it should be.
+    A `SettingError` if it cannot be read, is no estimate, is of a newer version, or was changed.
     """
     if isinstance(estimate, Mapping):
-        content, file = dict(estimate), ""
+        file = ""
         try:
-            raw = json.dumps(content, default=str).encode()
+            raw = json.dumps(dict(estimate), default=str).encode()
         except (TypeError, ValueError, RecursionError):
             raise _refusal("estimate", "", f"is no JSON: give {WANTED}") from None
     else:
         path = Path(estimate)
-        if path.is_dir():
-            path = path / _USUAL_NAME
+        path = path / _USUAL_NAME if path.is_dir() else path
         file = str(path)
-        refuse = partial(_refusal, file)
-        raw = read_bytes(path, LARGEST_FILE, WANTED, partial(refuse, ""))
-        try:
-            content = json.loads(raw.decode("utf-8"))
-        except (ValueError, RecursionError):
-            raise refuse("", f"is no JSON: give {WANTED}") from None
-    found = _result(content, partial(_refusal, file or "estimate"))
-    return StoredEstimate(found, file, hashlib.sha256(raw).hexdigest())
+        raw = read_bytes(path, LARGEST_FILE, WANTED, partial(_refusal, file, ""))
+    refuse = partial(_refusal, file or "estimate")
+    try:
+        content = json.loads(raw.decode("utf-8"))
+    except (ValueError, RecursionError):
+        raise refuse("", f"is no JSON: give {WANTED}") from None
+    return StoredEstimate(_result(content, refuse), file, hashlib.sha256(raw).hexdigest())
 
 
 def _refusal(name: str, key: str, reason: str) -> SettingError:
@@ -131,8 +142,6 @@ def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification
     """What the content of a file says, checked."""
     from pydantic import ValidationError
 
-    from flexid.stored_estimates.consistency import StoredProvenance, check_consistency
-
     version = content.get("format_version") if isinstance(content, dict) else None
     if isinstance(version, bool) or not isinstance(version, int):
         raise refuse("", f"holds no estimate: give {WANTED}")
@@ -142,15 +151,13 @@ def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification
             f"is of format {version}, and this version of flexid reads up to {FORMAT_VERSION}: "
             f"update flexid",
         )
-    provenance = content.get("provenance", {})
-    validated(provenance, StoredProvenance, lambda key, why: refuse(f"provenance.{key}", why))
+    if content.get("sha256") != _digest(json.dumps(content)):
+        raise refuse("", "was changed since flexid wrote it: identify again")
     numbers = json.dumps(_numbers(_as_dataclasses(content), None))
     try:
-        found = _schema(of_arm=content.get("model") == "arm").validate_json(numbers, strict=True)
+        return _schema(of_arm=content.get("model") == "arm").validate_json(numbers, strict=True)
     except ValidationError as error:
         raise refuse(*first_complaint(error, content)) from None
-    check_consistency(found, refuse)
-    return found
 
 
 @cache
