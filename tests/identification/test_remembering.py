@@ -50,8 +50,8 @@ def tried(monkeypatch):
             fits_by_length, "promised", lambda *at: promises.get(share(at[-1]), 0.0)
         )
         monkeypatch.setattr(fits_by_length, "explained_by", remembering)
-        monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])
-        monkeypatch.setattr(fits_by_length, "with_best_hold", lambda found, *_: found)
+        monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
+        monkeypatch.setattr(FitsByLength, "with_term", lambda by_length, *_: by_length)
         segments = range(4)
         before = made_fit(9.0, segments=segments)
         by_length = FitsByLength((before,), cast(Any, (segments,)), True, ("cubic",), "")
@@ -130,8 +130,8 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
 
     monkeypatch.setattr(fits_by_length, "promised", lambda *_: 0.9)
     monkeypatch.setattr(fits_by_length, "explained_by", remembering)
-    monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])
-    monkeypatch.setattr(fits_by_length, "with_best_hold", lambda found, *_: found)
+    monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
+    monkeypatch.setattr(FitsByLength, "with_term", lambda by_length, *_: by_length)
     wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
     by_length = FitsByLength(
         (over(16, short, wide),), cast(Any, (range(16),)), True, ("cubic",), ""

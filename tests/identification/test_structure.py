@@ -16,6 +16,7 @@ import flexid.identification.structure.elimination as elimination
 import flexid.identification.structure.job as job
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.structure.elimination import best_length, eliminate
 from flexid.identification.vocabulary.estimate import Estimate
@@ -394,7 +395,7 @@ RIGID = SimpleNamespace(joint=SimpleNamespace(kind="rigid"))
     ],
 )
 def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
-    """Assert where terms are taken away, unless an exact fit is insisted on; by residuals."""
+    """Assert where terms are taken away, unless an exact fit is asked for; by residuals."""
 
     class LeanerError(Exception):
         pass
@@ -402,13 +403,40 @@ def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
     def leanest(*_):
         raise LeanerError
 
-    by_length: Any = SimpleNamespace(found=(fitted,), divisions=(), free_length=False, tied=())
+    def choose(*, exact):
+        by_length = FitsByLength((fitted,), (), False, ("cubic",), "", exact=exact)
+        return elimination.choose_structure(by_length, (), False, lambda _: None)
+
     monkeypatch.setattr(elimination, "_leanest", leanest)
-    choose = partial(elimination.choose_structure, by_length, (), False, lambda _: None)
     with nullcontext() if not stands else pytest.raises(LeanerError):
-        assert choose(insist=False).fitted is fitted
+        assert choose(exact=False).fitted is fitted
     with pytest.raises(LeanerError):
-        choose(insist=True)
+        choose(exact=True)
+
+
+@pytest.mark.parametrize(
+    ("excesses", "exact", "lengths"),
+    [
+        ((9.0, 9.0, 9.0), False, [0.25, 0.5]),
+        ((9.0, 9.0, 9.0), True, [0.25, 0.5, 1.0]),
+        ((9.0, 1.0, 1.0), False, [0.25, 0.5, 1.0]),
+        ((9.0, 1.0, 9.0), False, [0.25, 0.5, 1.0]),
+    ],
+)
+def test_what_cannot_stand_leads_to_no_longer_segments(monkeypatch, excesses, exact, lengths):
+    """Assert that fits end with one of half a second that leaves too much to be reported."""
+    duration_of = {8: 0.25, 4: 0.5, 2: 1.0}
+    fits = {
+        count: made_fit(
+            excess, segments=range(count), duration=duration, unexplained=1.0, at_bound=()
+        )
+        for (count, duration), excess in zip(duration_of.items(), excesses, strict=True)
+    }
+    monkeypatch.setattr(fitting, "over_longer", lambda _, longer, __: fits[len(longer)])
+    divisions: Any = tuple(map(range, duration_of))
+    by_length = FitsByLength((), divisions, True, ("cubic",), "", exact=exact)
+    found = [fits[8], *by_length.longer(fits[8], THRESHOLDS)]
+    assert [fit.duration for fit in found] == lengths
 
 
 RIVALS: dict[str, tuple[dict[str, Any], list[str]]] = {

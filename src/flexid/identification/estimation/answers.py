@@ -35,14 +35,16 @@ from flexid.identification.estimation.final_fits import (
     hidden_covariance,
     with_doubts,
 )
-from flexid.identification.full_model.fits_by_length import FitsByLength
+from flexid.identification.full_model.fits_by_length import (
+    FitsByLength,
+    may_stand,
+    nearly_explains,
+)
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.structure.elimination import (
     Choice,
     core_deviations,
-    may_stand,
-    nearly_explains,
 )
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
 from flexid.identification.structure.link_delay import skew

@@ -35,6 +35,10 @@ from flexid.recording.recording import Hold
 TURNING = 0.5
 """Seconds of segments in which most springs turn round: these show best what a model lacks."""
 
+# Mean square of a rigid joint's residuals over the sensors' noise: DFKI's pendulum has 2, a joint
+# that is stiff for its load 16, and both are right; EMPS without its pulses has 10⁹, and is not.
+_RIGID_EXCESS = 100.0
+_HARDLY_MORE = 1.5  # times what noise explains: the held-out end may bring it below that
 _SHORT = 0.5  # s of segments up to which any hold will do
 _SETTLED_FROM = 0.5  # of that share, from which on it is worth what else belongs to the first steps
 # Of the grip that suits the motion, to begin with.
@@ -53,6 +57,45 @@ class FitsByLength:
     holds: tuple[Hold, ...]  # behaviours of the input that there were to choose from
     hold_reason: str  # why the input was taken to behave as it does
     tied: tuple[Hold, ...] = ()  # other behaviours that the log cannot tell from this one
+    exact: bool = False  # whether an exact fit is asked for, whatever it leaves
+
+    def longer(self, first: Fitted, thresholds: Thresholds) -> list[Fitted]:
+        """Fits over segments that are longer than those of a first one, as far as they matter."""
+        return _longer(first, self.divisions, thresholds, exact=self.exact)
+
+    def with_term(self, found: list[Fitted], thresholds: Thresholds) -> "FitsByLength":
+        """Fits with another term, with the hold that suits it best."""
+        least = len(found[0].problem.segments)
+        divisions = [s for s in self.divisions if len(s) <= least]
+        held = with_best_hold(found, divisions, self.holds, self.free_length, thresholds)
+        return replace(held, exact=self.exact)
+
+
+def may_stand(fitted: Fitted, thresholds: Thresholds) -> bool:
+    """Whether an exact fit may be reported, so that it is worth fitting to all data."""
+    explains = fitted.excess <= _HARDLY_MORE * thresholds.sensor_excess
+    return explains or nearly_explains(fitted, thresholds) or bool(fitted.at_bound)
+
+
+def nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
+    """Whether what an exact fit leaves is too little to be a model error that misleads it."""
+    if fitted.structure.joint.kind == "rigid":  # which has no deflection to compare with
+        return fitted.excess <= _RIGID_EXCESS
+    return fitted.unexplained <= thresholds.exact_share
+
+
+def _longer(
+    first: Fitted, divisions: Sequence[Segments], thresholds: Thresholds, *, exact: bool
+) -> list[Fitted]:
+    """Fits over longer segments, over which an error of the model leaves more.
+
+    Unless exact ones are asked for, there is none beyond one that cannot stand.
+    """
+
+    def leads_on(fitted: Fitted) -> bool:
+        return exact or fitted.duration < TURNING or may_stand(fitted, thresholds)
+
+    return longer_fits(first, divisions, leads_on)
 
 
 def fit_full_model(
@@ -63,23 +106,27 @@ def fit_full_model(
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
     *,
-    insist: bool = True,
+    exact: bool = False,
 ) -> FitsByLength:
-    """Fit the full model over segments of growing length; see `first_fits`."""
+    """Fit the full model over segments of growing length; see `first_fits`.
+
+    Where an exact fit is asked for, whatever it leaves, the best start's is taken at any rate.
+    """
     divisions = lengths(data, *durations)
     progress("the full model")
     short = [s for s in divisions if s.mean_duration <= _SHORT]
     short = short or divisions[:1]
-    found = first_fits(base.with_hold(holds[0]), data, short, insist=insist)
+    found = first_fits(base.with_hold(holds[0]), data, short, insist=not exact)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
         found = ending_with(best, found, short)
     progress("the full model over longer segments")
     if len(found[-1].problem.segments) == len(short[-1]):
-        found = found + longer_fits(found[-1], divisions)
+        found = found + _longer(found[-1], divisions, thresholds, exact=exact)
     if len(holds) > 1:
         progress("how the input runs between its samples")
-    return with_best_hold(found, divisions, holds, not durations, thresholds)
+    held = with_best_hold(found, divisions, holds, not durations, thresholds)
+    return replace(held, exact=exact)
 
 
 def fit_with_hysteresis(
@@ -96,7 +143,6 @@ def fit_with_hysteresis(
     structure = replace(full, absent=full.absent - joint.remembered)
     structure = structure.with_hold(before.structure.timing.hold)
     progress("hysteresis of the spring")
-    segments = before.problem.segments
     ways = [
         {**before.by_name, **dict.fromkeys(joint.grips.values(), share * joint.first_grip)}
         for share in _GRIPS
@@ -109,11 +155,8 @@ def fit_with_hysteresis(
             break
         first = explained_by(before, structure, way, floor, thresholds)
         if first is not None:
-            found = [first, *longer_fits(first, by_length.divisions)]
-            divisions = [s for s in by_length.divisions if len(s) <= len(segments)]
-            return with_best_hold(
-                found, divisions, by_length.holds, by_length.free_length, thresholds
-            )
+            found = [first, *by_length.longer(first, thresholds)]
+            return by_length.with_term(found, thresholds)
     return None
 
 

@@ -94,14 +94,20 @@ def fit_by_length(
     return [first, *longer_fits(first, divisions[1:])]
 
 
-def longer_fits(first: Fitted, divisions: Sequence[Segments]) -> list[Fitted]:
+def longer_fits(
+    first: Fitted,
+    divisions: Sequence[Segments],
+    leads_on: Callable[[Fitted], bool] = lambda _: True,
+) -> list[Fitted]:
     """Fits from one on, to those divisions whose segments are longer than its own.
 
-    They end at the length at which the fit fails. One whose steps do not end is kept where
-    its residuals are nearly those of the noise, and leads on.
+    They end at the length at which the fit fails, and with one that does not lead on. One whose
+    steps do not end is kept where its residuals are nearly those of the noise.
     """
     last, found = first, []
     for segments in (longer for longer in divisions if len(longer) < len(first.problem.segments)):
+        if not leads_on(last):
+            break
         try:
             last = over_longer(last, segments, Steps(enough=NEARLY_NOISE))
         except ConvergenceError:

@@ -16,8 +16,8 @@ from scipy.special import fdtrc
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.normal_equations import least_with, scaled_inverse
-from flexid.identification.full_model.fits_by_length import FitsByLength, best_hold
-from flexid.identification.full_model.fitting import fit_like, led_from, longer_fits
+from flexid.identification.full_model.fits_by_length import FitsByLength, best_hold, may_stand
+from flexid.identification.full_model.fitting import fit_like, led_from
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, free_information, settled
@@ -28,10 +28,6 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE
 
 _TAKEN = 0.5  # share of what exceeds the noise from which on unusual terms explain most of it
-# Mean square of a rigid joint's residuals over the sensors' noise: DFKI's pendulum has 2, a joint
-# that is stiff for its load 16, and both are right; EMPS without its pulses has 10⁹, and is not.
-_RIGID_EXCESS = 100.0
-_HARDLY_MORE = 1.5  # times what noise explains: the held-out end may bring it below that
 _NO_WORSE = 1.01  # ratio of excesses: with more terms residuals are no larger, but for rough steps
 _ROUNDS = 2  # of taking away and fitting over longer segments
 CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
@@ -66,38 +62,23 @@ class Choice:
         )
 
 
-def may_stand(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether an exact fit may be reported, so that it is worth fitting to all data."""
-    explains = fitted.excess <= _HARDLY_MORE * thresholds.sensor_excess
-    return explains or nearly_explains(fitted, thresholds) or bool(fitted.at_bound)
-
-
-def nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether what an exact fit leaves is too little to be a model error that misleads it."""
-    if fitted.structure.joint.kind == "rigid":  # which has no deflection to compare with
-        return fitted.excess <= _RIGID_EXCESS
-    return fitted.unexplained <= thresholds.exact_share
-
-
 def choose_structure(
     by_length: FitsByLength,
     kept: Collection[str],
     with_shapes: bool,
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
-    *,
-    insist: bool = True,
 ) -> Choice:
     """Take away from the full model what a log does not show.
 
-    Without insisting, a fit that cannot stand with all terms stays as it is: with less it leaves
-    more.
+    A fit that cannot stand with all terms stays as it is, unless an exact one is asked for: with
+    less it leaves more.
     """
-    found, divisions = list(by_length.found), by_length.divisions
+    found, exact = list(by_length.found), by_length.exact
     best = best_length(found) if by_length.free_length else found[-1]
     progress("taking away what the log does not show")
     wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
-    if not insist and not may_stand(wider, thresholds):
+    if not exact and not may_stand(wider, thresholds):
         return Choice(wider.structure, wider.structure, wider, (), tuple(found), asked)
     asked_over = wider.duration
     if asked.tied:  # the delay that is left stands for another hold
@@ -108,7 +89,7 @@ def choose_structure(
         leaner = fit_like(structure, wider)
         if leaner is None:
             break
-        found = [leaner, *longer_fits(leaner, divisions)]
+        found = [leaner, *by_length.longer(leaner, thresholds)]
         longer = best_length(found) if by_length.free_length else found[-1]
         if longer is leaner:
             best = leaner
@@ -137,7 +118,7 @@ def choose_structure(
     structure = fitted.structure
     full = replace(wider.structure, joint=structure.joint)
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
-    others = [f for f in found if insist or may_stand(f, thresholds)]
+    others = [f for f in found if exact or may_stand(f, thresholds)]
     others = others if by_length.free_length else []
     rivals = _rivals(fitted, replace(more, joint=structure.joint), others, kept, thresholds)
     return Choice(full, structure, fitted, evidence, tuple(found), asked, rivals)

@@ -19,14 +19,12 @@ from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     leaves_more,
-    with_best_hold,
 )
 from flexid.identification.full_model.fitting import (
     fit_by_length,
     fit_like,
     in_own_steps,
     led_from,
-    longer_fits,
     motion_at,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
@@ -209,9 +207,8 @@ def fit_with_play(
         return None
     if leaves_more(last, chosen, thresholds):
         return None
-    found = [last, *longer_fits(last, by_length.divisions)]
-    divisions = [s for s in by_length.divisions if len(s) <= len(last.problem.segments)]
-    return with_best_hold(found, divisions, by_length.holds, by_length.free_length, thresholds)
+    found = [last, *by_length.longer(last, thresholds)]
+    return by_length.with_term(found, thresholds)
 
 
 class LikelyPlay(NamedTuple):

@@ -91,7 +91,7 @@ class Job:
         duration = self.settings.segment_duration
         durations = () if duration == "auto" else (duration,)
         own, rest = (self.structure, self.training), (self.progress, self.thresholds)
-        by_length = fit_full_model(*own, self.holds, durations, *rest, insist=not self.exact)
+        by_length = fit_full_model(*own, self.holds, durations, *rest, exact=self.exact)
         for shape in SOUGHT:
             if not shape.coefficients.isdisjoint(self.kept):
                 by_length = fit_requested_shape(shape, by_length, *rest)
@@ -241,10 +241,7 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
 
 def _chosen(job: Job, by_length: FitsByLength, *, with_shapes: bool) -> tuple[Choice, Validation]:
     """What a log shows of a full model, and how that predicts; or a rival that does so better."""
-    thresholds, insist = job.thresholds, job.exact
-    choice = choose_structure(
-        by_length, job.kept, with_shapes, job.progress, thresholds, insist=insist
-    )
+    choice = choose_structure(by_length, job.kept, with_shapes, job.progress, job.thresholds)
     job.progress("predicting the held-out data")
     return _preferred(choice, job)
 

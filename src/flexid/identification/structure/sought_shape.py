@@ -23,9 +23,8 @@ from flexid.identification.full_model.fits_by_length import (
     promised,
     sampled,
     turning,
-    with_best_hold,
 )
-from flexid.identification.full_model.fitting import fit_by_length, fit_like, longer_fits, motion_at
+from flexid.identification.full_model.fitting import fit_by_length, fit_like, motion_at
 from flexid.identification.full_model.model import Data, Fitted, Structure, once_per_fit
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.estimate import Estimate
@@ -122,12 +121,14 @@ def _fit_longer(
     shape: SoughtShape, first: Fitted, by_length: FitsByLength, thresholds: Thresholds
 ) -> FitsByLength:
     """Fits over longer segments, with the constant and the hold that suit the log."""
-    divisions = [s for s in by_length.divisions if len(s) <= len(first.problem.segments)]
-    found = [first, *longer_fits(first, divisions)]
-    found = ending_with(at_its_constant(shape, found[-1]), found, divisions)
-    held = with_best_hold(found, divisions, by_length.holds, by_length.free_length, thresholds)
+    found = [first, *by_length.longer(first, thresholds)]
+    if found[-1] is not first:  # which has the constant that suits it
+        found = ending_with(at_its_constant(shape, found[-1]), found, by_length.divisions)
+    held = by_length.with_term(found, thresholds)
+    if held.found[-1].structure.timing.hold == first.structure.timing.hold:
+        return held
     # With another hold another constant may suit it.
-    found = ending_with(at_its_constant(shape, held.found[-1]), [*held.found], divisions)
+    found = ending_with(at_its_constant(shape, held.found[-1]), [*held.found], held.divisions)
     return replace(held, found=tuple(found))
 
 
