@@ -73,7 +73,7 @@ def test_the_library_takes_whatever_holds_an_estimate(folders):
     other = library.load(folders["after"])
     forms = (library.load(file), folders["before"], str(file), json.loads(file.read_text()))
     answers = [library.compare(form, other) for form in forms]
-    assert len({str(answer.to_dataframe().to_dicts()) for answer in answers}) == 1
+    assert len({str(answer.document["parameters"]) for answer in answers}) == 1
     answer = answers[0]
     assert answer.changed == ("joint_stiffness",)
     assert not answer.agree
@@ -81,7 +81,5 @@ def test_the_library_takes_whatever_holds_an_estimate(folders):
     assert answer.probability < 1e-4
     assert "logs" in answer.settings
     assert repr(answer) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
-    frame = answer.to_dataframe()
-    assert list(frame["kind"]) == ["parameter"] * 5 + ["coefficient"] * 5
     assert "Changed: joint_stiffness" in answer.summary()
     assert "&lt;" not in answer._repr_html_()

@@ -104,7 +104,6 @@ def test_one_encoder(samples):
 @pytest.mark.parametrize(
     ("samples", "words"),
     [
-        ({"motor_position": 1.0}, "give one of motor_torque"),
         ({"motor_position": [1.0, 2.0], "motor_torque": [1.0]}, "differ in number"),
         ({"motor_position": "x", "motor_torque": 1.0}, "motor_position is a str"),
         ({"motor_position": [[1.0]], "motor_torque": 1.0}, "has 2 dimensions"),
@@ -114,6 +113,12 @@ def test_samples_that_cannot_be(samples, words):
     """Assert that each is refused with what would be right."""
     with pytest.raises(ArgumentError, match=words):
         flexid.watch(sample_time=1e-3).feed(**samples)
+
+
+def test_channels_that_say_nothing():
+    """Assert that a motor alone is refused as a log of it is."""
+    with pytest.raises(RecordingError, match="no torque, current or voltage"):
+        flexid.watch(sample_time=1e-3).feed(motor_position=1.0)
 
 
 def test_channels_stay_the_same(samples):

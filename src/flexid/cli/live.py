@@ -100,7 +100,7 @@ def _follow(
             if due and as_json:
                 click.echo(json.dumps(watched.document))
             if terminal and now - drawn > _DRAWN_EVERY:
-                session = watched.session if watched.has_begun else None
+                session = watched.result if watched.has_begun else None
                 live.update(live_view(session, errors.width), refresh=True)
                 drawn = now
             if checkpoint is not None and watched.has_begun and now - saved > _SAVED_EVERY:

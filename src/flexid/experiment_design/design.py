@@ -69,6 +69,7 @@ class Design:
     scale: float  # factor on what the search found, so that all drives keep to the limits
     seed: int  # of the search and of the wrong drives
     provenance: Mapping[str, object]  # version, inputs with their hashes, settings
+    warnings: tuple[str, ...]  # parts of an estimate that are not used, or are uncertain
 
     @property
     def amplitudes(self) -> FloatArray:
@@ -130,6 +131,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
             "starts": STARTS,
             "wrong_drives": len(search.cases),
         },
+        file.warnings,
     )
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import base64
 import io
 import json
-from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from flexid.arrays import to_json
@@ -18,7 +18,6 @@ from flexid.errors import SettingError
 from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
-    import polars as pl
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -32,7 +31,7 @@ class Answer:
     """What a function of flexid returns.
 
     In a notebook it shows itself as tables and a figure; `print` of its `summary` is what the
-    command of the same name prints.
+    command of the same name prints. What a class declares and does not define is the result's.
     """
 
     _report = ""  # the module of `flexid.report` that presents it
@@ -41,6 +40,22 @@ class Answer:
 
     def __init__(self, result: Any) -> None:
         self.result = result  # what was found
+
+    def __getattr__(self, name: str) -> Any:
+        if not self._is_the_results(name):
+            raise AttributeError(f"{type(self).__name__} has no {name!r}", name=name, obj=self)
+        value = getattr(self.result, name)
+        return MappingProxyType(value) if isinstance(value, dict) else value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if self._is_the_results(name):
+            raise AttributeError(f"{name!r} is what was found: it stays", name=name, obj=self)
+        super().__setattr__(name, value)
+
+    def _is_the_results(self, name: str) -> bool:
+        """Whether a class declares an attribute that is that of the result."""
+        every = (vars(each).get("__annotations__", ()) for each in type(self).__mro__)
+        return name != "result" and not name.startswith("_") and any(name in one for one in every)
 
     @property
     def _presenter(self) -> Presenter:
@@ -180,17 +195,3 @@ class Answer:
         pictures = (base64.b64encode(png(draw(chart))).decode() for chart in self._drawn[:1])
         shown = (f'<img src="data:image/png;base64,{picture}"/>' for picture in pictures)
         return "".join((text, *warnings, *shown))
-
-
-class TabularAnswer(Answer):
-    """An answer that is a data frame, too."""
-
-    @abstractmethod
-    def _columns(self) -> Mapping[str, Any]:
-        """The columns of the data frame."""
-
-    def to_dataframe(self) -> pl.DataFrame:
-        """The answer as a data frame of Polars, which has ``to_pandas`` and ``to_arrow``."""
-        import polars as pl
-
-        return pl.DataFrame(self._columns())

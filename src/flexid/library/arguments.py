@@ -10,7 +10,7 @@ import math
 import os
 import re
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
 from numbers import Real
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from flexid.identification.preparation.joint import Kind
     from flexid.identification.preparation.settings import Settings
     from flexid.recording.recording import Hold
-    from flexid.streaming.options import StreamChannels
 
     FilePath: TypeAlias = str | os.PathLike[str]
     """Where a file is."""
@@ -310,38 +309,6 @@ _TYPES: Mapping[str, tuple[Any, str]] = {
     "str": (str, "text"),
 }
 """What an argument may be, by its annotation or a part of that, and in words."""
-
-
-_CHANNELS = {
-    "flexible": "link_position or deflection, motor_position and an input",
-    "link": "link_position or deflection, motor_position and no input",
-    "rigid": "motor_position and an input, and no link",
-}
-
-
-def fed_channels(names: Sequence[str], kind: str) -> StreamChannels:
-    """What a session is fed, by the names of its channels; the kind is asked for, or "auto"."""
-    from flexid.recording.channel import INPUTS, SI_UNITS
-    from flexid.streaming.options import StreamChannels
-
-    inputs = [name for name in INPUTS if name in names]
-    links = [name for name in ("link_position", "deflection") if name in names]
-    if len(inputs) > 1 or len(links) > 1 or not inputs + links:
-        raise ArgumentError(
-            "feed",
-            "channels",
-            f"are {', '.join(names)}: give one of {', '.join(INPUTS)}, and of link_position and "
-            f"deflection one at most; without an input, one of these",
-        )
-    found = ("flexible" if inputs else "link") if links else "rigid"
-    if kind not in ("auto", found):
-        raise ArgumentError(
-            "feed",
-            "channels",
-            f"are {', '.join(names)}: for the {kind} joint give {_CHANNELS[kind]}",
-        )
-    unit = SI_UNITS[inputs[0]][0] if inputs else ""
-    return StreamChannels(found, unit, links == ["deflection"], ())
 
 
 def as_samples(name: str, values: Any) -> FloatArray:

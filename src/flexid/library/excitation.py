@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import Answer, TabularAnswer
+from flexid.library.answer import Answer
 from flexid.library.arguments import entrance, joint_settings, one_thread, options_of
 from flexid.library.identify import estimated, identify
 
@@ -28,6 +28,10 @@ class LogExcitation(Answer):
     _file = "excitation.json"
 
     result: ExcitationReport
+    coefficients: Mapping[str, CoefficientAssessment]
+    """By name: value, interval, verdict, and the coefficient that each is confused with."""
+    advice: Advice | None
+    """What to add to the input; None where every coefficient is determined."""
 
     @property
     def estimate(self) -> JointEstimate:
@@ -35,16 +39,6 @@ class LogExcitation(Answer):
         from flexid.library.joint_estimate import JointEstimate
 
         return JointEstimate(self.result.identification)
-
-    @property
-    def coefficients(self) -> Mapping[str, CoefficientAssessment]:
-        """By name: value, interval, verdict, and the coefficient that each is confused with."""
-        return self.result.coefficients
-
-    @property
-    def advice(self) -> Advice | None:
-        """What to add to the input; None where every coefficient is determined."""
-        return self.result.advice
 
     def supports(self, *, strict: bool = False) -> bool:
         """Whether the data determine every parameter, be it weakly.
@@ -94,38 +88,20 @@ def excitation(
     return LogExcitation(examine(read, joint_settings(**options), progress))
 
 
-class ExperimentDesign(TabularAnswer):
-    """An experiment that determines the coefficients within limits, with its predictions.
-
-    As a data frame it is what a drive can play: the columns of ``command.csv``.
-    """
+class ExperimentDesign(Answer):
+    """An experiment that determines the coefficients within limits, with its predictions."""
 
     _report = "design"
     _file = "design.json"
 
-    def __init__(self, result: Design, warnings: tuple[str, ...] = ()) -> None:
-        self.result = result
-        self._warnings = warnings
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Parts of an estimate that the design does not use, or that are uncertain."""
-        return self._warnings
+    result: Design
+    supported: bool
+    """Whether every coefficient would be determined to 10 % or better."""
 
     @property
     def deviations(self) -> Mapping[str, float]:
         """Predicted standard deviation of each coefficient over its value."""
         return self.result.prediction.deviations
-
-    @property
-    def supported(self) -> bool:
-        """Whether every coefficient would be determined to 10 % or better."""
-        return self.result.supported
-
-    def _columns(self) -> Mapping[str, Any]:
-        from flexid.report.design import command_columns
-
-        return command_columns(self.result)
 
     def __repr__(self) -> str:
         wanted = self.result.drive.experiment
@@ -178,5 +154,4 @@ def design(
     given = {"kind": kind, "criterion": criterion, "duration": duration}
     choices: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     earlier = None if estimate is None else estimated(estimate)
-    file = read_drive(Path(drive), earlier, choices)
-    return ExperimentDesign(run(file, seed, progress), file.warnings)
+    return ExperimentDesign(run(read_drive(Path(drive), earlier, choices), seed, progress))

@@ -46,6 +46,20 @@ class JointEstimate(Answer):
     _file = "estimate.json"
 
     result: Identification
+    model: str
+    """``"flexible"``; ``"link"`` where there is no input, ``"rigid"`` with one encoder."""
+    parameters: Mapping[str, ParameterEstimate]
+    """Physical parameters by name: value, unit, interval, verdict and reason of each."""
+    coefficients: Mapping[str, CoefficientEstimate]
+    """Lumped coefficients of the model by name, likewise."""
+    removed: Mapping[str, ParameterEstimate]
+    """Parameters that the model does without: how large they could be."""
+    disturbances: Disturbances | None
+    """What the drive does that no term describes; None where the model explains the log."""
+    verdict: Verdict
+    """The worst of all verdicts."""
+    provenance: Mapping[str, Any]
+    """Version, settings, and the logs with their hashes."""
 
     def __getitem__(self, name: str) -> ValueEstimate:
         """A parameter or coefficient by name."""
@@ -60,31 +74,6 @@ class JointEstimate(Answer):
 
     def __contains__(self, name: object) -> bool:
         return name in self._every
-
-    @property
-    def model(self) -> str:
-        """``"flexible"``; ``"link"`` where there is no input, ``"rigid"`` with one encoder."""
-        return self.result.model
-
-    @property
-    def parameters(self) -> Mapping[str, ParameterEstimate]:
-        """Physical parameters by name: value, unit, interval, verdict and reason of each."""
-        return MappingProxyType(self.result.parameters)
-
-    @property
-    def coefficients(self) -> Mapping[str, CoefficientEstimate]:
-        """Lumped coefficients of the model by name, likewise."""
-        return MappingProxyType(self.result.coefficients)
-
-    @property
-    def removed(self) -> Mapping[str, ParameterEstimate]:
-        """Parameters that the model does without: how large they could be."""
-        return MappingProxyType(self.result.removed)
-
-    @property
-    def disturbances(self) -> Disturbances | None:
-        """What the drive does that no term describes; None where the model explains the log."""
-        return self.result.disturbances
 
     @property
     def fit_percent(self) -> Mapping[str, float]:
@@ -126,11 +115,6 @@ class JointEstimate(Answer):
         known = self.result.choices.estimator == "prediction-error"
         return sum(map(len, self.result.recordings)) if known else 0
 
-    @property
-    def verdict(self) -> Verdict:
-        """The worst of all verdicts."""
-        return self.result.verdict
-
     def supports(self, *, strict: bool = False) -> bool:
         """Whether the data determine every parameter, be it weakly.
 
@@ -140,11 +124,6 @@ class JointEstimate(Answer):
             Count what is weak as not determined.
         """
         return self.result.supports(strict=strict)
-
-    @property
-    def provenance(self) -> Mapping[str, Any]:
-        """Version, settings, and the logs with their hashes."""
-        return MappingProxyType(self.result.provenance)
 
     @property
     def terms(self) -> tuple[str, ...]:

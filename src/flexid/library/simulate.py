@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import Answer, TabularAnswer
+from flexid.library.answer import Answer
 from flexid.library.arguments import entrance, one_thread
 
 if TYPE_CHECKING:
+    import polars as pl
+
     from flexid.campaigns import Summary
     from flexid.experiments.experiment import Experiment
     from flexid.experiments.measures import Measures
@@ -22,11 +24,8 @@ if TYPE_CHECKING:
     from flexid.studies.reproduction import Claim, Reproduction
 
 
-class SimulatedRun(TabularAnswer):
-    """A closed loop over time: plant, controller and observer.
-
-    As a data frame it has all time series: the columns of ``run.parquet``.
-    """
+class SimulatedRun(Answer):
+    """A closed loop over time: plant, controller and observer."""
 
     _report = "simulated_run"
     _file = "run.json"
@@ -53,10 +52,13 @@ class SimulatedRun(TabularAnswer):
     def _shown(self) -> tuple[Any, ...]:
         return self.experiment, self.result, self.measures
 
-    def _columns(self) -> Mapping[str, Any]:
+    def to_dataframe(self) -> pl.DataFrame:
+        """All time series, as a data frame of Polars: the columns of ``run.parquet``."""
+        import polars as pl
+
         from flexid.experiments.measures import run_columns
 
-        return run_columns(self.result)
+        return pl.DataFrame(run_columns(self.result))
 
     def __repr__(self) -> str:
         return f"<SimulatedRun: {self.experiment.name}, {self.result.time[-1]:g} s>"
@@ -86,33 +88,19 @@ def simulate(
     return SimulatedRun(chosen, chosen.run())
 
 
-class CampaignResult(TabularAnswer):
-    """What a campaign says, finished or not; as a data frame, a row for each run that is done."""
+class CampaignResult(Answer):
+    """What a campaign says, finished or not."""
 
     _report = "campaign"
     _file = "summary.json"
 
     result: Summary
-
-    @property
-    def directory(self) -> Path:
-        """Where the rows are."""
-        return self.result.directory
-
-    @property
-    def statuses(self) -> Mapping[str, int]:
-        """How many runs ended how, the most frequent first."""
-        return self.result.statuses
-
-    @property
-    def complete(self) -> bool:
-        """Whether every run has its row."""
-        return self.result.complete
-
-    def _columns(self) -> Mapping[str, Any]:
-        from flexid.campaigns.summary import campaign_rows
-
-        return campaign_rows(self.directory).to_dict(as_series=False)
+    directory: Path
+    """Where the rows are."""
+    statuses: Mapping[str, int]
+    """How many runs ended how, the most frequent first."""
+    complete: bool
+    """Whether every run has its row."""
 
     def __repr__(self) -> str:
         statuses = ", ".join(f"{name} {count}" for name, count in self.statuses.items())
@@ -175,11 +163,8 @@ class PaperReproduction(Answer):
     _formats = ("png", "pdf")
 
     result: Reproduction
-
-    @property
-    def claims(self) -> tuple[Claim, ...]:
-        """The paper's claims, decided."""
-        return self.result.claims
+    claims: tuple[Claim, ...]
+    """The paper's claims, decided."""
 
     def __repr__(self) -> str:
         verdicts = [claim.verdict for claim in self.claims]

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from math import isnan
 from os import PathLike
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import SettingError
-from flexid.library.answer import TabularAnswer
+from flexid.library.answer import Answer
 from flexid.library.arguments import entrance, one_thread
 from flexid.library.identify import estimated
 
@@ -26,38 +25,24 @@ if TYPE_CHECKING:
     from flexid.stored_estimates.validate_estimate import EstimateValidation as Validated
 
 
-class EstimateValidation(TabularAnswer):
+class EstimateValidation(Answer):
     """How well, and for how long, an estimate predicts logs that it was not made from.
 
-    `flexid.validate` and `JointEstimate.validate` return one. As a data frame it has a row for each
-    channel and horizon in s, infinite for the free run, with the columns channel, horizon,
-    fit_percent, residual and noise, the last two in rad.
+    `flexid.validate` and `JointEstimate.validate` return one.
     """
 
     _report = "validation"
     _file = "validation.json"
 
     result: Validated
-
-    @property
-    def fit_percent(self) -> Mapping[str, float]:
-        """By channel, how much of the motion a free run repeats, in per cent."""
-        return MappingProxyType(self.result.fit_percent)
-
-    @property
-    def horizons(self) -> Mapping[float, Mapping[str, float]]:
-        """The same for predictions that begin again every so many seconds."""
-        return MappingProxyType(self.result.horizons)
-
-    @property
-    def residuals(self) -> Mapping[float, Mapping[str, float]]:
-        """Root mean square of what each channel is off in rad, by horizon; inf for the free run."""
-        return MappingProxyType(self.result.residuals)
-
-    @property
-    def noise(self) -> Mapping[str, float]:
-        """Standard deviation of each channel's noise in rad."""
-        return MappingProxyType(self.result.noise)
+    fit_percent: Mapping[str, float]
+    """By channel, how much of the motion a free run repeats, in per cent."""
+    horizons: Mapping[float, Mapping[str, float]]
+    """The same for predictions that begin again every so many seconds."""
+    residuals: Mapping[float, Mapping[str, float]]
+    """Root mean square of what each channel is off in rad, by horizon; inf for the free run."""
+    noise: Mapping[str, float]
+    """Standard deviation of each channel's noise in rad."""
 
     def supports(self, min_fit: float | None = None) -> bool:
         """Whether the free run explains enough of every channel that moves.
@@ -82,17 +67,6 @@ class EstimateValidation(TabularAnswer):
             found[channel] = np.concatenate([run.measured[:, place] for run in runs])
             found[f"predicted_{channel}"] = np.concatenate([r.simulated[:, place] for r in runs])
         return found
-
-    def _columns(self) -> Mapping[str, Any]:
-        fits = {**self.horizons, float("inf"): self.fit_percent}
-        pairs = [(channel, horizon) for horizon in fits for channel in self.noise]
-        return {
-            "channel": [channel for channel, _ in pairs],
-            "horizon": [horizon for _, horizon in pairs],
-            "fit_percent": [fits[horizon][channel] for channel, horizon in pairs],
-            "residual": [self.residuals[horizon][channel] for channel, horizon in pairs],
-            "noise": [self.noise[channel] for channel, _ in pairs],
-        }
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{channel} {fit:.1f} %" for channel, fit in self.fit_percent.items())
@@ -137,28 +111,24 @@ def validate(
     return EstimateValidation(validate_arm(stored, paths, Path(columns) if columns else None))
 
 
-class EstimateComparison(TabularAnswer):
+class EstimateComparison(Answer):
     """What differs between two estimates, and whether chance explains it.
 
-    `flexid.compare` returns one. As a data frame it has a row for each number, with the columns
-    name, kind, unit, a, b, difference, lower, upper, percent, percent_lower, percent_upper,
-    probability, outcome and reason.
+    `flexid.compare` returns one.
     """
 
     _report = "comparison"
     _file = "comparison.json"
 
     result: Comparison
-
-    @property
-    def parameters(self) -> Mapping[str, Difference]:
-        """By name, each parameter of either estimate: difference, interval and outcome."""
-        return MappingProxyType(self.result.parameters)
-
-    @property
-    def coefficients(self) -> Mapping[str, Difference]:
-        """Lumped coefficients of the model by name, likewise; none if their meaning differs."""
-        return MappingProxyType(self.result.coefficients)
+    parameters: Mapping[str, Difference]
+    """By name, each parameter of either estimate: difference, interval and outcome."""
+    coefficients: Mapping[str, Difference]
+    """Lumped coefficients of the model by name, likewise; none if their meaning differs."""
+    agree: bool
+    """Whether all that is in both drives was compared, and no change is established."""
+    settings: Mapping[str, tuple[str, str]]
+    """What was asked for, chosen or used otherwise: in A and in B, by name."""
 
     @property
     def changed(self) -> tuple[str, ...]:
@@ -166,41 +136,10 @@ class EstimateComparison(TabularAnswer):
         return tuple(d.name for d in self.result.having("changed", "contradictory"))
 
     @property
-    def agree(self) -> bool:
-        """Whether all that is in both drives was compared, and no change is established."""
-        return self.result.agree
-
-    @property
     def probability(self) -> float | None:
         """Of differences as large by chance, of all coefficients at once; None if not tested."""
         together = self.result.together
         return None if together is None else together.probability
-
-    @property
-    def settings(self) -> Mapping[str, tuple[str, str]]:
-        """What was asked for, chosen or used otherwise: in A and in B, by name."""
-        return self.result.settings
-
-    def _columns(self) -> Mapping[str, Any]:
-        rows = [*self.parameters.values(), *self.coefficients.values()]
-        kinds = ["parameter"] * len(self.parameters) + ["coefficient"] * len(self.coefficients)
-        nothing = float("nan")
-        return {
-            "name": [d.name for d in rows],
-            "kind": kinds,
-            "unit": [d.unit for d in rows],
-            "a": [nothing if d.a is None else d.a.value for d in rows],
-            "b": [nothing if d.b is None else d.b.value for d in rows],
-            "difference": [d.value for d in rows],
-            "lower": [d.interval[0] for d in rows],
-            "upper": [d.interval[1] for d in rows],
-            "percent": [d.percent for d in rows],
-            "percent_lower": [d.percent_interval[0] for d in rows],
-            "percent_upper": [d.percent_interval[1] for d in rows],
-            "probability": [d.probability for d in rows],
-            "outcome": [d.outcome for d in rows],
-            "reason": [d.reason for d in rows],
-        }
 
     def __repr__(self) -> str:
         compared = sum(d.compared for d in self.result.decisive.values())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.answer import Answer
-from flexid.library.arguments import as_samples, entrance, fed_channels, with_deviations
+from flexid.library.arguments import as_samples, entrance, with_deviations
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:
@@ -37,6 +37,21 @@ class Watch(Answer):
     _report = "watch"
     _file = "watch.json"
 
+    time: float
+    """Time of the latest sample in s."""
+    coefficients: Mapping[str, CoefficientEstimate]
+    """Coefficients of the model by name, with intervals and verdicts."""
+    parameters: Mapping[str, ParameterEstimate]
+    """Physical parameters by name, with intervals and verdicts."""
+    excitation: Mapping[str, Excitation]
+    """Excitation of each row by what was learnt from: (A4) of Huang (2003), measured."""
+    counts: Counts
+    """What became of the samples."""
+    changes: tuple[Change, ...]
+    """When the drive changed, as far as its motion says."""
+    departures: tuple[Departure, ...]
+    """What differs from the estimate that the drive is held against, the clearest first."""
+
     def __init__(
         self,
         chosen: Mapping[str, Any],
@@ -50,14 +65,15 @@ class Watch(Answer):
         self._checkpoint = checkpoint
         self._every = every
         self._session: Session | None = None
-        self._channels: tuple[str, ...] = ()
+        self._names: set[str] = set()  # of what is fed
+        self._sampled: list[str] = []  # of what is learnt from of that, in a sample's order
         self._start = 0.0
         self._since_start = 0
         self._pending: list[FloatArray] = []
         self._n_pending = 0
 
     @property
-    def session(self) -> Session:
+    def result(self) -> Session:
         """The session, with all that was fed."""
         session = self._session if self._follower is None else self._follower.session
         if session is not None:
@@ -132,38 +148,41 @@ class Watch(Answer):
         lengths = {name: len(values) for name, values in arrays.items()}
         if len({*lengths.values()}) > 1:
             raise ArgumentError("feed", "samples", f"differ in number: {lengths}")
-        names = tuple(name for name in arrays if name != "time")
-        session = self._session or self._begin(names)
-        if names != self._channels:
+        names = {*arrays} - {"time"}
+        session = self._session or self._begin(arrays)
+        if names != self._names:
+            given, before = (", ".join(sorted(each)) for each in (names, self._names))
             raise ArgumentError(
-                "feed",
-                "channels",
-                f"are {', '.join(names)}, and were {', '.join(self._channels)}: give the same",
+                "feed", "channels", f"are {given}, and were {before}: give the same"
             )
         count, h = lengths["motor_position"], session.options.sample_time
-        if "time" not in arrays:
-            steps = self._since_start + np.arange(count, dtype=np.float64)
-            arrays["time"] = self._start + h * steps
+        if time is None:
+            arrays["time"] = self._start + h * (self._since_start + np.arange(count))
             self._since_start += count
         elif count:
             self._start, self._since_start = float(arrays["time"][-1]) + h, 0
-        columns = (arrays["time"], *(arrays[name] for name in names))
-        self._pending.append(np.column_stack(columns).astype(np.float64))
-        self._n_pending += len(columns[0])
+        self._pending.append(np.column_stack([arrays[name] for name in self._sampled]))
+        self._n_pending += count
         if self._n_pending >= _AT_ONCE:
             self._catch_up(session)
 
-    def _begin(self, names: tuple[str, ...]) -> Session:
+    def _begin(self, arrays: Mapping[str, FloatArray]) -> Session:
+        from flexid.recording.channel import SI_UNITS, Channel, Origin
         from flexid.streaming.checkpoint import opened_session
-        from flexid.streaming.options import options_of_stream, wanted_kind
+        from flexid.streaming.options import chosen_channels, options_of_stream, wanted_kind
 
         if self._follower is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
-        channels = fed_channels(names, wanted_kind(self._chosen, self._estimate))
+        channels = {}
+        for name in {**arrays, "time": None}:
+            origin = Origin({name: 1.0}, 1.0, 0.0, SI_UNITS[name][0], None)
+            channels[name] = Channel(arrays["motor_position"], name, True, origin)
+        kind = wanted_kind(self._chosen, self._estimate)
+        chosen = chosen_channels("feed", channels, (), kind)
         sample_time = self._chosen["sample_time"]
-        options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
+        options = options_of_stream(self._chosen, self._estimate, chosen, sample_time)
         self._session = opened_session(options, self._checkpoint)
-        self._channels = names
+        self._names, self._sampled = {*arrays} - {"time"}, [*chosen.sampled]
         if self._session.fed and isfinite(self._session.time):
             self._start = self._session.time + options.sample_time
         return self._session
@@ -187,42 +206,7 @@ class Watch(Answer):
         """How the estimation is, a `Health`, and the reason, a sentence."""
         if not self.has_begun:
             return Judgement(Health.CONVERGING, "no sample has come so far")
-        return self.session.health
-
-    @property
-    def time(self) -> float:
-        """Time of the latest sample in s."""
-        return self.session.time
-
-    @property
-    def coefficients(self) -> Mapping[str, CoefficientEstimate]:
-        """Coefficients of the model by name, with intervals and verdicts."""
-        return self.session.coefficients
-
-    @property
-    def parameters(self) -> Mapping[str, ParameterEstimate]:
-        """Physical parameters by name, with intervals and verdicts."""
-        return self.session.parameters
-
-    @property
-    def excitation(self) -> Mapping[str, Excitation]:
-        """Excitation of each row by what was learnt from: (A4) of Huang (2003), measured."""
-        return self.session.excitation
-
-    @property
-    def counts(self) -> Counts:
-        """What became of the samples."""
-        return self.session.counts
-
-    @property
-    def changes(self) -> tuple[Change, ...]:
-        """When the drive changed, as far as its motion says."""
-        return self.session.changes
-
-    @property
-    def departures(self) -> tuple[Departure, ...]:
-        """What differs from the estimate that the drive is held against, the clearest first."""
-        return self.session.departures
+        return self.result.health
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -233,7 +217,7 @@ class Watch(Answer):
             return ()
         from flexid.streaming.options import not_accounted_for
 
-        return tuple(not_accounted_for(self._estimate, self.session.options.sample_time))
+        return tuple(not_accounted_for(self._estimate, self.result.options.sample_time))
 
     @entrance
     def save_checkpoint(self, path: FilePath) -> None:
@@ -246,11 +230,7 @@ class Watch(Answer):
         """
         from flexid.streaming.checkpoint import save_session
 
-        save_session(self.session, Path(path))
-
-    @property
-    def _shown(self) -> tuple[Any, ...]:
-        return (self.session,)
+        save_session(self.result, Path(path))
 
     def __repr__(self) -> str:
         health = self.health
