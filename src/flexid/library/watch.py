@@ -157,7 +157,8 @@ class Watch(Answer):
             )
         count, h = lengths["motor_position"], session.options.sample_time
         if time is None:
-            arrays["time"] = self._start + h * (self._since_start + np.arange(count))
+            steps = self._since_start + np.arange(count, dtype=np.float64)
+            arrays["time"] = self._start + h * steps
             self._since_start += count
         elif count:
             self._start, self._since_start = float(arrays["time"][-1]) + h, 0
