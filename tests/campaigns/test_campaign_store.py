@@ -264,7 +264,7 @@ def test_another_experiment_finds_the_directory_taken(experiment, tmp_path):
 
 
 def test_control_c_keeps_what_is_done(tmp_path):
-    """Assert that an interrupt exits 130 with one sentence that counts the parts kept."""
+    """Assert that an interrupt exits 3 with one sentence, and whole parts stay."""
     text = EXPERIMENT.replace("duration = 0.1", "duration = 60.0")
     campaign = "[campaign]\nkind = 'latin-hypercube'\nruns = 2000\nruns_per_part = 2\n"
     campaign += "vary.observer.link = { uniform = [1.0, 2.0] }\n"
@@ -282,7 +282,5 @@ def test_control_c_keeps_what_is_done(tmp_path):
     stdout, stderr = process.communicate(timeout=120)
     done = 2 * len(list(out.glob("runs/part-*")))
     assert (process.returncode, stdout) == (3, "")
-    assert stderr.splitlines() == [
-        f"flexid: interrupted: {done} of 2000 runs are kept in {out}; the same command goes on"
-    ]
+    assert stderr.splitlines() == ["flexid: interrupted: the same command goes on"]
     assert 0 < done < 2000

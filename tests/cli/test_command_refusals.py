@@ -57,9 +57,8 @@ def folder(tmp_path_factory):
 REFUSED = (
     ("campaign", "EXPERIMENT: is missing"),
     ("campaign tiny.toml", "--out: is missing"),
-    ("campaign tiny.toml --summary out", "--summary: stands alone"),
-    ("campaign --summary out --workers 2", "--summary: stands alone"),
-    ("campaign tiny.toml --out out --json", "--json: belongs to --summary"),
+    ("campaign tiny.toml --summary out", "EXPERIMENT: does not go with summary"),
+    ("campaign --summary out --workers 2", "--workers: does not go with summary"),
     ("campaign tiny.toml --out out --scheduler x --workers 2", "--workers: is for"),
     ("campaign --summary nothing", "nothing holds no campaign"),
     ("campaign nothing.toml --out out", "nothing.toml: there is no such file"),

@@ -42,7 +42,6 @@ UNTAKEN = {
     "seed": (call("design", "a.toml", seed=0.5), "a float"),
     "set": (call("simulate", "a.toml", set=["controller.k=3"]), "controller.k"),
     "set value": (call("simulate", "a.toml", set={"controller.k": "3"}), "controller.k"),
-    "both": (call("campaign", "a.toml", summary="b"), "experiment does not go with summary"),
     "workers": (call("campaign", "a.toml", out="b", workers="all"), "a str"),
     "no sample time": (call("watch"), "sample_time is missing"),
     "sample time": (call("watch", sample_time="fast"), "sample_time is a str"),

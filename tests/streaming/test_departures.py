@@ -51,8 +51,8 @@ def test_a_drive_that_has_departed_is_said_to():
     assert session.departures[0].change == pytest.approx(-0.2, abs=0.005)
     health, reason = session.health
     assert health is Health.INCONSISTENT
-    assert "joint_stiffness is 20% lower than in the estimate, " in reason
-    assert "where it was 125" in reason
+    assert reason.startswith("joint_stiffness is ")
+    assert reason.endswith("N m/rad (-20%), and 125 in the estimate")
 
 
 def estimated(value: float, half: float) -> dict[str, ParameterEstimate]:
@@ -71,21 +71,6 @@ def test_what_counts_as_a_departure(now: float, half: float, count: int):
     assert len(departures(reference, estimated(now, half), widths=2.0, least=0.1)) == count
 
 
-@pytest.mark.parametrize(
-    ("was", "now", "words"),
-    [
-        (10.0, 8.0, "a is 20% lower than in the estimate, 8 N m where it was 10"),
-        (-10.0, -12.0, "a is 20% higher than"),
-        (3.1, -0.6, "a has the other sign: -0.6 N m where it was 3.1"),
-        (1.0, 31.0, "a is 30 times higher than"),
-    ],
-)
-def test_sentences(was: float, now: float, words: str):
-    """Assert that amount and direction are said."""
-    (found,) = departures({"a": (was, 0.0)}, estimated(now, 0.0), widths=2.0, least=0.1)
-    assert words in found.sentence
-
-
 def turned(was: float, now: float):
     """What is said of the zero of a link's encoder."""
     found = replace(estimated(now, 0.01)["a"], name="gravity_angle", unit="rad")
@@ -97,9 +82,7 @@ def test_an_angle_departs_round_the_circle():
     assert turned(3.1, -3.1) == ()
     assert turned(0.0, 0.09) == ()
     (found,) = turned(3.1, -3.0)
-    assert found.sentence == (
-        "gravity_angle is 0.18 rad from that of the estimate, -3 rad where it was 3.1"
-    )
+    assert found.sentence == ("gravity_angle is -3 rad, and 3.1 in the estimate")
     assert np.isnan(found.change)
 
 

@@ -97,59 +97,35 @@ def simulate(command: Command, options: Options, flags: Options) -> None:
 def campaign(command: Command, options: Options, flags: Options) -> None:
     """Run a campaign and say how its runs ended; or summarise one, into its directory."""
     if "summary" in options:
-        if len(options) > 1:
-            raise SettingError("--summary", "stands alone")
         present(command, options, {**flags, "out": options["summary"]})
         return
-    if "experiment" not in options:
-        raise SettingError("EXPERIMENT", "is missing: name an experiment file, or use --summary")
-    if "out" not in options:
-        raise SettingError("--out", "is missing: name the directory for the rows")
-    if "scheduler" in options and "workers" in options:
-        raise SettingError("--workers", "is for this machine: leave it out with --scheduler")
-    if flags["json"]:
-        raise SettingError("--json", "belongs to --summary")
-    out = options["out"]
+    out = options.get("out")
     try:
         with _progress_bar() as report:
             found = command.function(**options, progress=report)
     except KeyboardInterrupt:
-        click.echo(f"flexid: interrupted: {_kept(out)}; the same command goes on", err=True)
+        click.echo("flexid: interrupted: the same command goes on", err=True)
         raise click.exceptions.Exit(ExitStatus.INTERRUPTED) from None
+    if flags["json"]:
+        print_document(found.document)
+        return
     statuses = ", ".join(f"{name} {count}" for name, count in found.statuses.items())
     click.echo(f"{sum(found.statuses.values())} runs in {out}: {statuses}")
     click.echo(f"Summary: flexid campaign --summary {out}")
 
 
-def _kept(out: Path) -> str:
-    from flexid.campaigns.store import find_store
-    from flexid.errors import CampaignError
-
-    try:
-        store = find_store(out)
-    except CampaignError:
-        return "nothing was run yet"
-    return f"{store.kept} of {store.manifest.runs} runs are kept in {out}"
-
-
 @contextmanager
 def _progress_bar() -> Iterator[Callable[[int, int], None]]:
-    """Share, rate and time left, on a terminal only."""
+    """Share and time left, on a terminal only."""
     from rich.console import Console
     from rich.progress import Progress
 
     console = Console(stderr=True)
     with Progress(console=console, disable=not console.is_terminal) as bar:
-        preparing = "preparing (the first run on a machine compiles)"
-        task = bar.add_task(preparing, total=None)
-        reported: set[int] = set()
+        task = bar.add_task("preparing (the first run on a machine compiles)", total=None)
 
         def report(done: int, total: int) -> None:
-            reported.add(done)
-            speed = bar.tasks[0].speed
-            rate = f", {speed:.3g} runs/s" if speed else ""
-            running = f"{done} of {total}{rate}" if len(reported) > 1 else preparing
-            bar.update(task, completed=done, total=total, description=running)
+            bar.update(task, completed=done, total=total, description=f"{done} of {total} runs")
 
         yield report
 

@@ -225,16 +225,19 @@ def _calling(command: Command, flagged: Sequence[str]) -> Callable[..., None]:
                 flags["out"] = OPTIONS["out"].convert("--out", out)
             command.run(command, _converted(command, given), flags)
         except SettingError as error:
-            raise _as_typed(error, given) from None
+            raise _as_typed(error, command) from None
 
     return call
 
 
-def _as_typed(error: SettingError, options: Options) -> SettingError:
-    """The same error, with the name of an option as it is typed."""
-    if error.setting.replace("-", "_") not in options:
+def _as_typed(error: SettingError, command: Command) -> SettingError:
+    """The same error, with the name of an argument or an option as it is typed."""
+    parameter = _parameters(command).get(error.setting.replace("-", "_"))
+    if parameter is None:
         return error
-    return SettingError(f"--{error.setting.replace('_', '-')}", error.reason)
+    named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    typed = f"--{parameter.name.replace('_', '-')}" if named else parameter.name.upper()
+    return SettingError(typed, error.reason)
 
 
 def present(command: Command, options: Options, flags: Options) -> None:

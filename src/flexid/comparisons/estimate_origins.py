@@ -1,6 +1,7 @@
 """Where two estimates come from: shared logs, other settings, and constants of shapes."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
@@ -9,7 +10,6 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
-    CONSTANT_UNITS,
     RIPPLE_NUMBER,
     RIPPLE_ORIGIN,
     SHAPE_TERMS,
@@ -51,20 +51,46 @@ def shared_logs(a: Mapping[str, Any], b: Mapping[str, Any]) -> Sharing:
 
 
 def apart(a: Either, b: Either) -> dict[str, tuple[str, str]]:
-    """What was asked for, chosen or used otherwise: in A and in B, by name."""
-    first, second = _facts(a), _facts(b)
+    """What was asked for, chosen or read otherwise: in A and in B, by name."""
+    first, second = (
+        {name: _text(value) for name, value in (_facts(e) | _chosen(e)).items()} for e in (a, b)
+    )
     names = dict.fromkeys([*first, *second])
     pairs = {name: (first.get(name, "none"), second.get(name, "none")) for name in names}
-    found = {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
-    own = (_beside(a, b), _beside(b, a))
-    return found | ({"terms only here": own} if own[0] != own[1] else {})
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def _beside(one: Either, other: Either) -> str:
-    """Terms that one model has and the other has not."""
-    if one.model == "arm" or other.model == "arm":
-        return ""
-    return _text([term for term in one.choices.terms if term not in other.choices.terms])
+def _facts(estimate: Either) -> dict[str, Any]:
+    """What an estimate was made of, and what was asked for."""
+    provenance = estimate.provenance
+    logs = provenance.get("inputs", ())
+    facts: dict[str, Any] = {
+        "logs": [log.get("file") for log in logs],
+        "model": estimate.model,
+        "flexid": provenance.get("flexid_version"),
+    }
+    asked = provenance.get("settings", {})
+    facts |= {f"{name} (asked)": value for name, value in asked.items() if name != "model"}
+    for channel, origin in next(iter(logs), {}).get("columns", {}).items():
+        facts[f"column of {channel}"] = {k: v for k, v in origin.items() if k != "unit"}
+    return facts
+
+
+def _chosen(estimate: Either) -> dict[str, Any]:
+    """What was chosen; delays in s."""
+    rest: dict[str, Any]
+    if estimate.model == "arm":
+        names = ("hold", "input_delay", "encoder_delays", "disturbances")
+        chosen, rest = estimate, {"lengths": estimate.arm.lengths, "gravity": estimate.arm.gravity}
+    else:
+        names = ("terms", "hold", "estimator", "filter_rate", "coulomb_velocity", "shapes")
+        chosen, alignment = estimate.choices, estimate.choices.alignment
+        rest = {
+            "input_delay": alignment.input_delay.value,
+            "link_delay": alignment.link_delay.value,
+            "amplifier": {k: v for k, v in asdict(chosen.amplifier).items() if v},
+        }
+    return {name: getattr(chosen, name) for name in names} | rest
 
 
 def doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
@@ -115,68 +141,6 @@ def _is_unexplained(estimate: Either) -> bool:
     return estimate.model_error.share > 0.0
 
 
-def _facts(estimate: Either) -> dict[str, str]:
-    """Everything that an estimate was made with, as text."""
-    if estimate.model == "arm":
-        return _facts_of_arm(estimate)
-    provenance = estimate.provenance
-    facts = _common_facts(estimate)
-    asked = provenance.get("settings", {})
-    facts |= {f"{name} (asked)": _text(value) for name, value in asked.items() if name != "model"}
-    choices, alignment = estimate.choices, estimate.choices.alignment
-    facts |= {
-        "hold": choices.hold,
-        "input delay": f"{1e3 * alignment.input_delay.value:.3g} ms",
-        "link encoder delay": f"{1e3 * alignment.link_delay.value:.3g} ms",
-        "estimator": choices.estimator,
-    }
-    if choices.estimator == "least-squares":
-        facts["filter rate"] = f"{choices.filter_rate:.4g} 1/s"
-    if choices.coulomb_velocity is not None:
-        facts["coulomb velocity"] = f"{choices.coulomb_velocity:.4g} rad/s"
-    if choices.amplifier.dead_zone:
-        facts["amplifier's dead zone"] = f"{choices.amplifier.dead_zone:.4g} V"
-    if choices.amplifier.limit is not None:
-        facts["amplifier's limit"] = f"{choices.amplifier.limit:.4g} V"
-    used = {shape for c, shape in _constants() if c in estimate.coefficients}
-    for name, width in choices.shapes.items():
-        if name in used:
-            unit = CONSTANT_UNITS[name]
-            facts[name.replace("_", " ")] = f"{width:.4g} {unit}".removesuffix(" 1")
-    return facts | _columns(provenance)
-
-
-def _common_facts(estimate: Either) -> dict[str, str]:
-    provenance = estimate.provenance
-    return {
-        "logs": _text([log.get("file") for log in provenance.get("inputs", ())]),
-        "model": estimate.model,
-        "flexid": _text(provenance.get("flexid_version")),
-    }
-
-
-def _facts_of_arm(estimate: ArmIdentification) -> dict[str, str]:
-    delays = estimate.encoder_delays
-    return _common_facts(estimate) | {
-        "lengths": f"{_text(estimate.arm.lengths)} m",
-        "gravity": f"{_text(estimate.arm.gravity)} m/s^2",
-        "hold": estimate.hold,
-        "input delay": f"{1e3 * estimate.input_delay:.3g} ms",
-        "encoder delays": _text({n: f"{1e3 * d:.3g} ms" for n, d in delays.items()}) or "none",
-        "disturbances": "none" if estimate.disturbances is None else "fitted",
-    }
-
-
-def _columns(provenance: Mapping[str, Any]) -> dict[str, str]:
-    """How each channel was computed from the columns of the first log."""
-    first = next(iter(provenance.get("inputs", ())), {})
-    found = {}
-    for channel, origin in first.get("columns", {}).items():
-        numbers = {key: origin.get(key) for key in ("columns", "factor", "offset", "gear_ratio")}
-        found[f"column of {channel}"] = _text({k: v for k, v in numbers.items() if v is not None})
-    return found
-
-
 def _named_logs(provenance: Mapping[str, Any]) -> set[_Log]:
     found = set()
     for log in provenance.get("inputs", ()):
@@ -194,11 +158,12 @@ def _known(estimate: Either) -> Mapping[str, Any]:
 def _text(value: Any) -> str:
     """A setting in words: the same for what was read from a file and what was not."""
     if isinstance(value, Mapping):
-        text = ", ".join(f"{key} {_text(item)}" for key, item in value.items())
+        there = {key: item for key, item in value.items() if item is not None}
+        text = ", ".join(f"{key} {_text(item)}" for key, item in there.items())
     elif isinstance(value, list | tuple):
         text = ", ".join(map(_text, value))
     elif isinstance(value, float):
-        text = f"{value:g}"
+        text = f"{value:.4g}"
     else:
         text = "" if value is None else str(value)
     return text or "none"

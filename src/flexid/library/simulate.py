@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexid.errors import ArgumentError
+from flexid.errors import SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import Answer
 from flexid.library.arguments import entrance, one_thread
@@ -143,14 +143,16 @@ def campaign(
     from flexid.experiments import read_experiment
 
     given = {"experiment": experiment, "out": out, "workers": workers, "scheduler": scheduler}
+    chosen = [name for name, value in given.items() if value is not None]
     if summary is not None:
-        for name, value in given.items():
-            if value is not None:
-                raise ArgumentError("campaign", name, "does not go with summary: leave it out")
+        if chosen:
+            raise SettingError(chosen[0], "does not go with summary: leave it out")
         return CampaignResult(summarise(Path(summary)))
     if experiment is None or out is None:
-        missing = "out" if out is None else "experiment"
-        raise ArgumentError("campaign", missing, "is None: give a path")
+        missing = "experiment" if experiment is None else "out"
+        raise SettingError(missing, "is missing: give a path, or a summary")
+    if workers is not None and scheduler is not None:
+        raise SettingError("workers", "is for this machine: leave it out with a scheduler")
     directory = Path(out)
     run_campaign(read_experiment(Path(experiment)), directory, workers, scheduler, progress)
     return CampaignResult(summarise(directory))

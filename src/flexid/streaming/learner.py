@@ -133,16 +133,8 @@ class Departure:
     def sentence(self) -> str:
         """By how much, for a report."""
         unit = f" {self.unit}" if self.unit else ""
-        values = f"{self.now:.4g}{unit} where it was {self.was:.4g}"
-        if self.name in ANGLES:
-            turned = abs(difference(self.name, self.was, self.now))
-            return f"{self.name} is {turned:.2g}{unit} from that of the estimate, {values}"
-        if self.now * self.was < 0.0:
-            return f"{self.name} has the other sign: {values}"
-        amount = f"{abs(self.change):.2g}" if abs(self.change) > 9.995 else ""
-        share = f"{amount} times" if amount else f"{abs(self.change):.0%}"
-        way = "higher" if abs(self.now) > abs(self.was) else "lower"
-        return f"{self.name} is {share} {way} than in the estimate, {values}"
+        share = "" if self.name in ANGLES else f" ({self.change:+.0%})"
+        return f"{self.name} is {self.now:.4g}{unit}{share}, and {self.was:.4g} in the estimate"
 
 
 def departures(
