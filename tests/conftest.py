@@ -6,7 +6,7 @@ import gc
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,6 +53,24 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     if nextitem is None or nextitem.path != item.path:
         gc.collect()
         gc.freeze()
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest) -> Callable[[Mapping[str, str]], None]:
+    """Return a function that compares sentences by name with those in ``texts/`` beside the test.
+
+    Their file has the test's name; ``pytest --update-golden`` writes it.
+    """
+    path = request.path.parent / "texts" / f"{request.node.name.removeprefix('test_')}.txt"
+
+    def compare(sentences: Mapping[str, str]) -> None:
+        lines = [f"{name}: {sentence}" for name, sentence in sentences.items()]
+        if request.config.getoption("--update-golden"):
+            path.parent.mkdir(exist_ok=True)
+            path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        assert lines == path.read_text(encoding="utf-8").splitlines()
+
+    return compare
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,8 @@ import pytest
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording import Log
+from flexid.recording import Log, Recording
+from flexid.recording.caution import rank_of
 from flexid.recording.frame import table_of_arrays
 from flexid.recording.read import log_of_table
 from flexid.recording.recording import CHANNELS
@@ -69,6 +70,26 @@ def refused(read: Callable[..., object], *arguments: Any) -> str:
     assert message.startswith(caught.value.file)
     assert "\n" not in message
     return message
+
+
+def said(read: Callable[..., Log], *arguments: Any) -> str:
+    """The sentence with which a log is refused, or what was read of it, and its warnings."""
+    try:
+        log = read(*arguments)
+    except RecordingError as error:
+        return str(error)
+    warnings = [f"{rank_of(text).name}: {text}" for text in log.warnings]
+    return " | ".join([*map(shown, log.recordings), *warnings])
+
+
+def shown(recording: Recording) -> str:
+    """A recording in a line: its grid, and the RMS of each channel."""
+    found = {name: getattr(recording, name) for name in CHANNELS}
+    sizes = {name: np.sqrt(np.mean(v**2)) for name, v in found.items() if v is not None}
+    begin, step = recording.start_time, recording.sample_time
+    grid = f"{len(recording)} samples from {begin:.6g} s in steps of {step:.6g} s"
+    channels = [f"{name} {size:.5g}" for name, size in sizes.items()]
+    return ", ".join([f"<{grid}", *channels, f"{recording.input_unit}>"])
 
 
 def assert_words(words: str, message: str) -> None:

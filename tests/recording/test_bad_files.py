@@ -5,13 +5,14 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from joint_log import assert_words, csv_text, joint_columns, refused
+from joint_log import assert_words, csv_text, joint_columns, refused, said, written
 
 from flexid.errors import RecordingError
 from flexid.recording import channel, read_log, series
@@ -67,141 +68,97 @@ def clocked(step: int) -> Edit:
     ]
 
 
-TEXTS: list[tuple[Edit, str]] = [
-    (lambda lines: lines[:1], "line 1: no samples follow .* export the log again"),
-    (lambda lines: lines[:2], "there is 1 sample where 20"),
-    (lambda lines: lines[:3], "2 samples where 20 are the fewest that are read, and 75 .* longer"),
-    (lambda lines: lines[1:], "line 1: the file begins with numbers: write a header"),
-    (without("motor_position"), "line 1: .*no motor_position.*; found 'time', 'link_.*column map"),
-    (header("motor_position", "motor_positon"), "no motor_position .did you mean 'motor_positon'"),
-    (
-        header("link_position", "link_position [furlong!]"),
-        r"line 1, column 'link_position \[furlong!\]'.*not known for this column: write \[rad\]",
-    ),
-    (
-        header("link_position", "link_position [count]"),
-        r"\[count\] depends on the encoder: write unit = 'turn' and scale = '1/4096'",
-    ),
-    (header("link_position", "link_position [rad/s]"), r"\[rad/s\] is not known for this column"),
-    (header("motor_velocity", "time"), "line 1: the column 'time' stands there twice"),
-    (header("motor_velocity", "time [ms]"), r"'time' and 'time \[ms\]' are both time: rename or"),
-    (header("motor_velocity", "Time"), "line 1: the columns 'time' and 'Time' are both time"),
-    (cell(7, 0, "nan"), "line 7, column 'time': nan is not a finite number"),
-    (
-        lambda lines: cell(9, 1, "x")(cell(8, 1, "inf")(cell(7, 1, "inf")(lines))),
-        "line 7.*remove the row, and 2 more of the column",
-    ),
-    (cell(7, 2, "-inf"), "line 7.* -inf is not a finite number: remove the row"),
-    (cell(7, 2, "1e999"), "line 7.* 1e999 is not a finite number"),
-    (cell(7, 2, "1e99"), r"column 'motor_position': .*reaches 1e\+99 rad: correct"),
-    (cell(9, 0, ""), "line 9, column 'time': the cell is empty: fill it in"),
-    (cell(9, 1, "oops"), "line 9.*'oops' is not a number"),
-    (cell(2, 0, "s"), "line 2, column 'time': 's' is not a number"),
-    (cell(9, 0, "2024-05-01 12:00:00.5"), "line 9.* nor a time stamp such as"),
-    (
-        lambda lines: [*lines[:31], f"{lines[30].rpartition(',')[0]},7", *lines[31:]],
-        r"line 32, column 'time': time repeats \(0.145 s\): remove the repeated row",
-    ),
-    (
-        lambda lines: [*lines[:30], *lines[10:]],
-        r"line 31, column 'time': .*backwards \(from 0.14 s to 0.045 s\): sort the rows",
-    ),
-    (line(10, "0.04,1.0"), "line 10: the row has 2 cells where the header has 6: complete or remo"),
-    (line(3, "0.04,1.0"), "line 3: the row has 2 cells where the header has 6"),
-    (lambda lines: [lines[0], *(["1,2,3"] * 30)], "line 2: the row has 3 cells where"),
-    (line(10, LINES[9] + ",1"), "line 10: the row has 7 cells where the header has 6"),
-    (line(2, LINES[1].replace("0.0", '"0,0"', 1)), "line 2, column 'time': '0,0' has a comma.*poi"),
-    (
-        lambda lines: [lines[0], *(one.replace(".", ",") for one in lines[1:])],
-        "line 2: the row has 12 cells where the header has 6.*another separator",
-    ),
-    (cell(9, 1, '"1.0'), "line 9: a quotation mark opens on this line and does not close on it"),
-    (
-        lambda lines: cell(12, 1, '1.0"')(cell(9, 1, '"1.0')(lines)),
-        "line 9: a quotation mark opens on this line and does not close on it: remove it",
-    ),
-    (cell(61, 5, '"1.0'), "line 61: a quotation mark opens"),
-    (cell(9, 1, '"1"0'), "line 9: text follows a quotation mark"),
-    (header("time", '"time'), "line 1: a quotation mark opens in the header"),
-    (lambda lines: ["# " + one for one in lines], "nothing but comments"),
-    (
-        lambda lines: added(2, "ms,rad,rad,rad/s,rad/s,Nm")(header("time", "time [s]")(lines)),
-        r"line 2, column 'time \[s\]': the unit below the name is \[ms\]: .*agree",
-    ),
-    (
-        lambda lines: [
-            one + "," + ",".join(f"{k}" if n else f"c{k}" for k in range(10_000))
-            for n, one in enumerate(lines[:4])
-        ],
-        "10006 columns of 3 rows, more than are read at once",
-    ),
-    (lambda lines: [",".join(lines) * 300], "line 1: the line has more than 1000000"),
-    (clocked(1), r"column 'time': the sample time would be 1 s, .*numbers the samples.*\[ms\]"),
-    (clocked(5), r"the sample time would be 5 s, .*as in \[ms\]"),
-    (clocked(5000), r"the sample time would be 5000 s, .*as in \[us\]"),
-    (clocked(5_000_000), r"the sample time would be 5e\+06 s, .*as in \[ns\]"),
-]
+def each(edit: Callable[[str], str]) -> Edit:
+    """Change each row of numbers."""
+    return lambda lines: [lines[0], *map(edit, lines[1:])]
 
 
-@pytest.mark.parametrize(("edit", "words"), TEXTS, ids=[words[:40] for _, words in TEXTS])
-def test_bad_text(edit: Edit, words: str, tmp_path: Path) -> None:
-    """Assert that the message names the place and the remedy."""
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join(edit(list(LINES))) + "\n", encoding="utf-8")
-    assert_words(words, refused(read_log, path))
+FURLONGS = header("link_position", "link_position [furlong!]")
+THRICE = "".join(f",{k}" for k in range(10_000))
+MORE = "".join(f",c{k}" for k in range(10_000))
+TEXTS: dict[str, Edit] = {
+    "a header alone": lambda lines: lines[:1],
+    "one sample": lambda lines: lines[:2],
+    "two samples": lambda lines: lines[:3],
+    "no header": lambda lines: lines[1:],
+    "no motor": without("motor_position"),
+    "a misspelt motor": header("motor_position", "motor_positon"),
+    "a unit that is none": FURLONGS,
+    "counts": header("link_position", "link_position [count]"),
+    "a unit of another kind": header("link_position", "link_position [rad/s]"),
+    "a name twice": header("motor_velocity", "time"),
+    "a name in two units": header("motor_velocity", "time [ms]"),
+    "a name in other letters": header("motor_velocity", "Time"),
+    "no number": cell(7, 0, "nan"),
+    "three infinities": lambda t: cell(9, 1, "x")(cell(8, 1, "inf")(cell(7, 1, "inf")(t))),
+    "minus infinity": cell(7, 2, "-inf"),
+    "beyond floating point": cell(7, 2, "1e999"),
+    "a huge number": cell(7, 2, "1e99"),
+    "an empty time": cell(9, 0, ""),
+    "a word": cell(9, 1, "oops"),
+    "a word in the first row": cell(2, 0, "s"),
+    "a stamp among numbers": cell(9, 0, "2024-05-01 12:00:00.5"),
+    "a time twice": added(32, f"{LINES[30].rpartition(',')[0]},7"),
+    "a time that runs back": lambda lines: [*lines[:30], *lines[10:]],
+    "a short row": line(10, "0.04,1.0"),
+    "a short second row": line(3, "0.04,1.0"),
+    "short rows": each(lambda _: "1,2,3"),
+    "a long row": line(10, LINES[9] + ",1"),
+    "a decimal comma": line(2, LINES[1].replace("0.0", '"0,0"', 1)),
+    "decimal commas between commas": each(lambda row: row.replace(".", ",")),
+    "an open quotation": cell(9, 1, '"1.0'),
+    "one over lines": lambda lines: cell(12, 1, '1.0"')(cell(9, 1, '"1.0')(lines)),
+    "one at the end": cell(61, 5, '"1.0'),
+    "text behind a quotation": cell(9, 1, '"1"0'),
+    "an open quotation in the header": header("time", '"time'),
+    "comments alone": lambda lines: ["# " + one for one in lines],
+    "two units": lambda t: added(2, "ms,rad,rad,rad/s,rad/s,Nm")(header("time", "time [s]")(t)),
+    "many columns": lambda lines: [lines[0] + MORE, *(one + THRICE for one in lines[1:4])],
+    "a long line": lambda lines: [",".join(lines) * 300],
+    "numbers of samples": clocked(1),
+    "steps of 5": clocked(5),
+    "steps of 5000": clocked(5000),
+    "steps of 5000000": clocked(5_000_000),
+}
+BYTES: dict[str, tuple[str, bytes]] = {
+    "nothing": ("log.csv", b""),
+    "blank lines": ("log.csv", b"\n \n"),
+    "every byte": ("log.csv", bytes(range(256)) * 20),
+    **{f"byte {code}": ("log.csv", bytes([code]) * 99) for code in (1, 8, 14, 31)},
+    "gzip": ("log.csv.gz", gzip.compress(GOOD)),
+    "a workbook": ("log.xlsx", b"PK\x03\x04" + b"\0" * 99),
+    "Parquet by another name": ("log.csv", b"PAR1....PAR1"),
+    "text as Parquet": ("log.parquet", GOOD),
+    "damaged Parquet": ("log.parquet", b"PAR1" + b"\1" * 50 + b"PAR1"),
+    "nonsense": ("log.parquet", b"nonsense"),
+    "damaged UTF-16": ("log.csv", b"\xff\xfe" + b"\x00\xdc" * 9),
+    "a number that is none": ("log.csv", GOOD.replace(b"\n0.005,", b"\n\xb5,")),
+    "TOML": ("columns.toml", b'time = "t"'),
+    "JSON": ("estimate.json", b"{}"),
+    "lines of JSON": ("log.jsonl", b"{}\n{}"),
+    "lines before the header": ("log.csv", b"\n\n" + GOOD.replace(b"\n0.095,", b"\noops,")),
+}
 
 
-@pytest.mark.parametrize(
-    ("content", "name", "words"),
-    [
-        (b"", "log.csv", "the file is empty: export the log again"),
-        (b"\n \n", "log.csv", "empty"),
-        (bytes(range(256)) * 20, "log.csv", "binary file, not text: export the log as CSV"),
-        *((bytes([code]) * 99, "log.csv", "binary file, not text") for code in (1, 8, 14, 31)),
-        (gzip.compress(GOOD), "log.csv.gz", "packed by gzip: unpack it"),
-        (b"PK\x03\x04" + b"\0" * 99, "log.xlsx", "workbooks are: .*save the sheet as CSV"),
-        (b"PAR1....PAR1", "log.csv", "this is a Parquet file: rename it .*.parquet"),
-        (GOOD, "log.parquet", "not a Parquet file that can be read: .*name it .csv"),
-        (b"PAR1" + b"\1" * 50 + b"PAR1", "log.parquet", "not a Parquet file that can be read"),
-        (b"nonsense", "log.parquet", "not a Parquet file that can be read"),
-        (b"\xff\xfe" + b"\x00\xdc" * 9, "log.csv", "damaged UTF-16: save the file as UTF-8"),
-        (GOOD.replace(b"\n0.005,", b"\n\xb5,"), "log.csv", "line 3.*'µ' is not a number"),
-        (b'time = "t"', "columns.toml", "this is a TOML file.*--columns"),
-        (b"{}", "estimate.json", "this is a JSON file.*export the log"),
-        (b"{}\n{}", "log.jsonl", "these are lines of JSON.*export the log"),
-    ],
-)
-def test_bad_bytes(content: bytes, name: str, words: str, tmp_path: Path) -> None:
-    """Assert that a file that is not what its name says is refused."""
-    path = tmp_path / name
-    path.write_bytes(content)
-    assert_words(words, refused(read_log, path))
+def test_bad_files(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that each is refused with the place and the remedy."""
+    monkeypatch.chdir(tmp_path)
+    edited = {n: ("log.csv", ("\n".join(edit(LINES)) + "\n").encode()) for n, edit in TEXTS.items()}
+    files = {**edited, **BYTES}
+    golden({n: said(read_log, written(Path(), raw, name=p)) for n, (p, raw) in files.items()})
 
 
-def test_lines_are_counted_as_an_editor_does(tmp_path: Path) -> None:
-    """Assert that blank lines before the header count."""
-    path = tmp_path / "log.csv"
-    path.write_text("\n\n" + "\n".join(cell(21, 0, "oops")(LINES)))
-    assert "line 23, column 'time'" in refused(read_log, path)
-
-
-def test_paths_that_lead_to_no_file(tmp_path: Path) -> None:
+def test_paths_that_lead_to_no_file(
+    tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Assert that links, pipes, folders and impossible names are known for what they are."""
-    assert_words("there is no such file: check the spelling", refused(read_log, tmp_path / "a.csv"))
-    assert "this is a folder: give the path of a log in it" in refused(read_log, tmp_path)
-    (tmp_path / "a.csv").symlink_to("b.csv")
-    assert "a link to a file that is not there" in refused(read_log, tmp_path / "a.csv")
-    (tmp_path / "b.csv").symlink_to("a.csv")
-    assert "a link that leads back to itself" in refused(read_log, tmp_path / "a.csv")
-    os.mkfifo(tmp_path / "pipe.csv")
-    assert "not a regular file" in refused(read_log, tmp_path / "pipe.csv")
-    assert r"two\nlines.csv: there is no such file" in refused(read_log, Path("two\nlines.csv"))
-    words = "^http://example.com/a.csv: this is an address: download it"
-    assert_words(words, refused(read_log, Path("http://example.com/a.csv")))
-    refused(read_log, Path("a\0b.csv"))
-    words = r"^x{140}\.\.\.x{136}\.csv: "
-    assert_words(words, refused(read_log, Path("x" * 297 + ".csv")))
-    assert_words("^x{296}.csv: ", refused(read_log, Path("x" * 296 + ".csv")))
+    monkeypatch.chdir(tmp_path)
+    for name, other in {"dead.csv": "none.csv", "a.csv": "b.csv", "b.csv": "a.csv"}.items():
+        Path(name).symlink_to(other)
+    os.mkfifo("pipe.csv")
+    names = ("none.csv", ".", "dead.csv", "a.csv", "pipe.csv", "two\nlines.csv", "a\0b.csv")
+    names += ("http://example.com/a.csv", "x" * 297 + ".csv", "y" * 296 + ".csv")
+    golden({repr(name)[:20]: said(read_log, Path(name)) for name in names})
 
 
 def test_huge_file(tmp_path: Path) -> None:

@@ -1,10 +1,11 @@
 """Logs whose channels make no sense: what is refused, mended or warned of."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
-from joint_log import assert_words, joint_columns, read_columns, refused, without
+from joint_log import joint_columns, read_columns, refused, said, without
 
 from flexid.arrays import FloatArray
 from flexid.recording import Log
@@ -30,138 +31,68 @@ def joint(link: FloatArray, motor: FloatArray, time: FloatArray = SLOW) -> Colum
     return {"time": time, "link_position": link, "motor_position": motor, "motor_torque": torque}
 
 
-REFUSED: list[tuple[Columns, str]] = [
-    (
-        changed(motor_position=0.0),
-        "column 'motor_position': .*constant.*encoder is stuck.*record it while it moves",
-    ),
-    (changed(motor_torque=0.0), "column 'motor_torque': .*nothing drives"),
-    (changed(link_velocity=0.0), "link_velocity is constant.*leave"),
-    (
-        {**changed(), "link_position": changed()["motor_position"]},
-        "'link_position' and 'motor_position': .*one and the same.*log the second encoder",
-    ),
-    (
-        changed("velocity", link_position=3e3, motor_position=3e3),
-        r"column 'link_position': .* rad/s, faster than a joint.*link_position \[deg\]",
-    ),
-    (
-        changed("velocity", link_position=DEGREES),
-        "link position is about 57.3 times the motor.*degrees.*unit in brackets",
-    ),
-    (
-        changed("velocity", motor_position=DEGREES),
-        "motor position is about 57.3 times the link",
-    ),
-    (
-        changed("velocity", motor_position=100.0),
-        "times the link position, as if by a gear: write the drive's gear_ratio in a column map",
-    ),
-    (changed("velocity", motor_position=-1.0), "opposite directions: scale one by -1"),
-    (
-        changed(motor_velocity=DEGREES),
-        r"column 'motor_velocity': .*57.3 times the position's derivative.*\[deg/s\]",
-    ),
-    (changed(motor_velocity=1.0 / DEGREES), "motor_velocity is 0.0175 times.*in degrees"),
-    (changed(link_velocity=30.0 / np.pi), r"9.55 times.*\[rpm\]"),
-    (changed(link_velocity=-1.0), "-1 times.*scale it by -1"),
-    (
-        changed("velocity", motor_position=lambda q: q + 4.0 * (np.arange(len(q)) > 300)),
-        "column 'motor_position': .*jumps by.* at 1.505 s.*not a whole turn.*outlier",
-    ),
-]
-
-
-@pytest.mark.parametrize(("columns", "words"), REFUSED, ids=[words[:30] for _, words in REFUSED])
-def test_refused(columns: Columns, words: str) -> None:
-    """Assert that the message names the column, what is wrong and the remedy."""
-    assert_words(words, refused(read_columns, columns))
-
-
-WARNED: list[tuple[Columns, str]] = [
-    (
-        changed("velocity", motor_position=lambda q: np.clip(q, -0.5, 0.5)),
-        "column 'motor_position': .*extreme of -0.5 rad.* %.*clipped.*widen",
-    ),
-    (changed(motor_torque=lambda u: np.clip(u, -9.0, 15.0)), "'motor_torque': .*clipped"),
-    (
-        changed("velocity", motor_position=6.0),
-        "motor position moves 6 times as much.*check the gear ratio",
-    ),
-    (
-        changed("velocity", link_position=lambda q: np.sin(7.7 * 0.005 * np.arange(len(q)))),
-        "hardly follow each other .correlation.*one joint",
-    ),
-    ({**changed("torque"), "motor_voltage": 3e3 * np.sin(SLOW[:800])}, "more than 2000, the limit"),
-    ({**changed("torque"), "motor_current": 600 * np.sin(SLOW[:800])}, "more than 500, the limit"),
-    (
-        changed(motor_torque=lambda u: np.round(1000.0 * u)),
-        "'motor_torque': .*holds whole numbers only, up to .*N m",
-    ),
-    (changed(motor_torque=999.5), "gives .* W, more than 20000, the limit for a joint's drive"),
-    (
-        changed(link_position=lambda q: q[np.arange(800) // 4 * 4]),
-        "'link_position': .*changes only every 4 samples.*at its rate",
-    ),
-]
-
-
-@pytest.mark.parametrize(("columns", "words"), WARNED, ids=[words[:30] for _, words in WARNED])
-def test_warned(columns: Columns, words: str) -> None:
-    """Assert that the log is read, with a warning that names the column and the remedy."""
-    assert_words(f"arrays: .*{words}", "; ".join(read_columns(columns).warnings))
-
-
 def coarse(step: float) -> Callable[[FloatArray], FloatArray]:
     """What an encoder of some step reads."""
     return lambda q: step * np.round(q / step)
 
 
-CLEAN: dict[str, Columns] = {
+def stated(scale: float) -> Columns:
+    """A fast motion whose unit is stated."""
+    time = 1e-4 * np.arange(4000)
+    motor = scale * np.sin(10.0 * time)
+    link = motor + 0.1 * np.sin(30.0 * time)
+    torque = {"motor_torque": np.cos(10.0 * time)}
+    return {"time": time, "link_position [rad]": link, "motor_position [rad]": motor, **torque}
+
+
+COUNTS = np.arange(800.0)
+COARSE = coarse(TURN / 2**14)
+NO_JUMPS = joint(1e-3 * (np.arange(2000.0) // 7.0 % 2.0), np.sin(SLOW))
+SWING = np.sin(SLOW[:800])
+CASES: dict[str, Columns] = {
+    "a dead encoder": changed(motor_position=0.0),
+    "a dead torque": changed(motor_torque=0.0),
+    "a dead velocity": changed(link_velocity=0.0),
+    "one encoder twice": {**changed(), "link_position": changed()["motor_position"]},
+    "a fast joint": changed("velocity", link_position=3e3, motor_position=3e3),
+    "a link in degrees": changed("velocity", link_position=DEGREES),
+    "a motor in degrees": changed("velocity", motor_position=DEGREES),
+    "a gear": changed("velocity", motor_position=100.0),
+    "a sign": changed("velocity", motor_position=-1.0),
+    "a velocity in degrees": changed(motor_velocity=DEGREES),
+    "a position in degrees": changed(motor_velocity=1.0 / DEGREES),
+    "a velocity in rpm": changed(link_velocity=30.0 / np.pi),
+    "a velocity of the other sign": changed(link_velocity=-1.0),
+    "a jump": changed("velocity", motor_position=lambda q: q + 4.0 * (COUNTS > 300)),
+    "a clipped position": changed("velocity", motor_position=lambda q: np.clip(q, -0.5, 0.5)),
+    "a clipped torque": changed(motor_torque=lambda u: np.clip(u, -9.0, 15.0)),
+    "six times as much": changed("velocity", motor_position=6.0),
+    "another motion": changed("velocity", link_position=lambda _: np.sin(0.0385 * COUNTS)),
+    "a high voltage": {**changed("torque"), "motor_voltage": 3e3 * SWING},
+    "a high current": {**changed("torque"), "motor_current": 600.0 * SWING},
+    "whole numbers": changed(motor_torque=lambda u: np.round(1000.0 * u)),
+    "a high power": changed(motor_torque=999.5),
+    "a slow sensor": changed(link_position=lambda q: q[np.arange(800) // 4 * 4]),
+    "a fast joint with a unit": stated(20.0),
+    "a joint that is not too fast": stated(9.0),
     "an offset of a velocity": changed(motor_velocity=lambda v: v + 0.3),
     "encoder steps and a noisy velocity": changed(
-        link_position=coarse(TURN / 2**14),
-        motor_position=coarse(TURN / 2**14),
-        link_velocity=lambda v: v + 0.05 * np.random.default_rng(9).standard_normal(len(v)),
+        link_position=COARSE,
+        motor_position=COARSE,
+        link_velocity=lambda v: v + 0.05 * np.random.default_rng(9).standard_normal(800),
     ),
     "a switched input": changed(motor_torque=np.sign),
     "an input of few whole numbers": changed(motor_torque=lambda u: 100.0 * np.sign(u)),
-    "few absurd values of a torque": changed(
-        motor_torque=lambda u: u + 1e6 * (np.arange(len(u)) % 40 == 7)
-    ),
+    "few absurd values of a torque": changed(motor_torque=lambda u: u + 1e6 * (COUNTS % 40 == 7)),
     "a link at its resonance": changed("velocity", link_position=3.0),
+    "a coarse encoder": changed(link_position=coarse(0.02), motor_position=coarse(0.02)),
+    "an encoder of two counts": {**NO_JUMPS, "motor_torque": 3.0 * np.cos(SLOW)},
 }
 
 
-@pytest.mark.parametrize("name", CLEAN)
-def test_clean(name: str) -> None:
-    """Assert that nothing is said where nothing is wrong."""
-    assert read_columns(CLEAN[name]).warnings == ()
-
-
-NO_JUMPS = joint(1e-3 * (np.arange(2000.0) // 7.0 % 2.0), np.sin(SLOW))
-
-
-@pytest.mark.parametrize(
-    ("columns", "words"),
-    [
-        (changed(link_position=coarse(0.02), motor_position=coarse(0.02)), "changes only"),
-        ({**NO_JUMPS, "motor_torque": 3.0 * np.cos(SLOW)}, "jumps"),
-    ],
-)
-def test_a_coarse_encoder(columns: Columns, words: str) -> None:
-    """Assert that its steps are no repeated samples, and those of one count no jumps."""
-    assert words not in " ".join(read_columns(columns).warnings)
-
-
-def test_fast_with_a_stated_unit() -> None:
-    """Assert that a fast joint is believed, with a warning, where the unit is stated."""
-    time = 1e-4 * np.arange(4000)
-    fast = 20.0 * np.sin(10.0 * time)
-    link = {"link_position [rad]": fast, "motor_position [rad]": fast + 0.1 * np.sin(30.0 * time)}
-    warnings = read_columns({"time": time, **link, "motor_torque": np.cos(10.0 * time)}).warnings
-    assert len(warnings) == 2
-    assert "faster than a joint does at the link side: check the unit" in warnings[0]
+def test_channels_that_make_no_sense(golden: Any) -> None:
+    """Assert that faults are refused or named with the remedy, and what is possible is not."""
+    golden({name: said(read_columns, columns) for name, columns in CASES.items()})
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg"])

@@ -1,14 +1,14 @@
 """Columns that are recognised by the names that they usually have, and the units in them."""
 
 from math import pi
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joint_log import joint_columns, read_columns, refused, without
+from joint_log import joint_columns, read_columns, said, without
 
-from flexid.recording import Log
 from flexid.recording.names import usual_channel
 from flexid.recording.units import EXAMPLES, UnitError, is_usual, scale_to_si
 
@@ -36,7 +36,7 @@ USUAL = {
     ),
     "motor_voltage": ("u_V", "voltage", "v_m (V)", "V [mV]"),
     "deflection": ("torsion angle [deg]", "Verdrehwinkel / °", "joint_deflection", "扭转角度"),
-    "position": ("position", "angle", "q"),
+    "position": ("position", "angle", "q", "ActualPosition"),
     "velocity": ("velocity", "speed_rpm"),
 }
 STRANGE = (
@@ -61,149 +61,56 @@ def test_other_names(name: str) -> None:
     assert usual_channel(name) is None
 
 
-def test_a_log_with_usual_names() -> None:
-    """Assert that it is read, in the units in its names, and that what was taken is said."""
-    columns = joint_columns()
-    log = read_columns(
-        {
-            "t_ms": columns["time"] * 1e3,
-            "theta_m_deg": np.degrees(columns["motor_position"]),
-            "q_l": columns["link_position"],
-            "tau_mNm": columns["motor_torque"] * 1e3,
-            "mode": 0.0 * columns["time"],
-        }
-    )
-    (recording,) = log.recordings
-    assert recording.sample_time == pytest.approx(0.005)
-    np.testing.assert_allclose(recording.motor_position, columns["motor_position"], rtol=1e-12)
-    np.testing.assert_allclose(recording.needed_input, columns["motor_torque"], rtol=1e-12)
-    taken, unused = log.warnings
-    for words in ("'t_ms' for time in ms", "'theta_m_deg' for motor_position in deg", "check"):
-        assert words in taken
-    assert "'mode' is not used" in unused
-
-
-def test_own_names_come_first() -> None:
-    """Assert that a usual name counts for nothing beside the channel's own."""
-    columns = joint_columns()
-    tau, motor = columns["motor_torque"], columns["motor_position"]
-    others = {"tau": 2.0 * tau, "current": 3.0 * tau, "theta_m": 4.0 * motor}
-    log = read_columns(columns | others)
-    np.testing.assert_array_equal(log.recordings[0].input, tau)
-    np.testing.assert_array_equal(log.recordings[0].motor_position, motor)
-    assert "'tau', 'current', 'theta_m' are not used" in log.warnings[0]
-
-
-def of_names(**names: str) -> Log:
-    """The log with other names of its columns."""
-    columns = without(joint_columns(), "velocity")
-    return read_columns({names.get(name, name): values for name, values in columns.items()})
-
-
-@pytest.mark.parametrize(
-    ("names", "side"),
-    [
-        ({"link_position": "q", "motor_position": "theta_m"}, "link"),
-        ({"link_position": "/load_encoder/position", "motor_position": "/state/position"}, "motor"),
-        ({"link_position": "SecondaryPosition", "motor_position": "ActualPosition"}, "motor"),
-    ],
+COLUMNS = joint_columns()
+TIME, LINK, MOTOR, TORQUE = (
+    COLUMNS[name] for name in ("time", "link_position", "motor_position", "motor_torque")
 )
-def test_a_position_beside_that_of_one_side_is_of_the_other(
-    names: dict[str, str], side: str
-) -> None:
-    """Assert that a name without a side is of the other side, with a warning."""
-    log = of_names(**names)
-    for name in ("link_position", "motor_position"):
-        np.testing.assert_array_equal(getattr(log.recordings[0], name), joint_columns()[name])
-    assert f"{names[f'{side}_position']!r} for {side}_position in rad" in log.warnings[0]
 
 
-def test_a_torque_beside_two_encoders_may_be_the_springs() -> None:
-    """Assert that a sensor's torque is not taken for the motor's."""
-    log = of_names(motor_position="position", link_position="load_pos", motor_torque="joint_torque")
-    assert log.recordings[0].input is None
+def named(*left_out: str, **names: str) -> dict[str, Any]:
+    """The log without velocities and some channels, others by other names."""
+    columns = without(COLUMNS, "velocity", *left_out)
+    return {names.get(name, name): values for name, values in columns.items()}
 
 
-def test_a_deflection_by_its_usual_name() -> None:
-    """Assert that it is taken beside the motor's position, and in no unit of another kind."""
-    columns = joint_columns()
-    deflection = columns.pop("link_position") - columns["motor_position"]
-    columns = without(columns, "velocity")
-    log = read_columns({**columns, "spring_deflection_deg": np.degrees(deflection)})
-    link = joint_columns()["link_position"]
-    np.testing.assert_allclose(log.recordings[0].needed_link_position, link, rtol=1e-12)
-    assert read_columns({**columns, "torsion_V": deflection}).recordings[0].link_position is None
+IN_UNITS = {"t_ms": 1e3 * TIME, "theta_m_deg": np.degrees(MOTOR), "tau_mNm": 1e3 * TORQUE}
+STAMPS = np.datetime64("2024-05-01") + (1e6 * TIME).astype("timedelta64[us]")
+JOINT_3 = {"link_position": "joint_3_q_l", "motor_position": "joint_3_q_m"}
+NUMBERED = {f"{n}_1" if n != "time" else n: v for n, v in COLUMNS.items()}
+RIG = {name: f"rig_{name}" for name in COLUMNS if name != "time"}
+SPEED = COLUMNS["motor_velocity"]
+NAMED: dict[str, dict[str, Any]] = {
+    "units in names": {**IN_UNITS, "q_l": LINK, "mode": 0.0 * TIME},
+    "own names": COLUMNS | {"tau": 2 * TORQUE, "current": 3 * TORQUE, "theta_m": 4 * MOTOR},
+    "a position beside the motor's": named(link_position="q", motor_position="theta_m"),
+    "one beside the load's": named(
+        link_position="/load_encoder/position", motor_position="/state/position"
+    ),
+    "one beside a second one": named(link_position="SecondaryPosition", motor_position="Position"),
+    "a torque that may be the spring's": named(motor_position="q", motor_torque="joint_torque"),
+    "a deflection": named("link") | {"spring_deflection_deg": np.degrees(LINK - MOTOR)},
+    "one in another unit": named("link") | {"torsion_V": LINK - MOTOR},
+    "a command": named(motor_torque="torque_cmd"),
+    "one beside a current": named(motor_torque="tau_ref") | {"motor_strom": 2.0 * TORQUE},
+    "a joint with a number": named(**JOINT_3, motor_torque="joint_3_tau"),
+    "two of them": NUMBERED | {"q_l_2": np.sin(TIME)},
+    "a rig before all names": named(**RIG),
+    "a rig before one": named(motor_position="rig_q_m"),
+    "stamps by another name": named("time") | {"when": STAMPS},
+    "one encoder": {"time": TIME, "position": MOTOR, "velocity": SPEED, "torque": TORQUE},
+    "one of a link": {"time": TIME, "link_position": LINK, "velocity": SPEED, "torque": TORQUE},
+    "two names": named("motor_position") | {"theta_m": MOTOR, "motor_angle": 2.0 * MOTOR},
+}
 
 
-def test_a_command_counts_where_nothing_was_measured() -> None:
-    """Assert that it is the input with a warning, and nothing beside a measured current."""
-    log = of_names(motor_torque="torque_cmd")
-    assert log.recordings[0].input_unit == "N m"
-    assert "'torque_cmd' is a command, and not a measurement" in log.warnings[1]
-    columns = joint_columns()
-    columns["tau_ref"] = columns.pop("motor_torque")
-    log = read_columns(columns | {"motor_strom": columns["tau_ref"]})
-    assert log.recordings[0].input_unit == "A"
-
-
-def test_joints_with_numbers() -> None:
-    """Assert that the only one is read, and that several are refused with an example."""
-    own = {"link_position": "joint_3_q_l", "motor_position": "joint_3_q_m"}
-    assert of_names(**own, motor_torque="joint_3_tau").recordings[0].input_unit == "N m"
-    other = {"q_l_2": np.sin(joint_columns()["time"])}
-    numbered = {f"{n}_1" if n != "time" else n: v for n, v in joint_columns().items()}
-    message = refused(read_columns, numbered | other)
-    assert "positions with the numbers 1, 2" in message
-    assert "as motor_position = 'motor_position_1'" in message
-
-
-def test_words_of_all_names_say_nothing() -> None:
-    """Assert that the name of a rig before all others is left out, and that of one is not."""
-    names = {name: f"rig_{name}" for name in joint_columns() if name != "time"}
-    assert of_names(**names).recordings[0].input_unit == "N m"
-    assert "no motor_position" in refused(lambda _: of_names(motor_position="rig_q_m"), None)
-
-
-def test_a_time_by_what_it_holds() -> None:
-    """Assert that the only column of time stamps is the time, whatever its name."""
-    columns = without(joint_columns(), "velocity")
-    time = columns.pop("time")
-    stamps = np.datetime64("2024-05-01") + (1e6 * time).astype("timedelta64[us]")
-    log = read_columns({"when": stamps, **columns})
-    assert log.recordings[0].sample_time == pytest.approx(0.005)
-
-
-def test_one_encoder() -> None:
-    """Assert that a position without a side is the motor's where there is no other."""
-    columns = joint_columns()
-    single = {
-        "time": columns["time"],
-        "position": columns["motor_position"],
-        "velocity": columns["motor_velocity"],
-        "torque": columns["motor_torque"],
-    }
-    (recording,) = read_columns(single).recordings
-    np.testing.assert_array_equal(recording.motor_position, columns["motor_position"])
-    assert recording.motor_velocity is not None
-    del single["position"]
-    single["link_position"] = columns["link_position"]
-    assert "there is no motor_position" in refused(read_columns, single)
-
-
-def test_two_usual_names() -> None:
-    """Assert that of two columns neither is taken, and both are named."""
-    motor = joint_columns()["motor_position"]
-    columns = without(joint_columns(), "motor_position")
-    columns |= {"theta_m": motor, "motor_angle": 2.0 * motor}
-    words = "'theta_m', 'motor_angle' could each be motor_position"
-    assert words in refused(read_columns, columns)
+def test_names_of_columns(golden: Any) -> None:
+    """Assert that columns are what they usually are, that it is said, and that two are refused."""
+    golden({name: said(read_columns, columns) for name, columns in NAMED.items()})
 
 
 def test_a_map_leaves_nothing_to_guess() -> None:
     """Assert that with a column map only a channel's own name is taken."""
-    columns = joint_columns()
-    columns["tau"] = columns.pop("motor_torque")
-    log = read_columns(columns, {"time": "time"})
+    log = read_columns(named(motor_torque="tau"), {"time": "time"})
     assert log.recordings[0].input is None
     assert any("name its column in columns" in warning for warning in log.warnings)
 
@@ -234,33 +141,26 @@ def test_units(factor: float, si_unit: str) -> None:
         assert found == (pytest.approx(factor, rel=1e-12), si_unit), text
 
 
-UNKNOWN = r"is not known for this column: write \[s\].*\[rad\], \[deg\]"
-REFUSED = {
-    # What has the dimension by accident, or another.
-    **dict.fromkeys(["Hz", "1/s", "Ms", "as", "MS", "N m/rad", "m", "rad^2", ""], UNKNOWN),
-    "percent": "share of something: .*rated value as the scale, in a column map",
-    "‰": "share of something",
-    "Grad": r"may mean degrees, or gon .*: write \[deg\], or .*'1/400'",
-    "counts": "depends on the encoder",
-    # No unit text does more than fail.
-    **dict.fromkeys(["furlongs!", "9^9^9", "km^9999", "km²³²³²³", "rad/", "__x", "("], UNKNOWN),
-}
-
-
-@pytest.mark.parametrize("text", REFUSED)
-def test_units_that_are_refused(text: str) -> None:
-    """Assert that the message says what to write instead."""
-    with pytest.raises(UnitError, match=REFUSED[text]):
-        scale_to_si(text, tuple(EXAMPLES))
-
-
-@pytest.mark.parametrize(
-    ("text", "usual"),
-    [("kHz", True), ("Volts", True), ("s", True), ("S", False), ("v", False), ("speed", False)],
+REFUSED = (  # what has the dimension by accident, or another; and what is no unit at all
+    *("Hz", "1/s", "Ms", "as", "MS", "N m/rad", "m", "rad^2", "", "percent", "‰", "Grad", "counts"),
+    *("furlongs!", "9^9^9", "km^9999", "km²³²³²³", "rad/", "__x", "("),
 )
-def test_usual_units(text: str, usual: bool) -> None:
+
+
+def test_units_that_are_refused(golden: Any) -> None:
+    """Assert that the message says what to write instead."""
+    found = {}
+    for text in REFUSED:
+        with pytest.raises(UnitError) as caught:
+            scale_to_si(text, tuple(EXAMPLES))
+        found[repr(text)] = str(caught.value)
+    golden(found)
+
+
+def test_usual_units() -> None:
     """Assert that a symbol is known as it is written, and a word in any letters."""
-    assert is_usual(text) == usual
+    assert all(map(is_usual, ("kHz", "Volts", "s")))
+    assert not any(map(is_usual, ("S", "v", "speed")))
 
 
 @given(st.text(max_size=30))

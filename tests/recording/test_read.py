@@ -14,7 +14,7 @@ from joint_log import (
     csv_text,
     joint_columns,
     read_columns,
-    refused,
+    said,
     without,
     written,
 )
@@ -80,43 +80,6 @@ def test_deflection_gives_the_link_position() -> None:
     np.testing.assert_allclose(recording.needed_link_position, link, atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("header", "unit"),
-    [
-        ("motor_torque", "N m"),
-        ("motor_torque [Nm]", "N m"),
-        ("motor_torque [V]", "V"),
-        ("motor_torque [mA]", "A"),
-        ("motor_current", "A"),
-        ("motor_voltage", "V"),
-    ],
-)
-def test_kinds_of_input(header: str, unit: str) -> None:
-    """Assert that the input's name and unit say what kind it is, and a velocity may be missing."""
-    columns = without(joint_columns(), "torque", "link_velocity")
-    (recording,) = read_columns({**columns, header: joint_columns()["motor_torque"]}).recordings
-    assert recording.input_unit == unit
-    assert recording.link_velocity is None
-    assert recording.motor_velocity is not None
-
-
-def test_torque_is_preferred_to_current() -> None:
-    """Assert that of two inputs the torque is used and the other is named in a warning."""
-    columns = joint_columns()
-    log = read_columns({**columns, "motor_current": 2.0 * columns["motor_torque"]})
-    np.testing.assert_array_equal(log.recordings[0].input, columns["motor_torque"])
-    (warning,) = log.warnings
-    assert "motor_current is not used" in warning
-
-
-def test_unused_columns_are_named(tmp_path: Path) -> None:
-    """Assert that a column with an unknown name is ignored with a warning, text or not."""
-    text = csv_text(joint_columns()).splitlines()
-    noted = "\n".join([text[0] + ",note", *(line + ",idle" for line in text[1:])])
-    (warning,) = read_log(written(tmp_path, noted)).warnings
-    assert "'note' is not used" in warning
-
-
 def test_xarray() -> None:
     """Assert that a data set's coordinate is a column, and its attributes are units."""
     xarray = pytest.importorskip("xarray")
@@ -138,22 +101,8 @@ def rows(kept: NDArray[Any]) -> dict[str, FloatArray]:
 def test_a_gap_gives_two_recordings() -> None:
     """Assert that both sides of a gap are what two files would have given."""
     log = read_columns(rows(np.r_[0:150, 190:400]))
-    assert "missing from 0.745 s to 0.95 s" in log.warnings[0]
-    assert "2 recordings: record without gaps" in log.warnings[0]
     parts = [read_columns(rows(np.r_[a:b])).recordings[0] for a, b in ((0, 150), (190, 400))]
     assert_equal_logs(log, Log(tuple(parts), (), "", ""))
-
-
-def test_lost_samples() -> None:
-    """Assert that one cuts the log, and that fewer than 20 between two gaps are dropped."""
-    log = read_columns(rows(np.delete(np.arange(400), 100)))
-    assert [len(recording) for recording in log.recordings] == [100, 299]
-    log = read_columns(rows(np.r_[0:200, 210:220, 230:400]))
-    assert [len(recording) for recording in log.recordings] == [200, 170]
-    assert "1.05 s to 1.095 s were dropped, since fewer than 20" in log.warnings[1]
-    kept = np.concatenate([np.arange(start, start + 19) for start in range(0, 380, 25)])
-    words = "(20 samples in a row|vary between).*record"
-    assert_words(words, refused(read_columns, rows(kept)))
 
 
 def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
@@ -211,16 +160,43 @@ def test_whole_milliseconds_are_even(rate: float) -> None:
     assert_words("rounded to 1 ms; they fit even steps.*write the time with more digits", warning)
 
 
-def test_uneven_time() -> None:
-    """Assert that more jitter, and a time too coarse to tell samples apart, are refused."""
-    columns = jittered(0.22)
-    words = "column 'time': the time steps vary between .* ms: .*write the time with more digits"
-    assert_words(words, refused(read_columns, columns))
-    columns["time"] = np.round(columns["time"], 3)
-    assert_words(words, refused(read_columns, columns))
-    columns = joint_columns(sample_time=1.0 / 5000.0)
-    columns["time"] = np.round(columns["time"], 3)
-    assert "write the time with more digits" in refused(read_columns, columns)
-    for kept in (np.r_[0:200, 200:400:4], np.r_[0:200:4, 200:400]):  # two sample times
-        words = "between 5 and 20 ms: cut the log at (0.995|1) s, where the sample time changes"
-        assert_words(words, refused(read_columns, rows(kept)))
+def coarse(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """The same in whole milliseconds."""
+    return {**columns, "time": np.round(columns["time"], 3)}
+
+
+COLUMNS = joint_columns()
+TORQUE = COLUMNS["motor_torque"]
+INPUTS = ("motor_torque [Nm]", "motor_torque [V]", "motor_torque [mA]", "motor_current")
+NO_INPUT = without(COLUMNS, "torque")
+MOTOR = without(COLUMNS, "link")
+FAST = {**without(MOTOR, "velocity"), "motor_position": np.degrees(COLUMNS["motor_position"])}
+EVERY = np.arange(400)
+NINETEENS = np.concatenate([np.arange(start, start + 19) for start in range(0, 380, 25)])
+SAID: dict[str, dict[str, FloatArray]] = {
+    **{header: without(NO_INPUT, "link_vel") | {header: TORQUE} for header in INPUTS},
+    "a voltage": NO_INPUT | {"motor_voltage": TORQUE},
+    "torque and current": COLUMNS | {"motor_current": 2.0 * TORQUE},
+    "a column that nobody knows": COLUMNS | {"note": TORQUE},
+    "no input": NO_INPUT,
+    "a misspelt input": NO_INPUT | {"motor_torqe": TORQUE},
+    "no link": MOTOR,
+    "a misspelt link": MOTOR | {"lnk_position": COLUMNS["link_position"]},
+    "a link's velocity alone": MOTOR | {"link_velocity": COLUMNS["link_velocity"]},
+    "a motor alone": without(MOTOR, "torque"),
+    "a motor in degrees": FAST,
+    "a gap": rows(np.r_[0:150, 190:400]),
+    "a lost sample": rows(np.delete(EVERY, 100)),
+    "ten samples between two gaps": rows(np.r_[0:200, 210:220, 230:400]),
+    "nineteen between gaps": rows(NINETEENS),
+    "much jitter": jittered(0.22),
+    "the same in milliseconds": coarse(jittered(0.22)),
+    "5 kHz in milliseconds": coarse(joint_columns(sample_time=1.0 / 5000.0)),
+    "a slower rate": rows(np.r_[0:200, 200:400:4]),
+    "a faster rate": rows(np.r_[0:200:4, 200:400]),
+}
+
+
+def test_what_is_said_of_channels(golden: Any) -> None:
+    """Assert what is read of a log, what is warned of, and that uneven times are refused."""
+    golden({name: said(read_columns, columns) for name, columns in SAID.items()})

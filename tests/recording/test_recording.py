@@ -9,7 +9,6 @@ from flexid.estimators.samples import samples_of_recording
 from flexid.recording import Log, Recording, with_velocities
 
 MOTION = without(joint_columns(), "torque")
-ONE_ENCODER = without(joint_columns(), "link")
 
 
 @pytest.fixture
@@ -59,10 +58,8 @@ def test_a_log_fits_a_line(recording: Recording) -> None:
 
 
 def test_motion_alone() -> None:
-    """Assert that two positions are a log without a fault, whose input is the motor's motion."""
-    log = read_columns(MOTION)
-    (recording,) = log.recordings
-    assert (recording.input, recording.input_unit, log.warnings) == (None, "", ())
+    """Assert that of two positions alone the motor's motion is the input."""
+    (recording,) = read_columns(MOTION).recordings
     assert with_velocities(recording).window(10, 20).input is None
     samples = samples_of_recording(recording, "link")
     assert recording.motor_velocity is not None
@@ -77,40 +74,6 @@ def test_motion_alone() -> None:
         atol=0.05,
     )
     assert_words("input: .*identify the link alone", refused(samples_of_recording, recording))
-
-
-def test_motor_alone() -> None:
-    """Assert that a log of the motor alone is read, and what it is good for is said."""
-    log = read_columns(ONE_ENCODER)
-    (recording,) = log.recordings
-    assert recording.link_position is None
-    np.testing.assert_array_equal(recording.motor_position, ONE_ENCODER["motor_position"])
-    (warning,) = log.warnings
-    assert_words("no link_position.*only the rigid joint.*in a column map", warning)
-
-
-@pytest.mark.parametrize(
-    ("columns", "words"),
-    [
-        ({**MOTION, "motor_torqe": joint_columns()["motor_torque"]}, "did you mean 'motor_torqe'"),
-        ({**ONE_ENCODER, "lnk_position": MOTION["link_position"]}, "did you mean 'lnk_position'"),
-        ({**ONE_ENCODER, "link_velocity": MOTION["link_velocity"]}, "link_velocity is not used"),
-    ],
-)
-def test_names_that_are_pointed_out(columns: dict[str, np.ndarray], words: str) -> None:
-    """Assert that a column that looks like a channel, or is of no use, is named."""
-    log = read_columns(columns)
-    assert words in " ".join(log.warnings)
-    assert "link_position" in columns or log.recordings[0].link_velocity is None
-
-
-def test_one_encoder_refused() -> None:
-    """Assert that one position alone is refused, and one in degrees without a unit."""
-    words = "no link_position .*, no motor_torque"
-    assert_words(words, refused(read_columns, without(ONE_ENCODER, "torque")))
-    fast = without(ONE_ENCODER, "velocity")
-    fast["motor_position"] = np.degrees(fast["motor_position"])
-    assert_words(r"faster than a joint.*motor_position \[deg\]", refused(read_columns, fast))
 
 
 def test_no_deflection(alone: Recording) -> None:

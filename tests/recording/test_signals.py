@@ -1,0 +1,258 @@
+"""Files of signals: what is found in MATLAB, HDF5, MDF, MCAP and bags, and what is refused."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from asammdf import Signal
+from joint_log import assert_words, refused, said
+from log_files import (
+    COLUMNS,
+    STAMPS,
+    TORQUE,
+    hdf5,
+    in_groups,
+    log_file,
+    matlab,
+    matlab_73,
+    mcap,
+    mdf,
+    measured,
+    signal,
+)
+from mcap.writer import CompressionType
+from rosbags.typesys.store import Typestore
+
+from flexid.readers import guard, ros
+from flexid.recording import read_log
+from flexid.recording.series import tables_of_file
+
+TIME, LINK, MOTOR, INPUT = COLUMNS.values()
+BOTH = np.stack([MOTOR, LINK], axis=1)
+ENCODERS = in_groups()[0]
+FAST = np.arange(0.0, 0.5, 0.001)
+
+
+def with_units(path: Path) -> None:
+    """Attributes that are units."""
+    hdf5(path, {**COLUMNS, "time": 1e3 * TIME, "motor_position": np.degrees(MOTOR)})
+    with h5py.File(path, "a") as file:
+        file["motor_position"].attrs["units"] = "deg"
+        file["time"].attrs["unit"] = np.bytes_("[ms]")
+
+
+def table_and_matrices(path: Path) -> None:
+    """A table, and two matrices."""
+    table = np.zeros(100, dtype=[("t", "f8"), ("tau", "f4")])
+    table["t"], table["tau"] = TIME, INPUT
+    hdf5(path, {"table": table, "q": BOTH, "p": BOTH.T})
+
+
+def runs(*names: str) -> Callable[[Path], object]:
+    """The log in groups of an HDF5 file, with a picture beside it."""
+    arrays = {f"{group}/{name}": values for group in names for name, values in COLUMNS.items()}
+    others = {"picture": np.zeros((200, 300), dtype=np.uint8), "note": "hello"}
+    return lambda path: hdf5(path, {**arrays, **others})
+
+
+def links(path: Path) -> None:
+    """Values that stand in other files, however they are linked."""
+    runs("run")(path.with_name("other.h5"))
+    path.with_name("secret").write_bytes(bytes(800))
+    with h5py.File(path, "w") as file:
+        file["linked"] = h5py.ExternalLink("other.h5", "/run")
+        layout = h5py.VirtualLayout((100,), "f8")
+        layout[:] = h5py.VirtualSource("other.h5", "/run/time", (100,))
+        file.create_virtual_dataset("time", layout)
+        file.create_dataset("x", (100,), "f8", external=[("secret", 0, 800)])
+
+
+def much_of_nothing(path: Path) -> None:
+    """Arrays that claim to hold 8 TB each."""
+    with h5py.File(path, "w") as file:
+        for name in COLUMNS:
+            file.create_dataset(name, (10**12,), "f8", chunks=(1000,))
+
+
+def of_type(kind: int) -> Callable[[Path], object]:
+    """An element of a type that is none, of which SciPy crashes."""
+    double = (9).to_bytes(4, "little") + (800).to_bytes(4, "little")
+    return lambda path: path.write_bytes(
+        matlab(path, {"run": COLUMNS})
+        .read_bytes()
+        .replace(double, kind.to_bytes(4, "little") + double[4:])
+    )
+
+
+def late(path: Path) -> None:
+    """A clock that repeats."""
+    late = TIME.copy()
+    late[75] = late[74]
+    mdf(path, ENCODERS, [signal("motor_torque", INPUT, late)])
+
+
+def invalid(path: Path) -> None:
+    """A sample that the recorder marked."""
+    torque = signal("motor_torque", INPUT)
+    torque.invalidation_bits = np.arange(100) == 57
+    mdf(path, [*ENCODERS, torque])
+
+
+def changed(change: Callable[[bytes], bytes]) -> Callable[[Path], object]:
+    """An MDF file of other bytes."""
+    return lambda path: path.write_bytes(change(mdf(path, ENCODERS).read_bytes()))
+
+
+def out_of_order(by: int) -> Callable[[Path], object]:
+    """A message that others overtook."""
+    messages = measured()
+    messages.insert(20 + 2 * by, messages.pop(20))
+    return lambda path: mcap(path, messages)
+
+
+def without_a_number(path: Path) -> None:
+    """A message that lacks its value."""
+    messages = measured()
+    del messages[101][2]["data"]
+    mcap(path, messages)
+
+
+def damaged(form: str, place: int, size: int) -> Callable[[Path], object]:
+    """A first record of 900 MB, by what the file says."""
+
+    def write(path: Path) -> None:
+        raw = log_file(path.parent, form).read_bytes()
+        path.write_bytes(raw[:place] + (900_000_000).to_bytes(size, "little") + raw[place + size :])
+
+    return write
+
+
+STRUCTS = np.array([({"tau": INPUT},)], dtype=object)
+OF_MATRIX = {"time": "t", "motor_position": "q(:,1)", "link_position": "q(:,2)"}
+OF_TABLE = {"time": "table.t", "motor_position": "q[:,0]", "motor_torque": "table.tau"}
+DEGREES = signal("motor_position", np.degrees(MOTOR), unit="deg")
+STATE = Signal(np.array([b"ok"] * 100), TIME, name="state", encoding="utf-8")
+IMAGES = [("/imu", stamp, {"x": 1.0, "image": [0] * 100, "frame": "a"}) for stamp in STAMPS]
+FILES: dict[str, tuple[str, Callable[[Path], object], dict[str, object] | None]] = {
+    "a matrix": ("a.mat", lambda p: matlab(p, {"t": TIME, "q": BOTH, "s": STRUCTS}), None),
+    "its columns": (
+        "a.mat",
+        lambda p: matlab(p, {"t": TIME, "q": BOTH, "s": {"tau": 3.0 * MOTOR}}),
+        OF_MATRIX | {"motor_torque": "s.tau"},
+    ),
+    "one of MATLAB 7.3": ("a.mat", lambda p: matlab_73(p, {"t": TIME, "q": BOTH.T}), None),
+    "another length": ("a.mat", lambda p: matlab(p, {**COLUMNS, "motor_torque": INPUT[:50]}), None),
+    "no signals": ("a.mat", lambda p: matlab(p, {"note": "hello", "gain": 3.0}), None),
+    **{f"type {kind}": ("a.mat", of_type(kind), None) for kind in (0, 99, 2**15, 2**31 - 1)},
+    "MATLAB by another name": ("a.csv", lambda p: matlab(p, COLUMNS, appendmat=False), None),
+    "units of HDF5": ("a.hdf5", with_units, None),
+    "a table": ("a.h5", table_and_matrices, None),
+    "a matrix in columns": ("a.h5", table_and_matrices, OF_TABLE | {"link_position": "q[:,1]"}),
+    "a matrix in rows": ("a.h5", table_and_matrices, OF_TABLE | {"link_position": "p[1,:]"}),
+    "a wrong name": ("a.h5", runs("a"), {"motor_torque": "current"}),
+    "two runs": ("a.h5", runs("a", "b"), None),
+    "the second": ("a.h5", runs("a", "b"), {name: f"b/{name}" for name in COLUMNS}),
+    "other files": ("a.h5", links, None),
+    "a claim to be large": ("a.h5", much_of_nothing, None),
+    "an empty file": ("a.h5", lambda p: p.write_bytes(b""), None),
+    "two clocks": (
+        "a.mf4",
+        lambda p: mdf(
+            p,
+            [DEGREES, signal("link_position", LINK)],
+            [signal("motor_torque", np.sin(4.0 * FAST), FAST)],
+        ),
+        None,
+    ),
+    "a clock that repeats": ("a.mf4", late, None),
+    "an invalid sample": ("a.mf4", invalid, None),
+    "a name in two groups": (
+        "a.mf4",
+        lambda p: mdf(p, ENCODERS, ENCODERS, [signal("u", TIME)]),
+        None,
+    ),
+    "one of them": (
+        "a.mf4",
+        lambda p: mdf(p, ENCODERS, ENCODERS, [signal("u", TIME)]),
+        {**{one.name: f"group 1 task1/{one.name}" for one in ENCODERS}, "motor_torque": "u"},
+    ),
+    "texts": ("a.mf4", lambda p: mdf(p, [signal("speed", TIME, unit="rpm"), STATE]), None),
+    "a cut file": ("a.mf4", changed(lambda raw: raw[:200]), None),
+    "a text": ("a.mf4", changed(lambda _: b"time,motor_position\n"), None),
+    "other marks": ("a.mf4", changed(lambda raw: raw.replace(b"##DG", b"##XX")), None),
+    "topics at different times": ("a.mcap", lambda p: mcap(p, measured(2_000_000)), TORQUE),
+    **{f"overtaken by {by}": ("a.mcap", out_of_order(by), TORQUE) for by in (1, 20)},
+    "a number that is missing": ("a.mcap", without_a_number, TORQUE),
+    "pictures": ("a.mcap", lambda p: mcap(p, IMAGES), None),
+    "no times in common": ("a.mcap", lambda p: mcap(p, measured(10**12)), TORQUE),
+    "a large record": ("a.mcap", damaged("ROS 2, MCAP", 9, 8), None),
+    "a large record of ROS 1": ("b.bag", damaged("ROS 1", 13, 4), None),
+    "a folder": ("folder", Path.mkdir, None),
+    "a folder of zstd": ("c", lambda p: (p.mkdir(), (p / "a.db3.zstd").write_bytes(b"")), None),
+}
+
+
+def test_signals_of_files(tmp_path: Path, golden: Any, monkeypatch: Any, capfd: Any) -> None:
+    """Assert what is found in files, in a sentence where that is no log, and no library speaks."""
+    monkeypatch.chdir(tmp_path)
+    found = {}
+    for case, (name, write, columns) in FILES.items():
+        path = Path(case) / name
+        path.parent.mkdir()
+        write(path)
+        found[case] = said(read_log, path, columns)
+    golden(found)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_invalid_samples_of_a_part(tmp_path: Path) -> None:
+    """Assert that they are named where a file is read in parts."""
+    invalid(tmp_path / "log.mf4")
+    tables = tables_of_file(tmp_path / "log.mf4", None, 25)
+    assert "1 of its 25 samples, from 51 on, are marked" in refused(next, tables)
+
+
+def test_a_bomb_of_matlab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that what unpacks, or claims to, to more than a limit is refused."""
+    path = matlab(tmp_path / "4.mat", {"time": np.arange(100.0)}, format="4")
+    raw = bytearray(path.read_bytes())
+    raw[4:12] = (100_000).to_bytes(4, "little") * 2
+    path.write_bytes(raw)
+    refused(read_log, path)
+    monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=300_000_000))
+    matlab(tmp_path / "log.mat", {"zeros": np.zeros(40_000_000)}, do_compression=True)
+    assert (tmp_path / "log.mat").stat().st_size < 1_000_000
+    assert "more memory or time than it may have" in refused(read_log, tmp_path / "log.mat")
+
+
+def test_names_that_are_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that a type's name which is no name is not handed to what makes code of it."""
+    trap = tmp_path / "executed"
+    names = [f"a/msg/B: pass\nopen({str(trap)!r}, 'w')\nclass C", "__import__('os')", "a//b"]
+    for name in names:
+        decode, why = ros.decoder(ros.Topic("/x", name, "cdr", "float64 data\n", "ros2msg"))
+        assert decode is None
+        assert "a type whose name" in why
+    idl = "module a { module msg { struct B { double data; }; }; };"
+    assert ros.decoder(ros.Topic("/x", "a/msg/B", "cdr", idl, "ros2idl"))[0] is not None
+    made: list[object] = []
+    monkeypatch.setattr(Typestore, "register", lambda _, types: made.append(types))
+    inner = f"float64 x\n{'=' * 80}\nMSG: 9c/D\nfloat64 y\n"
+    for definition in (inner, "float64"):
+        topic = ros.Topic("/x", "a/msg/B", "cdr", definition, "ros2msg")
+        assert "definition cannot be read" in ros.decoder(topic)[1]
+    assert not made
+    assert not trap.exists()
+
+
+def test_a_bomb_of_mcap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that a chunk which unpacks to more memory than a limit is refused."""
+    monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=150_000_000))
+    messages = [("/drive", STAMPS[0], {"zeros": " " * 200_000_000})]
+    for compression in (CompressionType.ZSTD, CompressionType.LZ4):
+        path = mcap(tmp_path / f"{compression}.mcap", messages, compression)
+        assert path.stat().st_size < 1_000_000
+        assert_words("MCAP file that can be read|more memory", refused(read_log, path))
