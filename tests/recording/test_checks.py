@@ -38,7 +38,7 @@ def coarse(step: float) -> Callable[[FloatArray], FloatArray]:
 
 def stated(scale: float) -> Columns:
     """A fast motion whose unit is stated."""
-    time = 1e-4 * np.arange(4000)
+    time: FloatArray = 1e-4 * np.arange(4000.0)
     motor = scale * np.sin(10.0 * time)
     link = motor + 0.1 * np.sin(30.0 * time)
     torque = {"motor_torque": np.cos(10.0 * time)}

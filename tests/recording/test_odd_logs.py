@@ -17,6 +17,7 @@ from joint_log import (
     written,
 )
 
+from flexid.arrays import FloatArray
 from flexid.recording import Log
 from flexid.recording.read import read_log
 
@@ -123,7 +124,7 @@ def runs_one_after_the_other() -> str:
     return "\n".join([HEADER, *LINES[:half], *second]) + "\n"
 
 
-def sparse(every: int) -> np.ndarray:
+def sparse(every: int) -> FloatArray:
     """A velocity that has few values."""
     return np.where(np.arange(400) % every == every - 1, COLUMNS["link_position"], np.nan)
 

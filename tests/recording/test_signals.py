@@ -136,7 +136,7 @@ OF_TABLE = {"time": "table.t", "motor_position": "q[:,0]", "motor_torque": "tabl
 DEGREES = signal("motor_position", np.degrees(MOTOR), unit="deg")
 STATE = Signal(np.array([b"ok"] * 100), TIME, name="state", encoding="utf-8")
 IMAGES = [("/imu", stamp, {"x": 1.0, "image": [0] * 100, "frame": "a"}) for stamp in STAMPS]
-FILES: dict[str, tuple[str, Callable[[Path], object], dict[str, object] | None]] = {
+FILES: dict[str, tuple[str, Callable[[Path], object], Any]] = {
     "a matrix": ("a.mat", lambda p: matlab(p, {"t": TIME, "q": BOTH, "s": STRUCTS}), None),
     "its columns": (
         "a.mat",
