@@ -1,15 +1,18 @@
-"""Logs of a flexible joint from the integrator of the blind trials, which is not flexid's.
+"""Logs of a flexible joint from the integrators of the trials, which are not flexid's, and fits.
 
-Whatever acts is given by the names of its drive; a smooth torque of many tones, encoders with
-white noise.
+Whatever acts is given by the names of `Drive`; a smooth torque of many tones, encoders with white
+noise. A joint that disturbances push is a `Plant`.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
+from benchmarks.trials.realistic.drive import Plant
+from benchmarks.trials.realistic.drive import simulate as simulate_plant
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import Timing
@@ -20,15 +23,6 @@ from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Hold, Log, Recording
 from flexid.recording.velocities import with_velocities
 
-ACTING = {
-    "link_inertia": 1.0,
-    "motor_inertia": 0.3,
-    "joint_stiffness": 100.0,
-    "gravity_torque": 5.0,
-    "motor_viscous": 0.2,
-}
-"""What acts in every log, in SI units; Table I of Huang (2003)."""
-
 TRUTH = {
     "link_inertia": 1.0,
     "motor_inertia": 0.3,
@@ -36,7 +30,7 @@ TRUTH = {
     "gravity_torque": 5.0,
     "motor_viscous_friction": 0.2,
 }
-"""The same by flexid's names."""
+"""What acts in every log, by flexid's names in SI units; Table I of Huang (2003)."""
 
 COEFFICIENTS = {
     "theta1": 5.0,
@@ -82,8 +76,9 @@ def made(
 
     table = torque(np.arange(-0.02, duration + 0.04, _TABLE_STEP))
     smooth = Smooth(np.empty(0) if held else table, input_delay - 0.02, _TABLE_STEP)
+    acting = {name.removesuffix("_friction"): value for name, value in TRUTH.items()}
     states, link = simulate(
-        Drive(**{**ACTING, **more}),
+        Drive(**{**acting, **more}),
         times,
         times - link_delay,
         times + input_delay,
@@ -96,20 +91,81 @@ def made(
         _LONGEST,
     )
     errors = noise * rng.standard_normal((2, len(times)))
-    return Recording(
-        SAMPLE_TIME,
-        float(times[0]),
-        link + errors[0],
-        states[:, 2] + errors[1],
-        torque(times),
-        "N m",
-        source=f"made {seed}",
-    )
+    return recording(times, link + errors[0], states[:, 2] + errors[1], torque(times), seed)
 
 
-def log(recording: Recording) -> Log:
-    """A log of one recording."""
-    return Log((recording,), (), recording.source, recording.source)
+def recording(
+    times: np.ndarray, link: np.ndarray, motor: np.ndarray, inputs: np.ndarray, name: object = ""
+) -> Recording:
+    """Samples under a torque in N m."""
+    sample_time, start = float(times[1] - times[0]), float(times[0])
+    return Recording(sample_time, start, link, motor, inputs, "N m", source=f"made {name}")
+
+
+PUSHED = {"theta2": 150.0, "alpha1": 250.0, "alpha2": 1.5, "beta1": 5 / 3}
+"""Coefficients of a drive that is disturbed; its resonance lies at 20 rad/s."""
+
+FINE_NOISE = 2e-5  # rad
+_INERTIA = 0.6  # kg m², of its motor; its link has 1
+_FINE_STEP = 5e-4  # s, from which a torque and disturbances run on straight lines
+_PUSHED_TONES = np.geomspace(1.0, 26.0, 15)  # rad/s, from before the resonance to beyond it
+
+
+def pushed(
+    seed: int,
+    duration: float = 16.0,
+    *,
+    every: int = 1,
+    size: float = 1.0,
+    link_push: float = 0.0,
+    motor_push: float = 0.0,
+    **more: float,
+) -> Recording:
+    """A drive that more moves than its model has, logged at 500 Hz or a part of it.
+
+    The size is that of each tone of the torque. Pushes are disturbances, RMS in rad/s²,
+    forgotten within 0.1 s. What else acts are fields of `Plant`.
+    """
+    rng = np.random.default_rng(seed)
+    times = _FINE_STEP * np.arange(round(duration / _FINE_STEP))
+    phases = rng.uniform(0.0, 2.0 * np.pi, len(_PUSHED_TONES))
+    torque = 2.4 * size * np.sin(np.outer(times, _PUSHED_TONES) + phases).sum(axis=1)
+    pushes = np.zeros((len(times), 2))
+    keep = np.exp(-_FINE_STEP / 0.1)
+    shocks = np.sqrt(1.0 - keep**2) * rng.standard_normal((len(times), 2))
+    for i in range(1, len(times)):
+        pushes[i] = keep * pushes[i - 1] + shocks[i]
+    pushes *= [link_push, _INERTIA * motor_push]
+    pushes[:, 1] += torque
+    plant = Plant(1.0, _INERTIA, 150.0, motor_viscous=0.9, **more)
+    none = np.zeros((len(times), 3))
+    states = simulate_plant(plant, times, none[:, 0], Law(), none, pushes, 0.0, _FINE_STEP)[::4]
+    noisy = states[:, [0, 2]] + FINE_NOISE * rng.standard_normal((len(states), 2))
+    return recording(times[::4][::every], *noisy[::every].T, torque[::4][::every], seed)
+
+
+def stopping(seed: int, duration: float = 24.0) -> Recording:
+    """The same drive with dry friction, which a controller moves from stop to stop."""
+    rng = np.random.default_rng(seed)
+    times = SAMPLE_TIME * np.arange(1, round(duration / SAMPLE_TIME) + 1)
+    course = np.zeros((len(times), 3))
+    goals = np.repeat(rng.uniform(-1.5, 1.5, 40), round(1.2 / SAMPLE_TIME))
+    keep = np.exp(-SAMPLE_TIME / 0.08)  # the motor follows in a fraction of a second
+    for k in range(1, len(times)):
+        course[k, 0] = keep * course[k - 1, 0] + (1.0 - keep) * goals[k]
+    friction = {"motor_coulomb_up": 2.4, "motor_coulomb_down": 2.4, "motor_static": 1.2}
+    acting = Drive(1.0, _INERTIA, 150.0, motor_viscous=0.9, stribeck_velocity=0.15, **friction)
+    inputs, law = np.zeros(len(times)), Law(96.0, 9.6)
+    smooth = Smooth(np.empty(0), 0.0, _TABLE_STEP)
+    rest = inputs.copy(), smooth, law, course, 0.0, _LONGEST
+    states, link = simulate(acting, times, times, times, inputs, *rest)
+    errors = FINE_NOISE * rng.standard_normal((2, len(times)))
+    return recording(times, link + errors[0], states[:, 2] + errors[1], inputs, seed)
+
+
+def log(*recordings: Recording) -> Log:
+    """A log of these."""
+    return Log(recordings, (), recordings[0].source, recordings[0].source)
 
 
 JOINT = flexible()
@@ -121,7 +177,7 @@ def structure(*terms: str, hold: Hold = "cubic") -> Structure:
     return Structure(JOINT, frozenset(JOINT.optional - on), Timing(hold))
 
 
-PAPER = structure(*PAPER_TERMS)
+PAPER, WITHOUT = structure(*PAPER_TERMS), structure()
 
 
 def data(*recordings: Recording) -> Data:
@@ -133,8 +189,7 @@ def data(*recordings: Recording) -> Data:
 def turned(recording: Recording, turns: int) -> Recording:
     """The same motion that many turns further, where gravity is the same."""
     away = 2.0 * np.pi * turns
-    assert recording.link_position is not None
-    link, motor = recording.link_position + away, recording.motor_position + away
+    link, motor = recording.needed_link_position + away, recording.motor_position + away
     return replace(recording, link_position=link, motor_position=motor)
 
 
@@ -148,8 +203,7 @@ def posed(
     """The paper's model with more terms, of shapes that suit a recording or are given."""
     own = data(recording)
     joint = JOINT.scaled(own.samples).with_widths(dict(widths or {}))
-    on = {coefficient for term in (*PAPER_TERMS, *terms) for coefficient in joint.terms[term]}
-    absent = frozenset(joint.optional - on)
+    absent = structure(*PAPER_TERMS, *terms).absent
     return Structure(joint, absent, Timing("cubic"), dict(fixed or {}), dict(bounds or {})), own
 
 
@@ -161,3 +215,23 @@ def fitted(recording: Recording, *terms: str, **about: Any) -> Fitted:
 def half_widths(estimate: Any) -> np.ndarray:
     """Half the 95 % interval of each value of an estimate or a fit."""
     return t.ppf(0.975, np.array(estimate.degrees_of_freedom)) * estimate.deviations
+
+
+def made_fit(
+    excess: float = 1.0, *, cost: float = 0.0, segments: Any = range(4), states: Any = None, **more
+) -> Any:
+    """As much of a fit as a choice among fits asks for: that it leaves so much, and what is given.
+
+    It is of a joint with no optional term.
+    """
+    minimum = SimpleNamespace(
+        equations=SimpleNamespace(cost=cost), point=SimpleNamespace(initial_states=states)
+    )
+    usual = {"duration": 1.0, "structure": WITHOUT, "by_name": {}, "data": None}
+    problem = SimpleNamespace(segments=segments)
+    return SimpleNamespace(excess=excess, minimum=minimum, problem=problem, **{**usual, **more})
+
+
+def over(segments: int, excess: float, structure: Structure = WITHOUT) -> Any:
+    """Such a fit over segments of 2 s divided by their number."""
+    return made_fit(excess, segments=range(segments), duration=2.0 / segments, structure=structure)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_fits import made_fit
+from made_joint import made_fit
 
 import flexid.identification.full_model.starting as beginning
 from flexid.errors import ConvergenceError

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from made_fits import made_fit
+from made_joint import made_fit
 
 import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fits_by_length as fits_by_length

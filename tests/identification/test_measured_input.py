@@ -5,9 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from disturbed_drive import TRUTH as DRIVE
-from disturbed_drive import data, drive, recording
-from made_joint import made
+from made_joint import PUSHED, data, made, pushed, structure
 
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.disturbed import fit_disturbed
@@ -15,7 +13,7 @@ from flexid.identification.estimation.measured_input import input_noise, pulled
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
-from flexid.identification.preparation.joint import flexible, link
+from flexid.identification.preparation.joint import link
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.velocities import with_velocities
@@ -72,26 +70,25 @@ def test_no_interval_is_narrower():
 
 @cache
 def gain(seed: int, noise: float, motor_push: float = 0.0) -> tuple[float, float]:
-    """Errors of a drive's gain: what it is, and what more noise of its torque would make it."""
-    time, positions, torque = drive(seed, motor_push=motor_push)
-    noisy = torque + noise * np.random.default_rng(seed + 50).standard_normal(len(torque))
-    log, joint = data(recording(time, positions, noisy)), flexible()
-    structure = Structure(joint, frozenset(joint.optional - {"alpha2"}), Timing("cubic"))
-    found = fit_disturbed(structure, log, (), ("cubic",), THRESHOLDS, with_play=False)
+    """Errors of a drive's gain over it: what it is, and what more noise of its torque would add."""
+    made = pushed(seed, motor_push=motor_push)
+    more = noise * np.random.default_rng(seed + 50).standard_normal(len(made))
+    log, viscous = data(replace(made, input=made.needed_input + more)), structure("motor_viscous")
+    found = fit_disturbed(viscous, log, (), ("cubic",), THRESHOLDS, with_play=False)
     place = found.fitted.names.index("beta1")
     change = pulled(found.fitted, found.sizes, log.samples, found.factor)[place]
-    return found.fitted.values[place] - DRIVE["beta1"], float(change)
+    return found.fitted.by_name["beta1"] / PUSHED["beta1"] - 1.0, change / PUSHED["beta1"]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_noisy_torque_takes_the_gain_for_too_small(seed):
     """Assert that the error of a gain is foretold by what as much noise again would do to it."""
-    error, foretold = gain(seed, 0.6)
-    assert error < -0.05 * DRIVE["beta1"]
+    error, foretold = gain(seed, 1.44)
+    assert error < -0.05
     assert 0.5 * error > foretold > 1.5 * error
 
 
-@pytest.mark.parametrize(("noise", "push"), [(0.0, 2.0), (0.1, 0.0)])
+@pytest.mark.parametrize(("noise", "push"), [(0.0, 2.0), (0.24, 0.0)])
 def test_what_is_no_noise_of_a_torque_pulls_nothing(noise, push):
     """Assert that neither a push of the motor nor a noise that few samples show moves a gain."""
-    assert abs(gain(1, noise, push)[1]) < 1e-3 * DRIVE["beta1"]
+    assert abs(gain(1, noise, push)[1]) < 1e-3

@@ -4,8 +4,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 import pytest
-from made_fits import JOINT, WITHOUT, made_fit, over
-from made_joint import fitted, made
+from made_joint import JOINT, WITHOUT, fitted, made, made_fit, over
 
 import flexid.identification.full_model.fits_by_length as fits_by_length
 import flexid.identification.full_model.fitting as fitting

@@ -7,8 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_fits import over
-from made_joint import fitted, log, made, turned
+from made_joint import fitted, log, made, over, turned
 
 import flexid.identification.structure.sought_shape as sought_shape
 from flexid.errors import ConvergenceError, SettingError

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_fits import JOINT, made_fit
+from made_joint import JOINT, made_fit
 from scipy.stats import chi2, f, norm, t
 
 import flexid.identification.full_model.fitting as fitting

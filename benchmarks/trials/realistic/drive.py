@@ -56,6 +56,8 @@ class Plant(NamedTuple):
     saturation: float = np.inf  # N m of input, behind the dead zone
     lag: float = 0.0  # s, of the current
     gauge_lag: float = 1e-3  # s
+    cubic_stiffness: float = 0.0  # N m/rad^3
+    half_gap: float = 0.0  # rad, of the joint's spring
 
 
 COLUMNS = ("link", "link_rate", "motor", "motor_rate", "gauge", "input")
@@ -90,7 +92,9 @@ def warmth_at(plant, time):
 def _slope(plant, state, wanted, link_push, motor_push, warmth, out):
     """Derivative of q, q', r, r', p, p', x, g."""
     q, w, r, s, p, v, x, g = state
-    joint = plant.joint_stiffness * (q - p) + plant.joint_damping * (w - v)
+    twist = q - p - min(max(q - p, -plant.half_gap), plant.half_gap)
+    joint = plant.joint_stiffness * twist + plant.joint_damping * (w - v)
+    joint += plant.cubic_stiffness * twist**3
     whole = plant.near_inertia + plant.tip_inertia
     bend = 0.0
     if plant.tip_inertia > 0.0:
