@@ -1,6 +1,5 @@
 """Terms whose constant is sought: ripple, springs that bend, friction that falls off."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -25,7 +24,6 @@ from flexid.identification.structure.sought_shape import (
 )
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.flexible_joint import PAPER_TERMS
 
 NUMBER, PHASE = 23.4, 0.8
 RIPPLED: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": NUMBER, "ripple_phase": PHASE}
@@ -42,14 +40,6 @@ STICKING: dict[str, Any] = {
 }
 NO_ERROR = ModelError(0.0, 0.0, 0.0)
 ENOUGH, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
-
-
-def test_a_bound_that_contradicts_a_shape_is_said_to():
-    """Assert that the constant takes up nothing of what a bound forbids."""
-    settings = Settings(bounds={"alpha_stribeck": (0.0, 1.0)})
-    found = identify([log(made(1, 12.0, **STICKING))], settings)
-    assert any("alpha_stribeck is bounded by 1, which contradicts" in w for w in found.warnings)
-    assert {p.verdict for p in found.parameters.values()} == {"undetermined"}
 
 
 @pytest.mark.parametrize(
@@ -83,9 +73,8 @@ def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
     asked = []
 
     def promised(_, structure):
-        value = STRIBECK.of(structure)
-        asked.append(value)
-        return -abs(np.log(value / velocity))
+        asked.append(STRIBECK.of(structure))
+        return -abs(np.log(asked[-1] / velocity))
 
     monkeypatch.setattr(sought_shape, "_promised", promised)
     plain = fitted(made(4, 4.0))
@@ -98,8 +87,7 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     """Assert that neither a candidate nor a step goes below what friction takes meanwhile."""
     terms, width = ("motor_coulomb", "motor_stribeck"), {"stribeck_velocity": 0.24}
     first = fitted(made(3, **STICKING), *terms, widths=width)
-    sample_time = first.data.samples[0].sample_time
-    taken = abs(first.by_name["alpha_coulomb"]) * sample_time
+    taken = abs(first.by_name["alpha_coulomb"]) * first.data.samples[0].sample_time
     assert STRIBECK.least(first) == pytest.approx(taken)
     asked = []
     monkeypatch.setattr(sought_shape, "_promised", lambda _, own: asked.append(own) or len(asked))
@@ -107,8 +95,7 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     assert list(sought_shape._promising(shape, first, first.structure))
     assert min(STRIBECK.of(own) for own in asked) > 0.23
     assert min(STRIBECK.candidates(first.structure, first.data)) < 0.23
-    # The sum of squares is least at 0.15.
-    assert at_its_constant(shape, first) is first
+    assert at_its_constant(shape, first) is first  # though the sum of squares is least at 0.15
 
 
 def test_a_constant_is_as_exact_as_what_is_left_allows(monkeypatch):
@@ -197,22 +184,25 @@ def test_a_preload_moves_where_a_bend_is_looked_for(preload):
     assert np.abs(found - mean - 0.1 * usual).min() < 0.21 * usual
 
 
-def test_a_constant_of_nothing_stays():
-    """Assert that a fit without the term is returned as it is, and its estimate as well."""
+def test_a_constant_stays(monkeypatch):
+    """Assert that a fit stays where another constant has none, or a worse one, or no finite sum.
+
+    One without the term is returned as it is, and its estimate as well.
+    """
     plain = fitted(made(3))
     assert at_its_constant(RIPPLE, plain) is plain
     estimate = widened(plain, NO_ERROR)
     assert with_free_constant(RIPPLE, estimate, plain) is estimate
-
-
-def test_what_fits_worse_is_not_taken(monkeypatch):
-    """Assert that a fit stays where another constant has none, or a worse one."""
-    first = fitted(made(3, **RIPPLED), "torque_ripple", widths={"ripple_number": 23.2})
-    monkeypatch.setattr(sought_shape, "fit_like", lambda *_: None)
-    assert at_its_constant(RIPPLE, first) is first
-    worse = fitted(made(3, **RIPPLED), "torque_ripple", widths={"ripple_number": 23.0})
-    monkeypatch.setattr(sought_shape, "fit_like", lambda *_: worse)
-    assert at_its_constant(RIPPLE, first) is first
+    first, worse = (
+        fitted(made(3, **RIPPLED), "torque_ripple", widths={"ripple_number": number})
+        for number in (23.2, 23.0)
+    )
+    for other in (None, worse):
+        monkeypatch.setattr(sought_shape, "fit_like", lambda *_, other=other: other)
+        assert at_its_constant(RIPPLE, first) is first
+    other = replace(first)
+    monkeypatch.setattr(sought_shape, "_following", lambda *_: (np.inf, other.values))
+    assert at_its_constant(RIPPLE, other) is other
 
 
 def test_the_interval_knows_that_the_number_was_sought():
@@ -247,83 +237,57 @@ def test_the_spectrum_by_position_shows_the_number():
     assert few == pytest.approx(resolution * np.linspace(1.0, 4.0, 5))
 
 
-@pytest.fixture
-def tried(monkeypatch):
-    """Return a function that says with which constants steps were taken, and what came of it.
-
-    What a first step promises depends on the constant; `holding` is the one whose steps hold it.
-    """
-
-    def constants(
-        promises: dict[float, float],
-        holding: float | None = None,
-        excess: float = 9.0,
-        chosen: Sequence[Any] = (),
-        follows: bool = True,
-    ):
-        begun = []
-        shape = SoughtShape(
-            "a shape", BEND.coefficients, BEND.constant, lambda *_: [*promises], lambda *_: 0.0
-        )
-
-        def explained_by(before, structure, *_):
-            begun.append(shape.of(structure))
-            return before if begun[-1] == holding else None
-
-        monkeypatch.setattr(sought_shape, "_promised", lambda _, s: promises[shape.of(s)])
-        monkeypatch.setattr(sought_shape, "sampled", lambda fit: fit)
-        monkeypatch.setattr(sought_shape, "explained_by", explained_by)
-        monkeypatch.setattr(sought_shape, "at_its_constant", lambda _, fit: fit)
-        by_length = FitsByLength((over(4, excess),), cast(Any, (range(4),)), True, ("cubic",), "")
-        monkeypatch.setattr(sought_shape, "_fit_longer", lambda *_: by_length)
-        before = by_length.found[0]
-        found = fit_with_shape(shape, by_length, before, chosen, lambda _: None, THRESHOLDS)
-        assert (found is not None) == (follows and holding in begun)
-        return begun
-
-    return constants
-
-
-def test_the_two_that_promise_most_are_followed(tried):
-    """Assert the order, and that what holds its promise ends the search."""
-    assert tried({0.1: 0.3, 0.2: 0.9, 0.3: 0.5}) == [0.2, 0.3]
-    assert tried({0.1: 0.3, 0.2: 0.9, 0.3: 0.5}, holding=0.2) == [0.2]
-    assert tried({0.1: 0.3, 0.2: 0.9, 0.3: 0.5}, holding=0.3) == [0.2, 0.3]
-
-
-def test_little_promise_is_not_followed(tried):
-    """Assert that below the threshold no step is taken."""
-    assert tried({0.1: ENOUGH, 0.2: TOO_LITTLE}) == [0.1]
-
-
-def test_what_leaves_more_than_the_chosen_is_not_followed(tried):
-    """Assert that something else which explains the same segments better ends the search."""
-    promises = {0.1: 0.3, 0.2: 0.9, 0.3: 0.5}
-    for chosen, follows in ((over(4, 8.9), False), (over(4, 9.1), True), (over(2, 8.9), True)):
-        assert tried(promises, holding=0.2, chosen=[chosen], follows=follows) == [0.2]
-    assert leaves_more(over(4, 1.11), [over(4, 1.0)], THRESHOLDS)
-    assert not leaves_more(over(4, 1.09), [over(4, 1.0)], THRESHOLDS)  # which is noise
-
-
-def test_what_was_asked_for_and_has_no_fit_is_an_error(monkeypatch):
-    """Assert that nothing else is reported in its place."""
-
-    def fails(*_):
-        raise ConvergenceError("prediction error", "the steps do not end")
-
-    monkeypatch.setattr(sought_shape, "fit_by_length", fails)
-    settings = Settings(terms=(*PAPER_TERMS, "torque_ripple"))
-    with pytest.raises(ConvergenceError):
-        identify([log(made(1, 6.0, **RIPPLED))], settings)
+PROMISES = {0.1: 0.3, 0.2: 0.9, 0.3: 0.5}
+SAME, LONGER = 4, 2  # segments
 
 
 @pytest.mark.parametrize(
-    "asked",
+    ("promises", "holding", "begun", "chosen", "follows"),
     [
-        {"terms": ("gravity", "torque_ripple")},
-        {"known": {"torque_ripple": 0.3}},
-        {"bounds": {"torque_ripple": (0.0, 1.0)}},
+        # The two that promise most are followed; what holds its promise ends the search.
+        (PROMISES, None, [0.2, 0.3], (), False),
+        (PROMISES, 0.2, [0.2], (), True),
+        (PROMISES, 0.3, [0.2, 0.3], (), True),
+        # Below the threshold no step is taken.
+        ({0.1: ENOUGH, 0.2: TOO_LITTLE}, None, [0.1], (), False),
+        # Something else which explains the same segments better ends the search.
+        (PROMISES, 0.2, [0.2], (SAME, 8.9), False),
+        (PROMISES, 0.2, [0.2], (SAME, 9.1), True),
+        (PROMISES, 0.2, [0.2], (LONGER, 8.9), True),
     ],
+)
+def test_which_constants_are_followed(monkeypatch, promises, holding, begun, chosen, follows):
+    """Assert with which constants steps are taken, in order, where one holds its promise."""
+    tried = []
+    shape = SoughtShape(
+        "a shape", BEND.coefficients, BEND.constant, lambda *_: [*promises], lambda *_: 0.0
+    )
+
+    def explained_by(before, structure, *_):
+        tried.append(shape.of(structure))
+        return before if tried[-1] == holding else None
+
+    before = over(SAME, 9.0)
+    by_length = FitsByLength((before,), cast(Any, (range(SAME),)), True, ("cubic",), "")
+    monkeypatch.setattr(sought_shape, "_promised", lambda _, s: promises[shape.of(s)])
+    monkeypatch.setattr(sought_shape, "sampled", lambda fit: fit)
+    monkeypatch.setattr(sought_shape, "explained_by", explained_by)
+    monkeypatch.setattr(sought_shape, "at_its_constant", lambda _, fit: fit)
+    monkeypatch.setattr(sought_shape, "_fit_longer", lambda *_: by_length)
+    rivals = [over(*chosen)] if chosen else []
+    found = fit_with_shape(shape, by_length, before, rivals, lambda _: None, THRESHOLDS)
+    assert tried == begun
+    assert (found is not None) == follows
+
+
+@pytest.mark.parametrize(("excess", "more"), [(1.11, True), (1.09, False)])
+def test_noise_is_not_more_than_another_leaves(excess, more):
+    """Assert that a rival that leaves less counts only beside more than noise."""
+    assert leaves_more(over(4, excess), [over(4, 1.0)], THRESHOLDS) == more
+
+
+@pytest.mark.parametrize(
+    "asked", [{"known": {"torque_ripple": 0.3}}, {"bounds": {"torque_ripple": (0.0, 1.0)}}]
 )
 def test_smoothed_friction_has_no_such_terms(asked):
     """Assert that what would go unheeded is refused, however it was asked for."""
@@ -374,10 +338,3 @@ def test_a_constant_that_is_hardly_known_widens_in_proportion(monkeypatch):
         assert asked.pop() == pytest.approx(change)
     monkeypatch.setattr(sought_shape, "_profile", lambda *_: (0.0, np.nan))
     assert not sought_shape.moved_by_constant(RIPPLE, replace(first)).any()
-
-
-def test_a_sum_of_squares_that_overflows_moves_no_constant(monkeypatch):
-    """Assert that a constant stays where another one has no finite sum of squares."""
-    first = fitted(made(3, 4.0, **RIPPLED), "torque_ripple", widths={"ripple_number": 23.2})
-    monkeypatch.setattr(sought_shape, "_following", lambda *_: (np.inf, first.values))
-    assert at_its_constant(RIPPLE, first) is first

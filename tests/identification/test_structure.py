@@ -11,10 +11,8 @@ import pytest
 from made_joint import JOINT, made_fit
 from scipy.stats import chi2, f, norm, t
 
-import flexid.identification.full_model.fitting as fitting
 import flexid.identification.structure.elimination as elimination
 import flexid.identification.structure.job as job
-from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.full_model.model import Fitted, Structure
@@ -24,12 +22,6 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.001, friction_sign=4.0)
 MANY = 1e9  # degrees of freedom: as good as normal
-
-
-@dataclass
-class _Fit:
-    covariance: np.ndarray
-    degrees_of_freedom: tuple[float, ...]
 
 
 @dataclass
@@ -60,12 +52,10 @@ class _Quadratic:
         return np.sqrt(np.diag(np.linalg.pinv(self.information)))
 
     @property
-    def fit(self) -> _Fit:
-        deviations = self.unit_deviations * self.spread
-        freedom = self.freedom
-        if not isinstance(freedom, tuple):
-            freedom = (freedom,) * len(self.names)
-        return _Fit(np.diag(deviations**2), freedom)
+    def fit(self) -> SimpleNamespace:
+        deviations, count = self.unit_deviations * self.spread, len(self.names)
+        freedom = self.freedom if isinstance(self.freedom, tuple) else (self.freedom,) * count
+        return SimpleNamespace(covariance=np.diag(deviations**2), degrees_of_freedom=freedom)
 
 
 def left(quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=LIMITS) -> set[str]:
@@ -87,11 +77,6 @@ def beside(values: dict[str, float], correlation: float = 0.0, **more: Any) -> _
     information[3:, 3:] = np.linalg.inv(spread)
     sizes = [0.1 * size for size in values.values()]
     return _Quadratic((*BASE, *values), np.array([100.0, 300.0, 3.0, *sizes]), information, **more)
-
-
-def alone(name: str, deviations: float, **more: Any) -> _Quadratic:
-    """One such number."""
-    return beside({name: deviations}, **more)
 
 
 def normal(chance: float) -> float:
@@ -147,10 +132,10 @@ def test_what_is_beyond_chance_stays(case):
 
 def test_what_has_to_stay_stays():
     """Assert that spring and gain do, and what the user names with its other half."""
-    structure, (evidence,) = eliminate(cast(Fitted, alone("theta1", 0.1)), (), LIMITS)
+    structure, (evidence,) = eliminate(cast(Fitted, beside({"theta1": 0.1})), (), LIMITS)
     assert not {*BASE} & structure.absent
     assert (evidence.name, evidence.std) == ("theta1", pytest.approx(0.1))
-    assert left(alone("alpha2", -0.1), kept=("alpha2",)) == {"alpha2"}
+    assert left(beside({"alpha2": -0.1}), kept=("alpha2",)) == {"alpha2"}
     assert left(beside(dict.fromkeys(GEAR, 0.0)), kept=GEAR[:1]) == {*GEAR}
     assert left(beside({"theta_offset[1]": 0.5, "theta_offset[2]": 10.0})) == {"theta_offset"}
 
@@ -159,11 +144,8 @@ def test_a_term_s_place_is_of_no_account():
     """Assert that the first coefficient is judged like the last."""
     for beyond, stays in ((0.02, {"theta_offset"}), (-0.02, set())):
         values = np.array([0.1 * (normal(0.02) + beyond), 100.0, 300.0, 3.0])
-        information = np.diag([100.0, 1e4, 1e4, 1e4])
-        fit = _Quadratic(("theta_offset", *BASE), values, information)
+        fit = _Quadratic(("theta_offset", *BASE), values, np.diag([100.0, 1e4, 1e4, 1e4]))
         assert left(fit) == stays
-        _, (evidence,) = eliminate(cast(Fitted, fit), (), LIMITS)
-        assert (evidence.name, evidence.std) == ("theta_offset", pytest.approx(0.1))
 
 
 def test_others_follow_along_the_quadratic_form():
@@ -218,7 +200,7 @@ def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
 )
 def test_delays_go_like_terms(side, size, margin, stays):
     """Assert that one that chance explains, or longer than the margin, is sought no more."""
-    quadratic = alone(INPUT, side * size, sought=(INPUT,), margin=margin)
+    quadratic = beside({INPUT: side * size}, sought=(INPUT,), margin=margin)
     structure, _ = eliminate(cast(Fitted, quadratic), (), LIMITS)
     assert structure.timing.sought == ((INPUT,) if stays else ())
 
@@ -252,8 +234,9 @@ def test_the_narrowest_fit_that_converged_is_best():
 )
 def test_thresholds_are_those_given(changed, name, deviations):
     """Assert that each of the three limits is taken from the thresholds."""
-    assert left(alone(name, deviations)) == set()
-    assert left(alone(name, deviations), thresholds=replace(LIMITS, **changed)) == {name}
+    quadratic = beside({name: deviations})
+    assert left(quadratic) == set()
+    assert left(quadratic, thresholds=replace(LIMITS, **changed)) == {name}
 
 
 USUAL = Structure(JOINT, frozenset({"alpha_drag", "alpha_saturation"}), Timing("zero"))
@@ -261,54 +244,42 @@ UNUSUAL = Structure(JOINT, frozenset({"theta_offset", "alpha_offset"}), Timing("
 FALL = THRESHOLDS.exchange_fall
 
 
-@pytest.fixture
-def leanest(monkeypatch):
-    """Return a function that says whether the unusual terms are taken, by what both leave."""
-
-    def taken(usual: tuple[float, int] | None, unusual: tuple[float, int] | None, excess=1.0):
-        """By sum of squares and number of coefficients; None where there is no fit."""
-
-        def left(full, kept, thresholds, *, usual_first=False):
-            return (UNUSUAL, ("unusual",)) if usual_first else (USUAL, ("usual",))
-
-        def fit(structure, *_):
-            found = usual if structure is USUAL else unusual
-            if found is None:
-                return None
-            cost, count = found
-            return made_fit(excess, cost=cost, names=range(count))
-
-        monkeypatch.setattr(elimination, "eliminate", left)
-        monkeypatch.setattr(elimination, "fit_like", fit)
-        full: Any = None
-        structure, evidence = elimination._leanest(full, (), THRESHOLDS)
-        assert evidence == (("unusual",) if structure is UNUSUAL else ("usual",))
-        return structure is UNUSUAL
-
-    return taken
+NOISE, MORE = THRESHOLDS.sensor_excess - 0.001, THRESHOLDS.sensor_excess + 0.001
 
 
-def test_unusual_terms_have_to_be_far_better_or_fewer(leanest):
-    """Assert that each coefficient more or less is worth the same fall, and one is to be gained."""
-    assert leanest((1000.0, 8), (999.9 - FALL, 8))
-    assert not leanest((1000.0, 8), (1000.1 - FALL, 8))
-    assert leanest((1000.0, 9), (999.9, 8))
-    assert not leanest((1000.0, 9), (1000.1, 8))
-    assert leanest((1000.0, 10), (999.9 + FALL, 8))
-    assert not leanest((1000.0, 10), (1000.1 + FALL, 8))
-    assert not leanest((1000.0, 8), (1000.1 - 2.0 * FALL, 9))
+@pytest.mark.parametrize(
+    ("usual", "unusual", "excess", "taken"),
+    [
+        # Each coefficient more or less is worth the same fall, and one is to be gained.
+        ((1000.0, 8), (999.9 - FALL, 8), 1.0, True),
+        ((1000.0, 8), (1000.1 - FALL, 8), 1.0, False),
+        ((1000.0, 9), (999.9, 8), 1.0, True),
+        ((1000.0, 9), (1000.1, 8), 1.0, False),
+        ((1000.0, 10), (999.9 + FALL, 8), 1.0, True),
+        ((1000.0, 10), (1000.1 + FALL, 8), 1.0, False),
+        ((1000.0, 8), (1000.1 - 2.0 * FALL, 9), 1.0, False),
+        # Far better is no argument where the residuals are more than noise.
+        ((9000.0, 8), (1000.0, 8), NOISE, True),
+        ((9000.0, 8), (1000.0, 8), MORE, False),
+        # What has no fit is not left.
+        (None, (1000.0, 8), 1.0, True),
+        ((1000.0, 8), None, 1.0, False),
+    ],
+)
+def test_unusual_terms_have_to_be_far_better_or_fewer(monkeypatch, usual, unusual, excess, taken):
+    """Assert whether they are left, by sum of squares and number of coefficients of both."""
 
+    def eliminated(full, kept, thresholds, *, usual_first=False):
+        return (UNUSUAL, ("unusual",)) if usual_first else (USUAL, ("usual",))
 
-def test_unusual_terms_have_to_explain_the_log(leanest):
-    """Assert that far better is no argument where the residuals are more than noise."""
-    assert leanest((9000.0, 8), (1000.0, 8), THRESHOLDS.sensor_excess - 0.001)
-    assert not leanest((9000.0, 8), (1000.0, 8), THRESHOLDS.sensor_excess + 0.001)
+    def fit(structure, *_):
+        found = usual if structure is USUAL else unusual
+        return found and made_fit(excess, cost=found[0], names=range(found[1]))
 
-
-def test_what_has_no_fit_is_not_left(leanest):
-    """Assert that the other way of taking away is taken then."""
-    assert leanest(None, (1000.0, 8))
-    assert not leanest((1000.0, 8), None)
+    monkeypatch.setattr(elimination, "eliminate", eliminated)
+    monkeypatch.setattr(elimination, "fit_like", fit)
+    found = elimination._leanest(cast(Any, None), (), THRESHOLDS)
+    assert found == ((UNUSUAL, ("unusual",)) if taken else (USUAL, ("usual",)))
 
 
 @pytest.mark.parametrize("explained", [True, False])
@@ -331,16 +302,6 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained):
     assert (wider is not narrow) == explained
 
 
-def test_terms_that_lead_astray_do_not_join(monkeypatch):
-    """Assert that a structure that diverges has no fit."""
-
-    def fit_by_length(*_):
-        raise ConvergenceError("prediction error", "diverges")
-
-    monkeypatch.setattr(fitting, "fit_by_length", fit_by_length)
-    assert fitting.led_from(made_fit(), USUAL, insist=False) is None
-
-
 @pytest.mark.parametrize(
     ("fewer", "worse", "expected"),
     [
@@ -353,31 +314,22 @@ def test_terms_that_lead_astray_do_not_join(monkeypatch):
 def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse, expected):
     """Assert that the usual terms win at once with as few coefficients, or else if far better."""
 
-    def chosen(fit_by_length, _kept, with_shapes, *_, **__):
+    def chosen(_job, by_length, *, with_shapes):
         fitted = made_fit(names=range(7 if with_shapes and fewer else 8))
         structure = UNUSUAL if with_shapes else Structure(JOINT, JOINT.shapes, Timing("zero"))
-        return SimpleNamespace(
-            structure=structure,
-            fitted=fitted,
-            found=(),
-            with_shapes=with_shapes,
-            by_length=fit_by_length,
-        )
+        choice = SimpleNamespace(structure=structure, fitted=fitted, by_length=by_length)
+        return choice, "unusual" if with_shapes else "usual"
 
-    monkeypatch.setattr(job, "choose_structure", chosen)
-    monkeypatch.setattr(job, "_preferred", lambda choice, *_: (choice, choice.with_shapes))
-    monkeypatch.setattr(job, "misprediction", lambda with_shapes: worse if with_shapes else 0.0)
+    monkeypatch.setattr(job, "_chosen", chosen)
+    monkeypatch.setattr(job, "misprediction", lambda its: worse if its == "unusual" else 0.0)
     monkeypatch.setattr(job, "_beside", lambda *_: ())
     own: Any = SimpleNamespace(
-        fitted_by_length=lambda *_: SimpleNamespace(found=()),
+        fitted_by_length=lambda: SimpleNamespace(found=()),
         settings=SimpleNamespace(terms="auto"),
-        kept=(),
-        exact=False,
         progress=lambda _: None,
         thresholds=THRESHOLDS,
     )
-    choice: Any = job._predicting(own)[0]
-    assert ("unusual" if choice.with_shapes else "usual") == expected
+    assert job._predicting(own)[1] == expected
 
 
 RIGID = SimpleNamespace(joint=SimpleNamespace(kind="rigid"))
@@ -397,21 +349,14 @@ RIGID = SimpleNamespace(joint=SimpleNamespace(kind="rigid"))
 def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
     """Assert where terms are taken away, unless an exact fit is asked for; by residuals."""
 
-    class LeanerError(Exception):
-        pass
-
-    def leanest(*_):
-        raise LeanerError
-
     def choose(*, exact):
         by_length = FitsByLength((fitted,), (), False, ("cubic",), "", exact=exact)
         return elimination.choose_structure(by_length, (), False, lambda _: None)
 
-    monkeypatch.setattr(elimination, "_leanest", leanest)
-    with nullcontext() if not stands else pytest.raises(LeanerError):
-        assert choose(exact=False).fitted is fitted
-    with pytest.raises(LeanerError):
-        choose(exact=True)
+    monkeypatch.setattr(elimination, "_leanest", lambda *_: 1 / 0)
+    for exact in (True, False):
+        with nullcontext() if not (exact or stands) else pytest.raises(ZeroDivisionError):
+            assert choose(exact=exact).fitted is fitted
 
 
 @pytest.mark.parametrize(
