@@ -8,28 +8,15 @@ COVARIANCE = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, np.inf]])
 ESTIMATE = Estimate(("a", "b", "c"), np.array([1.0, 2.0, 3.0]), COVARIANCE, (5.0, 7.0, 0.0))
 
 
-def test_deviations_are_roots_of_variances():
-    """Assert that deviations are roots of the diagonal, infinite where nothing is known."""
+def test_widening_adds_covariances_and_scaling_keeps_correlations():
+    """Assert both, that values and freedom stay, and that what is free stays so, uncorrelated."""
     assert ESTIMATE.deviations.tolist() == [2.0, 3.0, np.inf]
-
-
-def test_widening_adds_covariances():
-    """Assert that what is added is added in full, and that values and freedom stay."""
-    more = np.array([[1.0, 0.5, 2.0], [0.5, 2.0, 2.0], [2.0, 2.0, 3.0]])
-    found = ESTIMATE.widened(more)
-    assert found.covariance[:2, :2].tolist() == [[5.0, 1.5], [1.5, 11.0]]
-    assert found.values is ESTIMATE.values
-    assert found.degrees_of_freedom == ESTIMATE.degrees_of_freedom
-
-
-def test_what_is_free_stays_free():
-    """Assert that a free coefficient is as free after widening, correlated with nothing."""
-    found = ESTIMATE.widened(np.full((3, 3), np.nan_to_num(np.inf)))
-    assert found.covariance[2].tolist() == [0.0, 0.0, np.inf]
-
-
-def test_scaling_keeps_correlations():
-    """Assert that deviations grow by their factors and covariances by both, what is free stays."""
+    for more in (2.0, np.nan_to_num(np.inf)):
+        found = ESTIMATE.widened(np.array([[1.0, 0.5, more], [0.5, 2.0, more], [more] * 3]))
+        assert found.covariance[:2, :2].tolist() == [[5.0, 1.5], [1.5, 11.0]]
+        assert found.covariance[2].tolist() == [0.0, 0.0, np.inf]
+        assert found.values is ESTIMATE.values
+        assert found.degrees_of_freedom == ESTIMATE.degrees_of_freedom
     found = ESTIMATE.scaled(np.array([2.0, 3.0, 5.0]))
     assert found.deviations.tolist() == [4.0, 9.0, np.inf]
     assert found.covariance[0, 1] == 6.0

@@ -67,25 +67,18 @@ def reported(monkeypatch):
     return result
 
 
-def test_a_fit_to_all_data_begins_where_the_choice_ended(reported):
-    """Assert that nothing else is tried where it converges."""
-    fitted, lengths_fitted, retreat, tried, _ = reported(failing=0)
-    settled = "fitted, its shapes settled"
-    assert (fitted, lengths_fitted, retreat) == (settled, ["shorter", settled], ())
-    assert tried == [({"link_delay": 0.1, "theta2": 1.0}, 3.0)]
+@pytest.mark.parametrize("failing", [0, 1, 2])
+def test_a_fit_to_all_data_begins_where_the_choice_ended(reported, failing):
+    """Assert that where it fails the data are fitted from their own starts, as they may show more.
 
-
-def test_a_fit_to_all_data_that_fails_is_begun_anew(reported):
-    """Assert that the data are fitted from their own starts then, since they may show more."""
-    fitted, _, retreat, tried, _ = reported(failing=1)
-    assert (fitted, retreat) == ("fitted, its shapes settled", ())
-    assert tried[1] == ({"theta2": 2.0}, 3.0)
-
-
-def test_where_no_fit_to_all_data_ends_the_choice_is_reported(reported):
-    """Assert that its values stand, and a sentence says so."""
-    fitted, lengths_fitted, retreat, tried, before = reported(failing=2)
-    assert len(tried) == 2
-    assert fitted is before
-    assert lengths_fitted == [before]
-    assert "before the held-out end" in retreat[0]
+    Where that fails too the choice's values stand, and a sentence says so.
+    """
+    fitted, lengths_fitted, retreat, tried, before = reported(failing)
+    ways = [{"link_delay": 0.1, "theta2": 1.0}, {"theta2": 2.0}]
+    assert tried == [(way, 3.0) for way in ways[: failing + 1]]
+    if failing == 2:
+        assert (fitted, lengths_fitted) == (before, [before])
+        assert "before the held-out end" in retreat[0]
+    else:
+        settled = "fitted, its shapes settled"
+        assert (fitted, lengths_fitted, retreat) == (settled, ["shorter", settled], ())

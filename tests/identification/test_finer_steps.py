@@ -1,6 +1,7 @@
 """Fits to fine encoders take shorter steps, from the longest segments of the full model on."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,9 +19,10 @@ from flexid.identification.full_model.fitting import (
     refit,
     with_steps_refined,
 )
-from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted
+from flexid.identification.full_model.model import FINE, ROUGH, Fitted
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
+from flexid.recording.recording import Recording
 
 TERMS = ("gravity", "motor_viscous", "motor_coulomb")
 STIFF = {"joint_stiffness": 1500.0, "motor_coulomb_up": 2.0, "motor_coulomb_down": 2.0}
@@ -30,19 +32,24 @@ STRUCTURE = structure(*TERMS, hold="zero")
 START = {**COEFFICIENTS, "theta2": 1500.0, "alpha1": 5000.0, "alpha_coulomb": 2.0 / 0.3}
 
 
-def recorded(noise: float) -> Data:
+def recorded(noise: float) -> Recording:
     """Six seconds with dry friction."""
-    return data(made(4, 6.0, noise=noise, held=True, **STIFF))
+    return made(4, 6.0, noise=noise, held=True, **STIFF)
 
 
-def by_length(noise: float) -> list[Fitted]:
+@cache
+def by_length(noise: float) -> tuple[Fitted, ...]:
     """Fits to them over segments of growing length."""
-    made_up = recorded(noise)
-    return fit_by_length(STRUCTURE, made_up, START, lengths(made_up))
+    own = data(recorded(noise))
+    return tuple(fit_by_length(STRUCTURE, own, START, lengths(own)))
 
 
 def test_fine_encoders_want_shorter_steps():
-    """Assert that a fit ends in steps whose error is negligible, and does not begin with them."""
+    """Assert that a fit ends in steps whose error is negligible, and does not begin with them.
+
+    What the noise of coarse ones hides is not computed.
+    """
+    assert {fit.data.refinement for fit in with_steps_refined(by_length(COARSE_NOISE))} == {1}
     found = by_length(FINE_NOISE)
     times = refinement(found[-1].problem, found[-1].minimum)
     assert times > 1
@@ -61,22 +68,16 @@ def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
     last = with_steps_refined(by_length(FINE_NOISE))[-1]
     segments, states = last.problem.segments, last.minimum.point.initial_states
     fine = refit(STRUCTURE, last.data, last.by_name, segments, FINE, states)
-    monkeypatch.setattr(
-        fits_by_length, "held_otherwise", lambda *_: last
-    )  # the same hold, as it is
+    # The same hold, as it is.
+    monkeypatch.setattr(fits_by_length, "held_otherwise", lambda *_: last)
     apart = np.sqrt(np.diag(fits_by_length.hold_covariance(fine, ("zero",)))) / fine.unit_deviations
     assert np.abs((last.values - fine.values) / fine.unit_deviations).max() > 1.0
     assert apart.max() < 0.05
 
 
-def test_coarse_encoders_do_not():
-    """Assert that what noise hides is not computed."""
-    assert {fit.data.refinement for fit in with_steps_refined(by_length(COARSE_NOISE))} == {1}
-
-
 def test_other_data_are_asked_again():
     """Assert that a fit to data that want shorter steps than it began with ends in these."""
-    fitted, lengths_fitted = fit_to(STRUCTURE, recorded(FINE_NOISE), START, 1.0)
+    fitted, lengths_fitted = fit_to(STRUCTURE, data(recorded(FINE_NOISE)), START, 1.0)
     assert fitted.data.refinement > 1
     assert refinement(fitted.problem, fitted.minimum) == 1
     assert [one_length for one_length in lengths_fitted if one_length is fitted]
@@ -113,7 +114,7 @@ def test_report_and_rivals_take_the_same_steps(
     if not refined:
         monkeypatch.setattr(fits_by_length, "with_steps_refined", tuple)
     given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
-    identify([log(made(4, 6.0, noise=FINE_NOISE, held=True, **STIFF))], given)
+    identify([log(recorded(FINE_NOISE))], given)
     (found,) = fits_seen
     assert (found.choice.fitted.data.refinement > 1) == (min(times) > 1) == refined
     assert found.reported.data.refinement > 1

@@ -2,12 +2,11 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, JOINT, NOISE, PAPER, SAMPLE_TIME, data, made
+from made_joint import COEFFICIENTS, JOINT, NOISE, PAPER, SAMPLE_TIME, data, made, made_fit
 from scipy.stats import t
 
 import flexid.identification.full_model.fitting as fitting
@@ -60,18 +59,12 @@ def test_lengths_double():
 
 def test_delays_and_coefficients_are_found_together(late):
     """Assert that from least squares all is found within its 99.9 % interval, to 0.1 per cent."""
-    structure = replace(PAPER, timing=Timing("cubic", sought=(INPUT, LINK)))
-    start, _ = least_squares_start(structure, late, 20.0)
-    found = fit_by_length(structure, late, start, lengths(late))
+    sought = replace(PAPER, timing=Timing("cubic", sought=(INPUT, LINK)))
+    start, _ = least_squares_start(sought, late, 20.0)
+    found = fit_by_length(sought, late, start, lengths(late))
     assert [fitted.duration for fitted in found] == sorted(fitted.duration for fitted in found)
-    last = refit(
-        structure,
-        late,
-        found[-1].by_name,
-        found[-1].problem.segments,
-        FINE,
-        found[-1].minimum.point.initial_states,
-    )
+    states, segments = found[-1].minimum.point.initial_states, found[-1].problem.segments
+    last = refit(sought, late, found[-1].by_name, segments, FINE, states)
     truth = np.array([*COEFFICIENTS.values(), 1.3e-3, 0.7e-3])
     assert last.names == (*COEFFICIENTS, INPUT, LINK)
     assert last.values == pytest.approx(truth, rel=1e-3)
@@ -106,15 +99,14 @@ def test_least_squares_starts_no_motion_that_runs_away(late):
     seen = replace(late.samples[0], positions=late.samples[0].positions.copy())
     seen.positions[10:, 0] = late.samples[0].positions[:-10, 0]
     start, fit = least_squares_start(early, replace(late, samples=(seen,)), 20.0)
-    assert dict(zip(fit.names, fit.values, strict=True))["theta_viscous"] < 0.0
+    assert fit.by_name["theta_viscous"] < 0.0
     assert start["theta_viscous"] == 0.0
     assert min(start["theta2"], start["alpha1"], start["beta1"]) > 0.0
     assert start["alpha_cubic"] == 0.0
     turned = replace(late.samples[0], inputs=-late.samples[0].inputs)
     start, fit = least_squares_start(PAPER, replace(late, samples=(turned,)), 20.0)
-    gain = dict(zip(fit.names, fit.values.tolist(), strict=True))["beta1"]
-    assert gain == pytest.approx(-10 / 3, rel=0.1)
-    assert start["beta1"] == -gain
+    assert fit.by_name["beta1"] == pytest.approx(-10 / 3, rel=0.1)
+    assert start["beta1"] == -fit.by_name["beta1"]
 
 
 @pytest.mark.parametrize(("ends", "kept"), [("++++", 4), ("++x+", 2), ("+xx", 1), ("x+", None)])
@@ -129,14 +121,7 @@ def test_a_climb_ends_where_a_length_cannot_be_fitted(monkeypatch, ends, kept):
         if ends[counts.index(len(segments))] == "x":
             raise ConvergenceError("prediction error", "nowhere")
         assert states is None or len(states) == len(segments)
-        point = SimpleNamespace(initial_states=np.zeros((len(segments), 4)))
-        return SimpleNamespace(
-            problem=SimpleNamespace(segments=segments),
-            minimum=SimpleNamespace(point=point),
-            structure=None,
-            data=None,
-            by_name={},
-        )
+        return made_fit(segments=segments, states=np.zeros((len(segments), 4)))
 
     monkeypatch.setattr(fitting, "fit_segments", fitted_over)
     divisions, nothing = cast(Any, [range(count) for count in counts]), cast(Any, None)
@@ -151,17 +136,30 @@ def test_a_climb_ends_where_a_length_cannot_be_fitted(monkeypatch, ends, kept):
 
 
 def test_fit_to_other_data():
-    """Assert that values nearly right are fitted to other data over segments of a given length."""
+    """Assert that values nearly right are fitted to other data over segments of a given length.
+
+    A friction ends at its bound, and a wrong gain that is given is not made up for.
+    """
     other = data(made(12, 4.0))
-    found, lengths_fitted = fit_to(
-        PAPER, other, {c: 1.02 * v for c, v in COEFFICIENTS.items()}, 1.0
-    )
+    near = {c: 1.02 * v for c, v in COEFFICIENTS.items()}
+    found, lengths_fitted = fit_to(PAPER, other, near, 1.0)
     assert found.duration == pytest.approx(1.0, rel=0.1)
     assert found in lengths_fitted
     durations = [one_length.duration for one_length in lengths_fitted]
     assert durations == sorted(durations)
     assert durations[-1] == pytest.approx(4.0, rel=0.1)
     assert found.values == pytest.approx(list(COEFFICIENTS.values()), rel=1e-3)
+    found, _ = fit_to(replace(PAPER, bounds={"alpha2": (1.0, 2.0)}), other, COEFFICIENTS, 1.0)
+    assert found.at_bound == {"alpha2": 1.0}
+    assert "alpha2" not in found.names
+    place = found.problem.unknowns.system.coefficients.index("alpha2")
+    assert found.coefficients(0)[place] == 1.0
+    given = [
+        fit_to(replace(PAPER, fixed={"beta1": gain}), other, COEFFICIENTS, 1.0)[0]
+        for gain in (10 / 3, 4.0)
+    ]
+    assert given[0].names == ("theta1", "theta2", "alpha1", "alpha2")
+    assert given[1].excess > 100.0 * given[0].excess
 
 
 def test_the_rest_follows_what_is_gone(monkeypatch):
@@ -201,31 +199,16 @@ def test_margin_is_small_in_a_short_log():
     assert data(made(1, 8.0)).duration == pytest.approx(4000 * SAMPLE_TIME)
 
 
-def test_values_that_are_fixed():
-    """Assert that a friction ends at its bound, and that a wrong gain is not made up for."""
-    other = data(made(12, 4.0))
-    found, _ = fit_to(replace(PAPER, bounds={"alpha2": (1.0, 2.0)}), other, COEFFICIENTS, 1.0)
-    assert found.at_bound == {"alpha2": 1.0}
-    assert "alpha2" not in found.names
-    place = found.problem.unknowns.system.coefficients.index("alpha2")
-    assert found.coefficients(0)[place] == 1.0
-    given = [
-        fit_to(replace(PAPER, fixed={"beta1": gain}), other, COEFFICIENTS, 1.0)[0]
-        for gain in (10 / 3, 4.0)
-    ]
-    assert given[0].names == ("theta1", "theta2", "alpha1", "alpha2")
-    assert given[1].excess > 100.0 * given[0].excess
-
-
 def test_terms_of_a_structure():
     """Assert that a spring's damping counts by its motor side, and that what is taken away goes.
 
     Delays become zero, offsets of every log go together, and a shape takes its tie along.
     """
-    on = Structure(JOINT, frozenset(JOINT.optional - {"theta1", "alpha_damping"}), Timing("zero"))
-    assert on.terms == ("gravity", "joint_damping")
-    off = Structure(JOINT, frozenset(JOINT.optional - {"theta1", "theta_damping"}), Timing("zero"))
-    assert off.terms == ("gravity",)
+    only = [
+        Structure(JOINT, frozenset(JOINT.optional - {"theta1", name}), Timing("zero")).terms
+        for name in ("alpha_damping", "theta_damping")
+    ]
+    assert only == [("gravity", "joint_damping"), ("gravity",)]
     full = Structure(JOINT, frozenset(), Timing("zero", {INPUT: 0.01}, (INPUT, LINK)))
     less = full.without(["theta_offset[1]", "theta_offset[2]", INPUT, "theta1", "alpha_backlash"])
     assert less.absent == {"theta_offset", "theta1", "alpha_backlash", "theta_backlash"}

@@ -2,41 +2,29 @@
 
 import gc
 import weakref
-from typing import cast
 
-from flexid.identification.full_model.model import Fitted, once_per_fit
+from flexid.identification.full_model.model import once_per_fit
 
 
 class _Fit:
     """Stands for a fit."""
 
 
-def test_what_follows_from_a_fit_is_computed_once():
-    """Assert that each fit has its own, for each argument, and that none is computed again."""
+def test_what_follows_from_a_fit_is_computed_once_and_goes_with_it():
+    """Assert that each fit has its own for each argument, until nothing else holds the fit."""
     calls = []
 
     @once_per_fit
-    def power(fitted: Fitted, exponent: int) -> tuple[int, int]:
-        calls.append(exponent)
-        return len(calls), exponent
-
-    first, second = cast(Fitted, _Fit()), cast(Fitted, _Fit())
-    assert [power(first, 1), power(first, 2), power(first, 1)] == [(1, 1), (2, 2), (1, 1)]
-    assert power(second, 1) == (3, 1)
-    assert calls == [1, 2, 1]
-
-
-def test_a_fit_is_not_kept_alive():
-    """Assert that a fit and what followed from it go when nothing else holds them."""
-
-    @once_per_fit
-    def data(_: Fitted) -> _Fit:
+    def power(fitted, exponent):
+        calls.append((fitted.name, exponent))
         return _Fit()
 
-    fit = _Fit()
-    found = weakref.ref(data(cast(Fitted, fit)))
-    assert found() is not None
-    fit = weakref.ref(fit)
+    first, second = _Fit(), _Fit()
+    first.name, second.name = "first", "second"  # type: ignore[attr-defined]
+    for fit, exponent in ((first, 1), (first, 2), (first, 1), (second, 1), (first, 2)):
+        assert power(fit, exponent) is power(fit, exponent)  # type: ignore[arg-type]
+    assert calls == [("first", 1), ("first", 2), ("second", 1)]
+    found, gone = weakref.ref(power(first, 1)), weakref.ref(first)  # type: ignore[arg-type]
+    del first, fit
     gc.collect()
-    assert fit() is None
-    assert found() is None
+    assert gone() is found() is None

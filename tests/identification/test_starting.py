@@ -1,10 +1,11 @@
 """Where a fit begins: least squares on a stiff drive with dry friction, and the way from there."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, made, posed
+from made_joint import COEFFICIENTS, JOINT, data, made, posed, structure
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
@@ -16,17 +17,13 @@ from flexid.identification.full_model.fits_by_length import (
     residual_variance,
 )
 from flexid.identification.full_model.fitting import fit_by_length, lengths, refit
-from flexid.identification.full_model.model import FINE, LINK, Data, Structure, data_of
+from flexid.identification.full_model.model import FINE, LINK, Data, Structure
 from flexid.identification.full_model.starting import first_fits, least_squares_start, starts
-from flexid.identification.preparation.joint import flexible
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Hold
-from flexid.recording.velocities import with_velocities
 
-JOINT = flexible()
 TERMS = (*PAPER_TERMS, "motor_coulomb")
-ON = {c for term in TERMS for c in JOINT.terms[term]}
 DELAYS = (INPUT, LINK)
 
 STIFF = {
@@ -41,26 +38,29 @@ STIFF = {
 """A harmonic drive, whose motor sticks for much of the time under the tones' torque."""
 
 
-def silent(_: str) -> None:
-    """Say nothing."""
-
-
-def structure(data: Data, hold: Hold = "zero", sought: tuple[str, ...] = DELAYS) -> Structure:
-    """The usual terms of a joint with friction in the motor."""
+def posed_of(
+    data: Data, *terms: str, hold: Hold = "zero", sought: tuple[str, ...] = DELAYS, **about: Any
+) -> Structure:
+    """Some terms of a joint, of shapes that suit its data."""
+    base = structure(*(terms or TERMS), hold=hold)
     joint = JOINT.scaled(data.samples)
-    return Structure(joint, frozenset(joint.optional - ON), Timing(hold, {}, sought))
+    return replace(base, joint=joint, timing=Timing(hold, {}, sought), **about)
 
 
 @pytest.fixture(scope="module")
 def stiff():
     """A log of the harmonic drive, with its torque held."""
-    recording = made(3, 12.0, held=True, size=1.5, **STIFF)
-    return data_of(JOINT, [with_velocities(recording)], (0,))
+    return data(made(3, 12.0, held=True, size=1.5, **STIFF))
 
 
-def data(**more) -> Data:
+def log_of(**more) -> Data:
     """A log of the paper's joint."""
-    return data_of(JOINT, [with_velocities(made(5, 6.0, **more))], (0,))
+    return data(made(5, 6.0, **more))
+
+
+def first_start(base: Structure, log: Data) -> dict[str, float]:
+    """The start that promises most."""
+    return starts(base, log, lengths(log)[0])[0]
 
 
 def test_a_moving_motor_starts_better_than_a_sticking_one(stiff):
@@ -69,32 +69,37 @@ def test_a_moving_motor_starts_better_than_a_sticking_one(stiff):
     Least squares finds less than half of every coefficient of the motor's row. Where it keeps
     moving its friction is known but for its size; who gives it is led as well.
     """
-    base = structure(stiff)
+    base = posed_of(stiff)
     truth = {"alpha1": 10000.0, "beta1": 1.0, "alpha_coulomb": 13.7}
     plain, _ = least_squares_start(base, stiff, 20.0)
-    first = starts(base, stiff, lengths(stiff)[0])[0]
-    given = starts(replace(base, fixed={"alpha_coulomb": 13.7}), stiff, lengths(stiff)[0])[0]
+    first = first_start(base, stiff)
+    given = first_start(replace(base, fixed={"alpha_coulomb": 13.7}), stiff)
     for name, value in truth.items():
         assert plain[name] < 0.5 * value
         assert first[name] == pytest.approx(value, rel=0.05)
         assert name == "alpha_coulomb" or given[name] == pytest.approx(value, rel=0.05)
 
 
-def test_no_start_is_tried_twice(stiff):
-    """Assert that starts differ, with friction and without."""
-    smooth = replace(structure(stiff), absent=JOINT.optional - {"theta1", "alpha2"})
-    for base in (structure(stiff), smooth):
-        ways = starts(base, stiff, lengths(stiff)[0])
+def test_starts_differ_and_agree_where_nothing_sticks(stiff):
+    """Assert that no start is tried twice, and that each of a smooth joint is near the truth."""
+    plain = log_of(held=True)
+    for log, base in (
+        (stiff, posed_of(stiff)), (stiff, posed_of(stiff, *PAPER_TERMS)),
+        (plain, posed_of(plain, *PAPER_TERMS)),
+    ):  # fmt: skip
+        ways = starts(base, log, lengths(log)[0])
         assert all(way not in ways[:place] for place, way in enumerate(ways))
         assert len(ways) >= 4
+    for start in ways:
+        assert {name: start[name] for name in COEFFICIENTS} == pytest.approx(COEFFICIENTS, rel=0.05)
 
 
 def test_a_sticking_link_misleads_no_start():
     """Assert the same of the link's row, which no input drives."""
-    log = data(held=True, link_coulomb=8.0, size=0.5)
-    base = replace(structure(log), absent=JOINT.optional - ON - {"theta_coulomb"})
+    log = log_of(held=True, link_coulomb=8.0, size=0.5)
+    base = posed_of(log, *TERMS, "link_coulomb")
     plain, _ = least_squares_start(base, log, 20.0)
-    first = starts(base, log, lengths(log)[0])[0]
+    first = first_start(base, log)
     assert plain["theta2"] < 70.0
     assert first["theta2"] == pytest.approx(100.0, rel=0.01)
     assert first["theta_coulomb"] == pytest.approx(8.0, rel=0.01)
@@ -102,11 +107,11 @@ def test_a_sticking_link_misleads_no_start():
 
 def test_a_row_that_hardly_keeps_moving_is_taken_whole():
     """Assert that few samples make no start: here the motor sticks for most of the time."""
-    log = data(held=True, motor_coulomb_up=14.0, motor_coulomb_down=14.0, size=0.6)
-    base = replace(structure(log), absent=JOINT.optional - ON - {"theta_coulomb"})
+    log = log_of(held=True, motor_coulomb_up=14.0, motor_coulomb_down=14.0, size=0.6)
+    base = posed_of(log, *TERMS, "link_coulomb")
     fit = least_squares_start(base, log, 60.0)[1]
     assert {*starting._while_moving(fit)} == {"theta1", "theta2", "theta_coulomb"}
-    smooth = replace(base, absent=base.absent | {"theta_coulomb", "alpha_coulomb"})
+    smooth = posed_of(log, *PAPER_TERMS)
     assert starting._while_moving(least_squares_start(smooth, log, 60.0)[1]) == {}
 
 
@@ -115,23 +120,12 @@ def test_a_strong_spring_starts_as_bent_as_its_link_says():
 
     With the deflections here the spring is twice as stiff at its ends as in the middle.
     """
-    log = data(held=True, cubic_stiffness=3000.0)
-    absent = JOINT.optional - ON - {"alpha_cubic", "theta_cubic"}
-    base = replace(structure(log), absent=absent)
-    first = starts(base, log, lengths(log)[0])[0]
+    log = log_of(held=True, cubic_stiffness=3000.0)
+    first = first_start(posed_of(log, *TERMS, "cubic_stiffness"), log)
     assert first["alpha_cubic"] == pytest.approx(10000.0, rel=0.1)
-    soft = data(held=True, cubic_stiffness=-20.0)
-    for way in starts(base, soft, lengths(soft)[0]):
+    soft = log_of(held=True, cubic_stiffness=-20.0)
+    for way in starts(posed_of(soft, *TERMS, "cubic_stiffness"), soft, lengths(soft)[0]):
         assert way["alpha_cubic"] == 0.0  # from which no motion runs away
-
-
-def test_both_ways_agree_where_nothing_sticks():
-    """Assert that each start of a joint without friction is near the truth."""
-    plain = data(held=True)
-    base = replace(structure(plain), absent=JOINT.optional - {"theta1", "alpha2"})
-    for start in starts(base, plain, lengths(plain)[0]):
-        found = {name: start[name] for name in COEFFICIENTS}
-        assert found == pytest.approx(COEFFICIENTS, rel=0.05)
 
 
 def test_one_jolt_makes_no_start_worse(monkeypatch):
@@ -140,52 +134,58 @@ def test_one_jolt_makes_no_start_worse(monkeypatch):
     The sum of squares of the right coefficients is that of one segment with a jolt that no model
     knows; wrong ones are as wrong everywhere.
     """
-    plain = data(held=True)
-    segments = lengths(plain)[0]
+    plain = log_of(held=True)
     jolted = plain.samples[0].positions.copy()
     jolted[len(jolted) // 2 :] += 0.3
+    segments = replace(lengths(plain)[0], outputs=jolted)
     log = replace(plain, samples=(replace(plain.samples[0], positions=jolted),))
-    base = replace(structure(plain), absent=JOINT.optional - {"theta1", "alpha2"})
+    base = posed_of(plain, *PAPER_TERMS)
     wrong = {**COEFFICIENTS, "theta2": 70.0}
     fit = least_squares_start(base, plain, 20.0)[1]
     several = iter([wrong, COEFFICIENTS, wrong, wrong])
     monkeypatch.setattr(starting, "least_squares_start", lambda *_: (next(several), fit))
     monkeypatch.setattr(starting, "_while_moving", lambda _: wrong)
-    segments = replace(segments, outputs=log.samples[0].positions)
     assert starts(base, log, segments)[0] == COEFFICIENTS
 
 
 def test_full_model_climbs_to_the_whole_log(stiff):
-    """Assert that from the first start the fit reaches long segments and noise."""
-    base = structure(stiff)
-    divisions = lengths(stiff)
-    last = fit_by_length(base, stiff, starts(base, stiff, divisions[0])[0], divisions)[-1]
+    """Assert that from the first start the fit reaches long segments and noise.
+
+    The shortest segments may be given so few steps that they are not fitted.
+    """
+    base, divisions = posed_of(stiff), lengths(stiff)
+    last = fit_by_length(base, stiff, first_start(base, stiff), divisions)[-1]
     assert last.duration > 0.5 * stiff.duration
     assert last.excess < THRESHOLDS.sensor_excess
     assert last.by_name["alpha1"] == pytest.approx(10000.0, rel=1e-2)
     assert last.by_name["alpha_coulomb"] == pytest.approx(13.7, rel=1e-3)
-
-
-def test_first_steps_may_be_few(stiff):
-    """Assert that the shortest segments may be given so few steps that they are not fitted."""
-    base = structure(stiff)
-    divisions = lengths(stiff)[:1]
-    start = least_squares_start(base, stiff, 20.0)[0]
-    assert fit_by_length(base, stiff, start, divisions)
+    plain = least_squares_start(base, stiff, 20.0)[0]
+    assert fit_by_length(base, stiff, plain, divisions[:1])
     with pytest.raises(ConvergenceError, match="within 1:"):
-        fit_by_length(base, stiff, start, divisions, iterations=1)
+        fit_by_length(base, stiff, plain, divisions[:1], iterations=1)
 
 
 def test_another_hold_is_half_a_sample_of_delay():
-    """Assert that a held torque passes for one on straight lines that acts half a sample later."""
-    held = data(held=True)
-    base = structure(held)
+    """Assert that a held torque passes for one on straight lines that acts half a sample later.
+
+    A coefficient at its bound is not sought again, and shapes agree.
+    """
+    held = log_of(held=True)
+    base = posed_of(held)
     fitted = fit_by_length(base, held, COEFFICIENTS, lengths(held)[:3])[-1]
     other = held_otherwise(fitted, "linear")
     assert other is not None
     later = other.delays[INPUT] - fitted.delays[INPUT]
     assert later == pytest.approx(0.5 * held.samples[0].sample_time, rel=0.05)
     assert held_otherwise(fitted, "zero") is None
+    bounded = replace(base, bounds={"alpha_coulomb": (0.5, np.inf)})
+    start = {**COEFFICIENTS, "alpha_coulomb": 0.5}
+    fitted = refit(bounded, held, start, lengths(held)[2], FINE, None)
+    assert fitted.at_bound == {"alpha_coulomb": 0.5}
+    other = held_otherwise(fitted, "linear")
+    assert other is not None
+    assert other.names == fitted.names
+    assert hold_covariance(fitted, ("linear",)).shape == (len(fitted.names),) * 2
 
 
 HOLDS = ("zero", "cubic", "linear")
@@ -197,15 +197,15 @@ def test_long_segments_know_the_hold(held):
 
     The threshold says when holds are alike; one that is given is taken.
     """
-    log = data(held=held, noise=2e-7)
+    log = log_of(held=held, noise=2e-7)
     if held:
         alike = replace(THRESHOLDS, hold_fall=1e9)
-        found = fit_full_model(structure(log), log, ("zero", "linear"), (), silent, alike)
+        found = fit_full_model(posed_of(log), log, ("zero", "linear"), (), lambda _: None, alike)
         assert found.tied == ("linear",)
-        found = fit_full_model(structure(log), log, ("linear",), (), silent)
+        found = fit_full_model(posed_of(log), log, ("linear",), (), lambda _: None)
         assert found.hold_reason == "as given"
         assert found.found[-1].structure.timing.hold == "linear"
-    found = fit_full_model(structure(log), log, HOLDS, (), silent)
+    found = fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert found.found[-1].structure.timing.hold == ("zero" if held else "cubic")
     assert found.tied == ()
     assert abs(found.found[-1].delays[INPUT]) < 1e-5
@@ -217,8 +217,8 @@ def test_tied_holds_are_all_in_the_interval():
 
     The torque is late, so that each hold needs a delay.
     """
-    log = data(held=True, noise=3e-4, input_delay=2.7e-3)
-    found = fit_full_model(structure(log), log, HOLDS, (), silent)
+    log = log_of(held=True, noise=3e-4, input_delay=2.7e-3)
+    found = fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert {*found.tied} == {"cubic", "linear"}
     last = found.found[-1]
     assert last.structure.timing.hold == "zero"  # it needs the least delay
@@ -231,30 +231,17 @@ def test_tied_holds_are_all_in_the_interval():
 
 def test_a_delay_of_half_a_sample_is_a_coincidence():
     """Assert that a torque without delay is held, where noise hides what else tells the holds."""
-    log = data(held=True, noise=3e-4)
-    found = fit_full_model(structure(log), log, HOLDS, (), silent)
+    log = log_of(held=True, noise=3e-4)
+    found = fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert found.found[-1].structure.timing.hold == "zero"
     assert found.tied == ()
     assert "half a sample by chance" in found.hold_reason
 
 
-def test_what_is_at_its_bound_stays_there_with_another_hold():
-    """Assert that a coefficient at its bound is not sought again, and that shapes agree."""
-    log = data(held=True)
-    base = replace(structure(log), bounds={"alpha_coulomb": (0.5, np.inf)})
-    segments = lengths(log)[2]
-    fitted = refit(base, log, {**COEFFICIENTS, "alpha_coulomb": 0.5}, segments, FINE, None)
-    assert fitted.at_bound == {"alpha_coulomb": 0.5}
-    other = held_otherwise(fitted, "linear")
-    assert other is not None
-    assert other.names == fitted.names
-    assert hold_covariance(fitted, ("linear",)).shape == (len(fitted.names),) * 2
-
-
 def test_a_delay_that_leaves_the_data_is_no_fit():
     """Assert that a delay that is sought ends within the margins of the data, or nowhere."""
-    late = data(held=True, link_delay=0.05)
-    base = structure(late, sought=(LINK,))
+    late = log_of(held=True, link_delay=0.05)
+    base = posed_of(late, sought=(LINK,))
     segments = lengths(late)[2]
     assert late.margin < 0.05
     with pytest.raises(ConvergenceError, match="comes out more than"):
@@ -264,10 +251,10 @@ def test_a_delay_that_leaves_the_data_is_no_fit():
 @pytest.mark.parametrize("late", [0.0, 0.04])
 def test_a_given_delay_may_be_longer_than_the_margin(late):
     """Assert that a delay that was given is no reason to doubt a fit, however long."""
-    log = data(held=True, link_delay=late)
+    log = log_of(held=True, link_delay=late)
     timing = Timing("zero", {LINK: late}, (INPUT,))
-    base = replace(structure(log), timing=timing)
-    found = fit_full_model(base, log, ("zero",), (), silent).found[-1]
+    base = replace(posed_of(log), timing=timing)
+    found = fit_full_model(base, log, ("zero",), (), lambda _: None).found[-1]
     assert found.structure.absent == base.absent
     assert found.delays[LINK] == late
     assert found.by_name["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=1e-2)
@@ -277,19 +264,15 @@ def test_a_given_delay_may_be_longer_than_the_margin(late):
 def test_a_fall_counts_less_where_residuals_are_correlated(samples):
     """Assert that errors that last for 30 samples are taken for a thirtieth of as many."""
     exact = made(5, 6.0, held=True, noise=0.0)
-    rng = np.random.default_rng(12)
-    count = len(exact)
-    errors = rng.standard_normal((2, count + samples))
-    sums = np.cumsum(errors, axis=1)
-    lasting = 1e-4 * (sums[:, samples:] - sums[:, :-samples]) / samples**0.5
-    assert exact.link_position is not None
+    sums = np.cumsum(np.random.default_rng(12).standard_normal((2, len(exact) + samples)), axis=1)
+    link, motor = 1e-4 * (sums[:, samples:] - sums[:, :-samples]) / samples**0.5
     recording = replace(
         exact,
-        link_position=exact.link_position + lasting[0],
-        motor_position=exact.motor_position + lasting[1],
+        link_position=exact.needed_link_position + link,
+        motor_position=exact.motor_position + motor,
     )
-    log = replace(data_of(JOINT, [with_velocities(recording)], (0,)), noise=np.full(2, 1e-4))
-    base = structure(log)
+    log = replace(data(recording), noise=np.full(2, 1e-4))
+    base = posed_of(log)
     (fitted,) = fit_by_length(base, log, COEFFICIENTS, lengths(log)[-1:])
     assert fitted.excess == pytest.approx(1.0, abs=0.3)
     low, high = (1.0, 2.5) if samples == 1 else (6.0, 90.0)
