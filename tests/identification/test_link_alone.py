@@ -28,19 +28,11 @@ STEP = 2.0 * np.pi / 2**14  # of an encoder
 def motion(seed: int, *, step: float = 0.0, **more: Any) -> Log:
     """A made log without its torque; encoders with steps in rad, if asked."""
     recording = made(seed, **more)
-    assert recording.link_position is not None
-    positions = [recording.link_position, recording.motor_position]
+    link, motor = recording.needed_link_position, recording.motor_position
     if step:
-        positions = [step * np.round(q / step) for q in positions]
-    return log(
-        replace(
-            recording,
-            link_position=positions[0],
-            motor_position=positions[1],
-            input=None,
-            input_unit="",
-        )
-    )
+        link, motor = (step * np.round(q / step) for q in (link, motor))
+    moved = replace(recording, link_position=link, motor_position=motor)
+    return log(replace(moved, input=None, input_unit=""))
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +42,10 @@ def alone():
 
 
 def test_link_is_found_without_a_torque(alone):
-    """Assert that stiffness and gravity over the link's inertia are found, without a warning."""
+    """Assert that stiffness and gravity over the link's inertia are found, without a warning.
+
+    The held-out motion of the link is repeated to the noise, given the motor's.
+    """
     assert alone.model == "link"
     truth = {"joint_stiffness_per_link_inertia": 100.0, "gravity_torque_per_link_inertia": 5.0}
     assert set(alone.parameters) == set(truth)
@@ -60,20 +55,24 @@ def test_link_is_found_without_a_torque(alone):
         assert found.interval[0] <= true <= found.interval[1]
         assert found.verdict == "determined"
         assert found.unit == "1/s^2"
-
     assert alone.warnings == ()
     assert {c.verdict for c in alone.coefficients.values()} == {"determined"}
-    assert "the link alone, since the log has no input" in alone.summary[0]
     assert "the motor's measured position drives the link" in alone.summary[1]
-
-
-def test_link_follows_the_measured_motor(alone):
-    """Assert that the held-out motion of the link is repeated to the noise, given the motor's."""
     assert set(alone.validation.fit_percent) == {"link_position", "deflection"}
     assert all(fit > 99.9 for fit in alone.validation.fit_percent.values())
     assert list(alone.validation.horizons) == [0.05, 0.2, 1.0]
     assert alone.compliance.visible
     assert set(alone.residual_excess) == {"link_position"}
+
+
+def test_link_may_be_asked_for(alone):
+    """Assert that it comes out to the bit as if no torque had been recorded."""
+    asked = identify([log(made(1))], Settings(model="link"))
+    values = [{n: c.value for n, c in each.coefficients.items()} for each in (asked, alone)]
+    assert values[0] == values[1]
+    assert asked.provenance["settings"]["model"] == "link"  # type: ignore[index]
+    assert "the link alone, as the settings say, with" in asked.summary[0]
+    assert "the link alone, since the log has no input, with" in alone.summary[0]
 
 
 SETTINGS = Settings(terms=("gravity",), link_delay=0.0, segment_duration=1.0)
@@ -104,44 +103,38 @@ def damped():
 
 
 def test_delay_may_pass_for_damping(damped):
-    """Assert that damping and friction span what a delay of the encoder would make of them."""
+    """Assert that damping and friction span what a delay of the encoder would make of them.
+
+    With the delay given both are determined.
+    """
     result = identify([damped])
     assert {"joint_damping", "link_viscous"} <= set(result.choices.terms)
     lower, upper = result.choices.alignment.link_delay.interval
     assert lower == pytest.approx(-5e-3, rel=0.1)
     assert upper == pytest.approx(3e-3, rel=0.1)
     assert "give --link-delay" in result.summary[1]
+    assert result.coefficients["theta_damping"].verdict != "determined"
+    assert result.coefficients["theta2"].verdict == "determined"
+    known = identify([damped], Settings(link_delay=0.0))
     for name, true in {"theta_damping": 0.5, "theta_viscous": 0.3}.items():
         found = result.coefficients[name]
         assert found.value == pytest.approx(true, rel=0.02)
         assert found.interval[1] - found.interval[0] > 0.3
-    assert result.coefficients["theta_damping"].verdict != "determined"
-    assert result.coefficients["theta2"].verdict == "determined"
-
-
-def test_known_delay_tells_them_apart(damped):
-    """Assert that with the delay given both are determined."""
-    result = identify([damped], Settings(link_delay=0.0))
-    for name, true in {"theta_damping": 0.5, "theta_viscous": 0.3}.items():
-        found = result.coefficients[name]
+        found = known.coefficients[name]
         assert found.interval[0] <= true <= found.interval[1]
         assert found.verdict == "determined"
 
 
-def test_ends_of_the_delay_follow_from_the_signs():
-    """Assert that a delay may be as long as damping and friction over the stiffness, no longer."""
-    assert possible({"theta2": 100.0, "theta_damping": 0.5, "theta_viscous": 0.3}) == (
-        -0.005,
-        0.003,
-    )
-    assert possible({"theta2": 100.0, "theta_damping": -0.5}) == (0.0, 0.0)
-
-
 def test_signs_tell_of_a_delay():
-    """Assert that what is negative goes, and both where the spring itself is negative."""
-    values = {"theta2": 100.0, "theta_damping": -0.2, "theta_viscous": 0.2}
-    assert doubtful(values) == {"theta_damping"}
-    assert doubtful({**values, "theta_damping": 0.1}) == set()
+    """Assert that a delay may be as long as damping and friction over the stiffness, no longer.
+
+    What is negative goes, and both where the spring itself is negative.
+    """
+    values = {"theta2": 100.0, "theta_damping": 0.5, "theta_viscous": 0.3}
+    assert possible(values) == (-0.005, 0.003)
+    assert doubtful(values) == set()
+    assert possible({"theta2": 100.0, "theta_damping": -0.5}) == (0.0, 0.0)
+    assert doubtful({**values, "theta_damping": -0.2}) == {"theta_damping"}
     assert doubtful({"theta2": -1.0}) == {"theta_damping", "theta_viscous"}
 
 
@@ -202,8 +195,11 @@ def test_late_deflection_is_found():
     assert stiffness.value == pytest.approx(100.0, rel=1e-3)
 
 
-def test_input_settings_mean_nothing():
-    """Assert that what an input alone gives a meaning to is refused in a sentence."""
+def test_what_an_input_alone_gives_a_meaning_to_is_refused():
+    """Assert that settings are refused in a sentence, and the log that lacks the input is named.
+
+    There is no input whose delay or hold could be sought.
+    """
     for settings in (
         Settings(hold="zero"),
         Settings(input_delay=1e-3),
@@ -213,16 +209,8 @@ def test_input_settings_mean_nothing():
     ):
         with pytest.raises(SettingError, match=r"input|link alone"):
             identify([motion(1)], settings)
-
-
-def test_logs_with_and_without_an_input_do_not_go_together():
-    """Assert that the log that lacks the input is named."""
     with pytest.raises(RecordingError, match=r"made 6.*missing where other logs have one"):
         identify([log(made(5)), motion(6)])
-
-
-def test_time_of_the_link_alone():
-    """Assert that the joint's link has no input whose delay or hold could be sought."""
     joint = link()
     assert joint.system.inputs == ("x3", "x4")
     assert INPUT not in joint.units

@@ -1,5 +1,7 @@
 """Logs become recordings with held-out ends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,32 @@ def log(*recordings, digest=""):
     return Log(recordings, (), recordings[0].source, digest)
 
 
+def test_a_model_leaves_channels_aside():
+    """Assert that a rigid joint leaves the link's, and that naming what a log shows leaves none."""
+    whole = log(recording())
+    (kept,) = prepare([whole], SHARE, "rigid")[0].recorded
+    assert kept.link_position is kept.link_velocity is None
+    assert kept.input is not None
+    assert prepare([whole], SHARE, "flexible")[0].recorded == prepare([whole], SHARE)[0].recorded
+
+
+@pytest.mark.parametrize(
+    ("channel", "model", "remedy"),
+    [
+        ("input", "flexible", "link"),
+        ("input", "rigid", "link"),
+        ("link position", "flexible", "rigid"),
+        ("link position", "link", "rigid"),
+    ],
+)
+def test_what_a_model_needs_is_asked_for(channel, model, remedy):
+    """Assert that a model without its channels is refused, with one that the log has."""
+    whole = recording(link=channel == "input")
+    lacking = replace(whole, input=None, input_unit="") if channel == "input" else whole
+    with pytest.raises(SettingError, match=f"has no {channel}, which {model} needs: give {remedy}"):
+        prepare([log(lacking)], SHARE, model)
+
+
 def test_end_of_every_recording_is_held_out():
     """Assert that the last third of each recording is cut off, and that logs are told apart."""
     recordings, warnings = prepare(
@@ -35,57 +63,44 @@ def test_end_of_every_recording_is_held_out():
     assert [len(part) for part in recordings.fitted] == [200, 400, 600]
 
 
-def test_same_data_twice_is_refused():
-    """Assert that two files with the same bytes are not taken for two experiments."""
-    first, second = recording(source="a.csv"), recording(source="b.csv")
-    with pytest.raises(RecordingError, match=r"b\.csv.*same data as a\.csv"):
-        prepare([log(first, digest="abc"), log(second, digest="abc")], SHARE)
+LINKLESS = {"link": False}
 
 
-def test_inputs_of_two_kinds_are_refused():
-    """Assert that a log with a voltage does not join one with a torque."""
-    with pytest.raises(RecordingError, match=r"b\.csv.*input.*is in V where a\.csv has N m"):
-        prepare([log(recording()), log(recording(unit="V", source="b.csv"))], SHARE)
-
-
-@pytest.mark.parametrize("first_has_link", [True, False])
-def test_one_encoder_does_not_join_two(first_has_link):
-    """Assert that the log without the link's encoder is named, whichever comes first."""
+@pytest.mark.parametrize(
+    ("first", "second", "digest", "words"),
+    [
+        ({}, {"seed": 1}, "abc", r"b\.csv.*same data as a\.csv"),
+        ({}, {"unit": "V"}, "", r"b\.csv.*input.*is in V where a\.csv has N m"),
+        (LINKLESS, {}, "", r"a\.csv.*missing where b\.csv has it"),
+        ({}, LINKLESS, "", r"b\.csv.*missing where a\.csv has it"),
+    ],
+)
+def test_logs_that_do_not_go_together_are_refused(first, second, digest, words):
+    """Assert that the log that has the same bytes, another input or one encoder is named."""
     logs = [
-        log(recording(link=first_has_link, source="a.csv")),
-        log(recording(link=not first_has_link, source="b.csv")),
+        log(recording(source="a.csv", **first), digest=digest),
+        log(recording(source="b.csv", **second), digest=digest),
     ]
-    missing, other = ("b", "a") if first_has_link else ("a", "b")
-    with pytest.raises(RecordingError, match=rf"{missing}\.csv.*missing where {other}\.csv has it"):
+    with pytest.raises(RecordingError, match=words):
         prepare(logs, SHARE)
 
 
-def test_short_recording_costs_a_warning():
-    """Assert that a recording too short to fit is left out where others are not."""
-    recordings, (warning,) = prepare([log(recording(300), recording(70, start=9.0))], SHARE)
-    assert len(recordings.recorded) == 1
-    assert "70 samples from 9 s on are too few" in warning
-
-
-def test_many_short_recordings_cost_one_warning_for_a_log():
-    """Assert that a log with many gaps says so once, and how many recordings it lost."""
+def test_short_recordings_cost_one_warning_for_a_log():
+    """Assert that recordings too short to fit are left out where others are not, and counted."""
     short = [recording(40, start=float(n)) for n in range(9)]
     first, second = log(recording(300), *short), log(recording(300, source="b.csv"), short[0])
-    _, warnings = prepare([first, second], SHARE)
-    assert len(warnings) == 2
+    recordings, warnings = prepare([first, second], SHARE)
+    assert len(recordings.recorded) == len(warnings) == 2
     assert "the 40 samples from 2 s on and 6 more recordings are too few" in warnings[0]
+    assert "40 samples from 0 s on are too few" in warnings[1]
 
 
-def test_nothing_but_short_recordings_is_refused():
+def test_too_little_to_fit_or_to_test_on_is_refused():
     """Assert that a log too short to fit is refused, with the length that the reader names."""
     prepare([log(recording(FEWEST_TO_IDENTIFY))], SHARE)
     with pytest.raises(RecordingError, match=f"record {FEWEST_TO_IDENTIFY} or more without a gap"):
         prepare([log(recording(FEWEST_TO_IDENTIFY - 1))], SHARE)
-
-
-def test_share_that_tests_on_nothing_is_refused():
-    """Assert that fewer than ten samples to test on are too few."""
-    with pytest.raises(SettingError, match="validation-share"):
+    with pytest.raises(SettingError, match="validation-share"):  # fewer than ten samples
         prepare([log(recording(300))], 0.01)
 
 
