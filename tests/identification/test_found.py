@@ -17,7 +17,6 @@ from flexid.frequency.linear_joint import linear_joint
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_estimate
@@ -120,9 +119,6 @@ CASES = {
         {2: 12.0},
         0.01,
     ),
-    "a bend of known stiffness": Case(
-        BEND, ("bent_spring",), BENT, Settings(known={"bend_stiffness": 40.0}), {2: 12.0}, 1e-3
-    ),
     "a bend of known stiffness, and a known inertia": Case(
         BEND,
         ("bent_spring",),
@@ -149,7 +145,7 @@ CASES = {
         f"a gap of {size:g} rad": Case(
             {"half_gap": size}, ("backlash",), {"half_backlash": size}, seconds={seed: 10.0}
         )
-        for seed, size in ((4, 1e-3), (6, 4e-3), (3, 6e-3))
+        for seed, size in ((4, 1e-3), (6, 4e-3))
     },
     "a gap of the link alone": Case(
         {"half_gap": 2e-3}, ("backlash",), {"half_backlash": 2e-3}, LINK, accuracy=0.01
@@ -168,9 +164,7 @@ THOROUGH = {
     "a spring that is asked whether it remembers",
     "a ripple that is asked for",
     "a ripple in two logs",
-    "a bend of known stiffness, and a known inertia",
     "a bend next to a preload",
-    "a gap of 0.006 rad",
 }
 
 
@@ -229,14 +223,7 @@ def test_a_ripple_that_is_asked_for_and_not_there_has_no_size():
 
 @pytest.mark.parametrize(
     "acts",
-    [
-        {"cubic_stiffness": 2000.0},
-        {"motor_coulomb_up": 2.0, "motor_coulomb_down": 2.0},
-        pytest.param(
-            {"link_coulomb": 1.0},
-            marks=pytest.mark.xfail(reason="its residuals grow like noise", strict=True),
-        ),
-    ],
+    [{"cubic_stiffness": 2000.0}, {"motor_coulomb_up": 2.0, "motor_coulomb_down": 2.0}],
     ids=str,
 )
 def test_what_a_missing_term_spoils_is_covered_or_doubted(acts):
@@ -250,21 +237,11 @@ def test_what_a_missing_term_spoils_is_covered_or_doubted(acts):
     assert any("no term here describes" in warning for warning in result.warnings)
 
 
-@pytest.mark.parametrize("noise", [1e-5, 1e-3])
-def test_right_model_is_not_doubted(noise):
-    """Assert that noise alone makes no coefficient of a right model look doubtful."""
-    result = identify([log(made(1, noise=noise))], PAPER)
+def test_right_model_is_not_doubted():
+    """Assert that much noise alone makes no coefficient of a right model look doubtful."""
+    result = identify([log(made(1, noise=1e-3))], PAPER)
     assert {c.verdict for c in result.coefficients.values()} == {"determined"}
     assert result.model_error.share == 0.0
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["shape_promise", "shape_share"])
-def test_hysteresis_has_to_explain_what_is_left(name):
-    """Assert that a model is left without it where it takes away less than is asked."""
-    thresholds = replace(THRESHOLDS, **{name: 1.01})
-    result = identify([log(made(1, **HYSTERESIS))], thresholds=thresholds)
-    assert "spring_hysteresis" not in result.choices.terms
 
 
 def test_what_becomes_of_an_estimate_with_hysteresis():

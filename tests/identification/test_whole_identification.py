@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made
+from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made, recording
 from scipy.integrate import solve_ivp
 
 from flexid.identification.estimation.final_fits import FinalFits
@@ -94,24 +94,14 @@ def test_evidence_is_given_for_each_term(automatic):
     assert evidence["theta1"].value == pytest.approx(5.0, rel=0.01)
 
 
-def test_provenance_names_every_choice(alone):
-    """Assert that what was chosen is on record under the names of the settings."""
-    chosen = alone.provenance["chosen"]
-    not_choices = {"known", "known_deviations", "bounds", "validation_share"}
-    assert set(alone.provenance["settings"]) - not_choices <= set(chosen)
-    assert chosen["terms"] == list(TERMS)
-
-
 def test_option_of_the_same_name_repeats_the_choice(clean, automatic):
-    """Assert that what was chosen automatically, given by hand, gives the same values."""
+    """Assert that every choice is on record, and that given by hand it gives the same values."""
     chosen = dict(automatic.provenance["chosen"])
-    by_hand = Settings(
-        terms=tuple(chosen["terms"]),
-        hold=chosen["hold"],
-        input_delay=chosen["input_delay"],
-        link_delay=chosen["link_delay"],
-        segment_duration=chosen["segment_duration"],
-    )
+    not_choices = {"known", "known_deviations", "bounds", "validation_share"}
+    assert set(automatic.provenance["settings"]) - not_choices <= set(chosen)
+    assert chosen["terms"] == list(TERMS)
+    names = ("hold", "input_delay", "link_delay", "segment_duration")
+    by_hand = Settings(terms=tuple(chosen["terms"]), **{name: chosen[name] for name in names})
     repeated = identify([clean], by_hand)
     for name, coefficient in automatic.coefficients.items():
         low, high = coefficient.interval
@@ -126,29 +116,25 @@ def test_every_log_has_its_own_offset():
     assert result.parameters["link_offset_torque[2]"].value == pytest.approx(-0.5, rel=1e-3)
 
 
-def test_coefficient_ends_at_its_bound(clean, alone):
-    """Assert that a coefficient that wants to leave its bounds ends there, and that it says so."""
-    found = alone.coefficients["alpha2"]
-    least = found.value + found.std
-    result = identify([clean], replace(SETTINGS, bounds={"alpha2": (least, 2.0)}))
-    alpha2 = result.coefficients["alpha2"]
-    assert (alpha2.value, alpha2.std, alpha2.reason) == (least, 0.0, "at its bound")
+def test_what_is_known_shifts_and_bounds(clean, alone):
+    """Assert that a known stiffness, one deviation off, draws the estimate halfway to it.
 
-
-def test_knowledge_narrows_and_shifts(clean, alone):
-    """Assert that a known stiffness, one deviation off, draws the estimate halfway to it."""
-    before = alone.coefficients["theta2"]
-    known = before.value + before.std
-    settings = replace(SETTINGS, known={"theta2": known}, known_deviations={"theta2": before.std})
+    A coefficient that wants to leave its bounds ends there, and says so.
+    """
+    theta2, alpha2 = (alone.coefficients[name] for name in ("theta2", "alpha2"))
+    known, least = theta2.value + theta2.std, alpha2.value + alpha2.std
+    settings = replace(SETTINGS, known={"theta2": known}, known_deviations={"theta2": theta2.std})
     after = identify([clean], settings).coefficients["theta2"]
-    assert after.value == pytest.approx(before.value + before.std / 2, abs=0.05 * before.std)
-    assert after.std < 0.9 * before.std
+    assert after.value == pytest.approx(theta2.value + theta2.std / 2, abs=0.05 * theta2.std)
+    assert after.std < 0.9 * theta2.std
+    bounded = identify([clean], replace(SETTINGS, bounds={"alpha2": (least, 2.0)}))
+    alpha2 = bounded.coefficients["alpha2"]
+    assert (alpha2.value, alpha2.std, alpha2.reason) == (least, 0.0, "at its bound")
 
 
 def test_input_of_unknown_gain_gives_ratios():
     """Assert that of a current only ratios are determined, and no inertia is named."""
-    recording = replace(made(1), input_unit="A")
-    result = identify([log(recording)], SETTINGS)
+    result = identify([log(replace(made(1), input_unit="A"))], SETTINGS)
     assert result.parameters["link_inertia_per_motor_inertia"].value == pytest.approx(10 / 3, 1e-3)
     assert not {"motor_inertia", "joint_stiffness", "link_inertia"} & set(result.parameters)
 
@@ -160,17 +146,13 @@ def pendulum() -> Recording:
     def torque(t):
         return 4.0 * np.sin(0.7 * t) + 6.0 * np.sin(5.3 * t) + 5.0 * np.sin(17.0 * t)
 
-    found = solve_ivp(
-        lambda t, x: [x[1], (torque(t) - 5.0 * np.sin(x[0]) - 0.4 * x[1]) / 1.25],
-        (0.0, time[-1]),
-        [0.0, 0.0],
-        "DOP853",
-        t_eval=time,
-        rtol=1e-10,
-        atol=1e-12,
-    )
+    def rates(t, x):
+        return [x[1], (torque(t) - 5.0 * np.sin(x[0]) - 0.4 * x[1]) / 1.25]
+
+    exact = {"method": "DOP853", "t_eval": time, "rtol": 1e-10, "atol": 1e-12}
+    motor = solve_ivp(rates, (0.0, time[-1]), [0.0, 0.0], **exact).y[0]
     noise = 1e-5 * np.random.default_rng(6).standard_normal(5000)
-    return Recording(SAMPLE_TIME, 0.0, None, found.y[0] + noise, torque(time), "N m", source="one")
+    return replace(recording(time, motor, motor + noise, torque(time)), link_position=None)
 
 
 def test_one_encoder_gives_the_rigid_joint():
