@@ -67,8 +67,8 @@ class Case:
 
     def fit(self) -> Disturbed:
         """The log fitted."""
-        rest = (self.hold,), THRESHOLDS
-        found = fit_disturbed(self.structure, self.data, (), *rest, with_play=self.with_play)
+        own = self.structure, self.data
+        found = fit_disturbed(*own, (), (self.hold,), THRESHOLDS, with_play=self.with_play)
         return fit_disturbed_to(found, self.data) if self.with_play else found
 
 
@@ -190,8 +190,7 @@ def test_a_delay_between_encoders_is_found(stiffness: float):
 
 def test_halves_of_two_drives_widen_the_interval():
     """Assert that a friction that falls has an interval that reaches what both halves have."""
-    drift = {"drift": 0.6, "drift_time": 8.0}
-    case = Case(lambda: pushed(5, motor_push=0.1, **drift))
+    case = Case(lambda: pushed(5, motor_push=0.1, drift=0.6, drift_time=8.0))
     fit = case.fit()
     estimate = disturbed_estimate(fit, case.data, "N m")[0]
     half = half_widths(estimate)[estimate.names.index("alpha2")]
@@ -232,8 +231,8 @@ def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch, h
     if not has_fit:
         nth_fit(monkeypatch, 2, diverging)
     case = CASES["a spring that hardens"]
-    rest = ("cubic",), THRESHOLDS
-    fit = fit_disturbed(case.structure, case.data, (), *rest, with_play=True)
+    own = case.structure, case.data
+    fit = fit_disturbed(*own, (), (case.hold,), THRESHOLDS, with_play=True)
     assert fit.by_play == (0.0 if has_fit else 5.0)
 
 

@@ -29,7 +29,7 @@ TRUTH = np.array([*COEFFICIENTS.values()])
 
 
 @cache
-def fitted(seed: int, **more: float) -> tuple[Fitted, ModelError]:
+def fitted(seed: int, **more: Any) -> tuple[Fitted, ModelError]:
     """The paper's model fitted to ten seconds of a drive that may have more, and its error."""
     found, lengths_fitted = fit_to(PAPER, data(made(seed, 10.0, **more)), COEFFICIENTS, 1.0)
     return found, model_error(found, lengths_fitted, THRESHOLDS)
