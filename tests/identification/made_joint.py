@@ -141,7 +141,8 @@ def pushed(
     none = np.zeros((len(times), 3))
     states = simulate_plant(plant, times, none[:, 0], Law(), none, pushes, 0.0, _FINE_STEP)[::4]
     noisy = states[:, [0, 2]] + FINE_NOISE * rng.standard_normal((len(states), 2))
-    return recording(times[::4][::every], *noisy[::every].T, torque[::4][::every], seed)
+    link, motor = noisy[::every].T
+    return recording(times[::4][::every], link, motor, torque[::4][::every], seed)
 
 
 def stopping(seed: int, duration: float = 24.0) -> Recording:

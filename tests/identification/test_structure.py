@@ -11,6 +11,7 @@ import pytest
 from made_joint import JOINT, made_fit
 from scipy.stats import chi2, f, norm, t
 
+import flexid.identification.full_model.fitting as fitting
 import flexid.identification.structure.elimination as elimination
 import flexid.identification.structure.job as job
 from flexid.estimators.channel_timing import INPUT, Timing
