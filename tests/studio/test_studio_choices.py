@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from urllib.parse import parse_qsl
-
 import pytest
 
 from flexid.errors import SettingError
@@ -12,19 +10,24 @@ from flexid.studio.choices import Choices, Source, read_choices
 
 
 def test_an_address_says_all():
-    """Assert that choices are the same when they come back from their address."""
-    choices = Choices(
-        {"motor_position": Source("q & <b>", "deg", -0.5, 1e-9), "time": Source("t")},
-        101.0,
-        "flexible",
-        "zero",
-        ("gravity", "motor_viscous"),
-        True,
-    )
-    assert read_choices(dict(parse_qsl(choices.query, keep_blank_values=True))) == choices
-    assert read_choices(dict(parse_qsl(Choices().query))) == Choices()
-    bare = Choices(terms=())  # no term at all is not what the log shows
-    assert read_choices(dict(parse_qsl(bare.query, keep_blank_values=True))) == bare
+    """Assert that every choice that a form can hold is read."""
+    values = {
+        "column.motor_position": "q & <b>",
+        "unit.motor_position": "deg",
+        "scale.motor_position": "-0.5",
+        "offset.motor_position": "1e-9",
+        "column.time": "t",
+        "gear_ratio": "101",
+        "model": "flexible",
+        "hold": "zero",
+        "terms": "gravity,motor_viscous",
+        "ran": "yes",
+    }
+    sources = {"motor_position": Source("q & <b>", "deg", -0.5, 1e-9), "time": Source("t")}
+    terms = ("gravity", "motor_viscous")
+    assert read_choices(values) == Choices(sources, 101.0, "flexible", "zero", terms, True)
+    assert read_choices({}) == Choices()
+    assert read_choices({"terms": ""}).terms == ()  # which is not what the log shows
 
 
 def test_choices_as_a_column_map():

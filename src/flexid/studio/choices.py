@@ -12,7 +12,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
-from urllib.parse import urlencode
 
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
@@ -97,25 +96,6 @@ class Choices:
             "hold": self.hold,
             "terms": "auto" if self.terms is None else self.terms,
         }
-
-    @property
-    def query(self) -> str:
-        """The choices as the end of an address."""
-        pairs: dict[str, str] = {}
-        for channel, source in self.sources.items():
-            for name, value in source.stated.items():
-                text = f"{value:.15g}" if isinstance(value, float) else value
-                pairs[f"{name}.{channel}"] = text
-        if self.gear_ratio is not None:
-            pairs["gear_ratio"] = f"{self.gear_ratio:.15g}"
-        for name in ("model", "hold"):
-            if getattr(self, name) != "auto":
-                pairs[name] = getattr(self, name)
-        if self.terms is not None:
-            pairs["terms"] = ",".join(self.terms)
-        if self.ran:
-            pairs["ran"] = "yes"
-        return urlencode(pairs)
 
 
 def read_choices(values: object) -> Choices:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -19,21 +19,7 @@ if TYPE_CHECKING:
     from flexid.recording.overview import FileOverview
     from flexid.studio.window import Window
 
-ROOM = "identify"
 _FILLED = ("columns", "check", "check-charts", "run", "run-state", "result")
-EXPORTS = {
-    "c99": "the online estimator in C99",
-    "fmu": "plant and estimator as FMUs",
-    "mjcf": "the joint as a MuJoCo scene",
-}
-
-
-@dataclass(frozen=True)
-class _Shown:
-    """A result that the page shows."""
-
-    folder: Path  # that holds its files, and nothing of another run
-    sample_time: float  # of the log as it was read for it, in s
 
 
 class IdentifyRoom:
@@ -44,7 +30,7 @@ class IdentifyRoom:
         self._choices = Choices()
         self._log: Path | None = None
         self._overview: FileOverview | None = None
-        self._shown: _Shown | None = None
+        self._shown: Path | None = None  # the folder of the result that the page shows
 
     async def open(self, values: object) -> None:
         """Begin with what an address holds, and with the log of the command line."""
@@ -60,10 +46,6 @@ class IdentifyRoom:
         """Go on with a log that was sent."""
         self._choices = replace(self._choices, ran=False)
         self._take(path)
-
-    async def enter(self) -> None:
-        """Show the room."""
-        await self._window.address(ROOM, self._choices.query)
 
     async def on_columns(self, values: object, _target: object) -> None:
         """Take what stands in the forms, and check the log again."""
@@ -86,11 +68,6 @@ class IdentifyRoom:
         if self._window.cancel("run"):
             await self._window.show("run-state", "run_state.html", text="Cancelled.", busy=False)
 
-    async def on_export(self, _values: object, target: object) -> None:
-        """Write what was found for another tool."""
-        if isinstance(target, str) and target in EXPORTS and self._shown is not None:
-            self._window.start("export", self._export(target, self._shown), "export-state")
-
     async def _set(self, values: object) -> None:
         """Take what a form holds."""
         try:
@@ -107,10 +84,9 @@ class IdentifyRoom:
             and self._choices.sources == _guessed(found)
         ):
             self._choices = replace(self._choices, sources={})  # a link need not say so
-        await self._window.address(ROOM, self._choices.query)
 
     def _take(self, path: Path) -> None:
-        for name in ("check", "run", "export"):
+        for name in ("check", "run"):
             self._window.cancel(name)
         before, self._log, self._overview = self._log, path, None
         if before not in (None, path, self._window.offer.log):
@@ -144,7 +120,6 @@ class IdentifyRoom:
             by_name=not self._choices.sources,
             open_question=self._open_question,
         )
-        await window.address(ROOM, self._choices.query)
         if not self._open_question:
             window.start("check", self._check(), "check")
 
@@ -197,7 +172,7 @@ class IdentifyRoom:
         await window.show("run-state", "run_state.html", text="Starting ...", busy=True)
         folder = Path(tempfile.mkdtemp(prefix="run-", dir=window.folder))
         try:
-            sample_time: float = await window.offer.long.run(
+            await window.offer.long.run(
                 jobs.identify, log.name, choices, str(folder),
                 folder=log.parent, said=window.saying("run-line"),
             )  # fmt: skip
@@ -207,29 +182,16 @@ class IdentifyRoom:
         except BaseException:  # what is shown keeps its files
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        window.cancel("export")  # of what was shown before
-        self._keep(_Shown(folder, sample_time), files)
+        self._keep(folder, files)
         self._choices = replace(self._choices, ran=True)
         await window.show("run-state", "done.html", seconds=monotonic() - begun)
-        await window.show("result", "result.html", files=[*window.files], exports=EXPORTS)
-        await window.address(ROOM, self._choices.query)
+        await window.show("result", "result.html", files=[*window.files])
 
-    def _keep(self, shown: _Shown | None, files: list[Path]) -> None:
+    def _keep(self, shown: Path | None, files: list[Path]) -> None:
         """Offer the files of a result that is about to be shown, and delete those before."""
         if self._shown is not None:
-            shutil.rmtree(self._shown.folder, ignore_errors=True)
+            shutil.rmtree(self._shown, ignore_errors=True)
         self._shown, self._window.files = shown, {path.name: path for path in files}
-
-    async def _export(self, target: str, shown: _Shown) -> None:
-        window = self._window
-        await window.show("export-state", "line.html", text="Waiting ...")
-        name: str = await window.offer.long.run(
-            jobs.export, target, shown.sample_time, str(shown.folder),
-            folder=shown.folder, said=window.saying("export-state"),
-        )  # fmt: skip
-        window.files[name] = shown.folder / name
-        names = [one for one in window.files if one.endswith(".zip")]
-        await window.show("export-state", "exported.html", names=names)
 
 
 def _guessed(found: FileOverview) -> dict[str, Source]:

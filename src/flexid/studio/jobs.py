@@ -12,7 +12,6 @@ import asyncio
 import os
 import signal
 import tempfile
-import zipfile
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -158,8 +157,8 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
     return Checked(survey(log), log.warnings, figure, kinds_of)
 
 
-def identify(progress: Progress, name: str, choices: Choices, into: str) -> float:
-    """Leave estimate and report of a log in a folder; return the log's sample time in s."""
+def identify(progress: Progress, name: str, choices: Choices, into: str) -> None:
+    """Leave estimate and report of a log in a folder."""
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
 
@@ -169,21 +168,3 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> floa
     progress("report and figures")
     estimate.save(Path(into) / ESTIMATE)
     estimate.report(Path(into) / REPORT)
-    return log.recordings[0].sample_time
-
-
-def export(_: Progress, to: str, sample_time: float, folder: str) -> str:
-    """Write an estimate for another tool, as an archive; return the archive's name."""
-    import tempfile
-
-    from flexid.library.export import export as write
-
-    place = Path(folder)
-    options = {"sample_time": sample_time} if to in ("c99", "fmu") else {}
-    with tempfile.TemporaryDirectory(dir=place) as made:
-        written = write(place / ESTIMATE, to=to, out=made, **options)  # type: ignore[arg-type]
-        archive = place / f"{to}.zip"
-        with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
-            for path in written.paths:
-                file.write(path, path.name)
-    return archive.name

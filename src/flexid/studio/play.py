@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlencode
 
 import numpy as np
 
@@ -79,18 +78,12 @@ class PlayChoices:
 
     reading: str  # powers of k in the three feedback gains: a key of `READINGS`
     sampled: bool
-    values: Mapping[str, float]  # by slider
+    numbers: tuple[float, ...]  # of `SLIDERS`
 
     @property
-    def pairs(self) -> dict[str, str]:
-        """What differs from Table I, as an address holds it."""
-        found = {} if self.reading == "1,2,3" else {"reading": self.reading}
-        if self.sampled:
-            found["sampled"] = "yes"
-        for slider in SLIDERS:
-            if self.values[slider.name] != slider.start:
-                found[slider.name] = f"{self.values[slider.name]:.6g}"
-        return found
+    def values(self) -> Mapping[str, float]:
+        """What each slider stands at, by its name."""
+        return {slider.name: x for slider, x in zip(SLIDERS, self.numbers, strict=True)}
 
     @property
     def loop(self) -> ClosedLoop:
@@ -118,7 +111,7 @@ class PlayChoices:
         )
 
 
-TABLE1 = PlayChoices("1,2,3", False, {slider.name: slider.start for slider in SLIDERS})
+TABLE1 = PlayChoices("1,2,3", False, tuple(slider.start for slider in SLIDERS))
 """Table I of Huang (2003)."""
 
 
@@ -126,18 +119,9 @@ def read_play(values: object, prefix: str = "") -> PlayChoices:
     """What a form or an address holds; what is not there is that of Table I."""
     texts = texts_of(values)
     reading = one_of("reading", texts.get(f"{prefix}reading", "1,2,3"), READINGS)
-    found = {}
-    for slider in SLIDERS:
-        text = texts.get(f"{prefix}{slider.name}")
-        found[slider.name] = slider.start if text is None else _within(slider, text)
-    return PlayChoices(reading, texts.get(f"{prefix}sampled") == "yes", found)
-
-
-def query_of(chosen: PlayChoices, pinned: PlayChoices | None) -> str:
-    """The end of an address that shows a run, beside a pinned one."""
-    pins = {} if pinned is None else {f"pin.{key}": text for key, text in pinned.pairs.items()}
-    pin = "none" if pinned is None else "yes"
-    return urlencode({"room": "play", **chosen.pairs, "pin": pin, **pins})
+    given = ((slider, texts.get(f"{prefix}{slider.name}")) for slider in SLIDERS)
+    numbers = (slider.start if text is None else _within(slider, text) for slider, text in given)
+    return PlayChoices(reading, texts.get(f"{prefix}sampled") == "yes", tuple(numbers))
 
 
 def _within(slider: Slider, text: str) -> float:
@@ -180,9 +164,7 @@ def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> Played
     problems = []
     for choices, which in ((chosen, "This run"), (pinned, "The pinned run")):
         try:
-            runs.append(
-                None if choices is None else _remembered(tuple(sorted(choices.pairs.items())))
-            )
+            runs.append(None if choices is None else _remembered(choices))
         except SimulationError as error:
             runs.append(None)
             why = error.reason.partition(":")[0]  # what it advises is not to be had here
@@ -193,9 +175,8 @@ def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> Played
 
 
 @lru_cache(maxsize=32)
-def _remembered(pairs: tuple[tuple[str, str], ...]) -> Played:
+def _remembered(choices: PlayChoices) -> Played:
     """A run, from what was played before if it was."""
-    choices = read_play(dict(pairs))
     sampling = choices.sampling
     if sampling is None:
         from flexid.simulation.closed_loop import simulate
@@ -342,7 +323,6 @@ class PlayRoom:
             shown = {"chosen": chosen, "readings": READINGS, "groups": groups}
             await window.show("play-readings", "play_readings.html", **shown)
             await window.show("play-controls", "play_controls.html", **shown)
-        await window.address(ROOM, query_of(chosen, pinned))
         window.start("play", self._play(chosen, pinned, refused), "play-problem")
 
     async def _play(self, chosen: PlayChoices, pinned: PlayChoices | None, refused: str) -> None:

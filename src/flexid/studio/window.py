@@ -15,7 +15,7 @@ from typing import Any
 
 from flexid.errors import FlexidError
 from flexid.report.page import drawing_style, page_environment
-from flexid.studio import identify_room, play
+from flexid.studio import play
 from flexid.studio.identify_room import IdentifyRoom
 from flexid.studio.jobs import Workers
 from flexid.studio.play import PlayRoom
@@ -61,7 +61,6 @@ class Window:
         self.folder = Path(tempfile.mkdtemp(prefix="flexid-studio-"))
         self.files: dict[str, Path] = {}
         self._send = send
-        self._room = "identify"
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._alive: set[asyncio.Task[None]] = set()
         self._said: set[asyncio.Future[None]] = set()
@@ -85,14 +84,8 @@ class Window:
 
         return said
 
-    async def address(self, room: str, query: str) -> None:
-        """Put the settings of a room into the address, if the window is in it."""
-        if room == self._room:
-            await self._send({"kind": "address", "query": query})
-
     async def enter(self, room: str) -> None:
         """Show a room."""
-        self._room = room
         await self._send({"kind": "room", "room": room})
 
     async def played(self) -> None:
@@ -167,6 +160,7 @@ class Rooms:
 
     async def on_room(self, _values: object, room: object) -> None:
         """Enter a room."""
-        known = play.ROOM if room == play.ROOM else identify_room.ROOM
+        known = play.ROOM if room == play.ROOM else "identify"
         await self.window.enter(known)
-        await (self.play if known == play.ROOM else self.identify).enter()
+        if known == play.ROOM:
+            await self.play.enter()

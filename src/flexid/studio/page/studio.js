@@ -12,7 +12,7 @@
     if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ kind, ...more }));
   };
 
-  // All forms together: what the address holds, too.
+  // All forms together.
   const values = () => {
     const found = {};
     for (const form of document.querySelectorAll("form.settings"))
@@ -25,6 +25,11 @@
     delete found["choose-terms"];
     return found;
   };
+
+  // The address holds what the forms hold, so that a link shows them again.
+  let ran = new URLSearchParams(location.search).has("ran");
+  const remember = (held) => history.replaceState(null, "", `?${new URLSearchParams(held)}`);
+  const rememberForms = () => remember({ ...values(), ...(ran ? { ran: "yes" } : {}) });
 
   const show = ({ place: id, html }) => {
     const target = place(id);
@@ -68,7 +73,9 @@
     waiting = playing;
     if (playing) return;
     playing = true;
-    ask("play", { values: { ...standsAt(), ...pins } });
+    const held = { ...standsAt(), ...pins };
+    ask("play", { values: held });
+    remember({ room: "play", ...held });
   };
 
   const played = () => {
@@ -92,12 +99,12 @@
     },
     show,
     say: ({ place: id, text }) => { if (place(id)) place(id).textContent = text; },
-    address: ({ query }) => history.replaceState(null, "", query ? `?${query}` : location.pathname),
   };
 
   const upload = async (file) => {
     if (!key) return; // dropped before there is a window
     const state = place("log-state");
+    ran = false;
     place("log-problem").textContent = "";
     state.textContent = `Sending ${file.name} ...`;
     try {
@@ -135,7 +142,9 @@
       if (event.target.id === "choose-terms") place("terms").hidden = !event.target.value;
       event.target.closest("tr")?.classList.toggle(
         "unused", !event.target.closest("tr").querySelector("select").value);
-      if (form.classList.contains("settings")) ask(form.dataset.kind, { values: values() });
+      if (!form.classList.contains("settings")) return;
+      ask(form.dataset.kind, { values: values() });
+      rememberForms();
     });
     // The report is a page of its own, as high as what it holds.
     document.addEventListener("load", ({ target }) => {
@@ -143,13 +152,18 @@
     }, true);
     document.addEventListener("submit", (event) => {
       event.preventDefault();
-      if (event.target.id === "run-form") ask("run", { values: values() });
+      if (event.target.id !== "run-form") return;
+      ask("run", { values: values() });
+      ran = true;
+      rememberForms();
     });
     document.addEventListener("click", (event) => {
       const { kind, target } = event.target.closest("button[data-kind]")?.dataset ?? {};
       if (kind in pinned) pins = pinned[kind]();
       if (kind === "pin" || kind === "unpin") play();
       else if (kind) ask(kind, { target });
+      if (kind === "reset" || target === "play") remember({ room: "play" });
+      if (target === "identify") rememberForms();
     });
     place("play-form").addEventListener("input", (event) => {
       if (event.target.type === "range") label(event.target);
