@@ -109,7 +109,11 @@ def test_delays_are_known_by_name():
 
 @pytest.mark.parametrize("relative_to", [{}, {"link": "motor"}])
 def test_gradient_by_the_delays(relative_to):
-    """Assert that the right-hand side is minus half the slope of the sum of squares."""
+    """Assert that the right-hand side is minus half the slope of the sum of squares.
+
+    The rate of what was measured is taken to be the model's, which has no noise: they differ by
+    what is missing of the delay times the acceleration, at the resonance by 20 rad/s times 1 ms.
+    """
     timing = Timing("cubic", sought=(INPUT, "link_delay", "motor_delay"), relative_to=relative_to)
     problem = problem_of(log(6, 0.0, 0.0), timing)
     values = np.array([*VALUES, 0.3 * H, 0.2 * H, -0.3 * H])
@@ -117,6 +121,5 @@ def test_gradient_by_the_delays(relative_to):
     point = Point(values, states)
     gradient = problem.equations(point).gradient.sum(axis=0)[4:]
     for place in range(5, 8):
-        # A late position is exact to second order, its derivative to first.
         slope = fall(problem, point, states.size + place, 1e-6)
-        assert gradient[place] == pytest.approx(slope, rel=1e-3)
+        assert gradient[place] == pytest.approx(slope, rel=0.02)

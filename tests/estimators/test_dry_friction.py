@@ -21,7 +21,7 @@ BLOCK = Unknowns(OSCILLATOR, {"spring": 0.0})
 JOINT = with_dry_friction(
     flexible_joint(("gravity", "motor_viscous", "motor_coulomb", "link_coulomb"))
 )
-LATE = Timing("linear", {"input_delay": 0.0, "mass_delay": 0.0}, ("input_delay", "mass_delay"))
+LATE = Timing("linear", {"input_delay": 0.0}, ("input_delay",))
 
 
 def derivatives(problem: SegmentedMotion, point: Point, sample: int, output: int = 0) -> FloatArray:
@@ -186,7 +186,7 @@ def test_derivatives_stay_bounded_where_a_friction_that_drives_is_hardly_overcom
 @pytest.mark.parametrize("sample", [43, 50, 99])
 def test_derivatives_through_a_release(sample):
     """Assert that later motion depends on friction, gain and delay by when a block is let go."""
-    timing = replace(LATE, sought=("input_delay",), delays={"input_delay": 0.0037})
+    timing = replace(LATE, delays={"input_delay": 0.0037})
     time = TIME - 0.2  # so that the delay's first constant stretch is before
     problem = problem_of(BLOCK, 2.0 * time, 0.01, timing)
     found = derivatives(problem, point_of([0.45, 1.0, 0.0037], 0.2, 0.0), sample)
@@ -204,10 +204,10 @@ FORCE = 1.5 * np.sin(3.0 * 0.01 * np.arange(600)) + 0.8 * np.sin(5.3 * 0.01 * np
 def test_stick_slip_of_an_oscillator_has_right_derivatives():
     """Assert all derivatives through sticking, release and reversal, by finite differences.
 
-    By initial state, spring, friction, gain, the input's delay and the encoder's.
+    By initial state, spring, friction, gain and the input's delay.
     """
     problem = problem_of(OSCILLATOR, FORCE, 0.01, LATE, 2)
-    point = point_of([30.0, 0.8, 1.0, 0.0031, 0.0042], 0.08, 0.3)
+    point = point_of([30.0, 0.8, 1.0, 0.0031], 0.08, 0.3)
     still = np.diff(motion(problem, point)[:, 0], prepend=0.08) == 0.0
     edges = np.flatnonzero(np.diff(still.astype(int)))
     assert len(edges) >= 4  # it sticks and is let go several times

@@ -136,33 +136,10 @@ class ChannelTiming:
             drives[part] = held_input(segments.inputs[part], sample_time, self.timing.hold, delay)
         return drives
 
-    def timely(self, delays: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-        """Outputs moved by whole samples to when they were true, and what is left of each delay."""
-        segments = self.segments
-        late = np.array([delays[name] for name in self.output_delays])
-        if not late.any():
-            return segments.outputs, late
-        outputs = segments.outputs.copy()
-        shortest = float(segments.sample_times.min())
-        for a, delay in enumerate(late.tolist()):
-            whole = round(delay / shortest)
-            reference = self._reference_of(a)
-            for part, _ in segments.by_recording():
-                column = segments.outputs[part, a]
-                if reference is not None:
-                    column = column - reference[part]
-                places = np.clip(np.arange(len(column)) + whole, 0, len(column) - 1)
-                column = column[places]
-                if reference is not None:
-                    column = column + reference[part]
-                outputs[part, a] = column
-            late[a] -= whole * shortest
-        return outputs, late
-
     def on_time(self, delays: Mapping[str, float]) -> FloatArray:
         """Outputs moved by any part of a sample to when they were true.
 
-        White noise stays white, so that no delay makes innovations smaller than another.
+        White noise stays white, so that no delay makes residuals smaller than another.
         """
         late = np.array([delays[name] for name in self.output_delays])
         outputs = self.segments.outputs.copy()

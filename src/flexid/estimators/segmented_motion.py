@@ -260,17 +260,8 @@ class SegmentedMotion:
         used = np.append(used, True)
         return np.array([used[list(places)].any() for places in self._kernel.DRY], dtype=np.bool_)
 
-    def timely(self, values: FloatArray) -> FloatArray:
-        """Outputs, shape (n_samples, n_outputs), moved to when they were true, as residuals are of.
-
-        An observer takes them at any part of a sample, a bare motion at whole samples.
-        """
-        if self.observer is not None:
-            return self.on_time(values)
-        return self._channels.timely(self.delays(values))[0]
-
     def on_time(self, values: FloatArray) -> FloatArray:
-        """Outputs, shape (n_samples, n_outputs), moved by any part of a sample."""
+        """Outputs, shape (n_samples, n_outputs), moved to when they were true."""
         return self._channels.on_time(self.delays(values))
 
     def equations(self, point: Point, by: By = "everything") -> Equations:
@@ -280,19 +271,18 @@ class SegmentedMotion:
         coefficients = self._coefficients(point.values)
         delays = self.delays(point.values)
         channels = self._channels
-        outputs, late = channels.timely(delays)
-        speeds = np.zeros((0, len(late)))  # by the model
-        if self.observer is not None:  # its gain is for outputs at its own samples
-            outputs, late = channels.on_time(delays), np.zeros_like(late)
-            if by == "everything" and {*channels.output_delays} & {*self.timing.sought}:
-                speeds = channels.rates_on_time(delays)
+        outputs = channels.on_time(delays)
+        speeds = np.zeros((0, outputs.shape[1]))  # by the model
+        late_sought = {*channels.output_delays} & {*self.timing.sought}
+        if self.observer is not None and by == "everything" and late_sought:
+            speeds = channels.rates_on_time(delays)  # an observer follows what was measured
         drives = channels.drives(delays[INPUT])
         dry = self._dry(coefficients, wanted)
         delays_sought = self.timing.sought
         if by != "everything":
             wanted, delays_sought = wanted[:0], ()
         delay_sought = INPUT in delays_sought
-        late_columns = np.full(len(late), _NOT_SOUGHT, dtype=np.int64)
+        late_columns = np.full(outputs.shape[1], _NOT_SOUGHT, dtype=np.int64)
         size = 0 if by == "nothing" else kernel.N_STATES + len(wanted) + delay_sought
         for a, name in enumerate(channels.output_delays):
             if name in delays_sought:
@@ -316,7 +306,6 @@ class SegmentedMotion:
         sensors = (
             outputs,
             channels.reference,
-            late,
             late_columns,
             whitening,
             speeds,

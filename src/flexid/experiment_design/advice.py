@@ -149,7 +149,7 @@ class Rehearsal:
         equations = problem.equations(replace(point, initial_states=self._states[:1]), "nothing")
         if not np.isfinite(equations.cost):
             raise SimulationError("the model's motion diverges: see its coefficients", 0.0)
-        return problem.timely(point.values) - equations.residuals
+        return problem.on_time(point.values) - equations.residuals
 
     @cached_property
     def _recorded(self) -> FloatArray:

@@ -182,7 +182,7 @@ def predicted_runs(
     """Predicted motion over the rest of each window, whose first samples are followed."""
     problem, states = follow(model, values, windows, warm)
     equations = problem.equations(Point(values, states), "nothing")
-    measured = problem.timely(values)
+    measured = problem.on_time(values)
     runs = []
     for s, (first, skipped, length) in enumerate(
         zip(windows.starts, warm, windows.lengths, strict=True)

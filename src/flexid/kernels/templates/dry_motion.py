@@ -37,7 +37,7 @@ IN_USE, DELAY, ARE_DRY, AT = range(4)
 Model = namedtuple(
     "Model",
     "address n_states n_rows n_inputs n_coefficients n_constants n_corners n_equations width "
-    "z by_rest disturbed by_state x step alone drive "
+    "z disturbed by_state x step alone drive "
     "modes dry disturbance coefficients constants corners work_size",
 )
 

@@ -19,7 +19,7 @@ def model_of(a):
     """A model from the numbers that its kernel gives."""
     return Model(
         a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11],
-        a[12], a[13], a[14], a[15], a[16], a[17], a[18], a[19], a[20], a[21], a[22], a[23],
+        a[12], a[13], a[14], a[15], a[16], a[17], a[18], a[19], a[20], a[21], a[22],
     )  # fmt: skip
 
 
@@ -43,38 +43,16 @@ def linearise(states, inputs, coefficients, constants, address, found):
             found[s, i] = work[model.by_state + i]
 
 
-@uncounted
-def add_delay(row, h, sensor, n, model, work):
-    """Move what an output should be, and its derivatives, to when the output is true.
-
-    sensor    the state that it measures; the state that it is relative to, if that is not -1, or
-              the input -2 - that, if it is below; the delay in s, and its place among what is
-              sought
-    """
-    state, reference, late, late_column = sensor
-    x, rate, width = model.x, model.step + model.n_states, model.width
-    speed, acceleration = work[x + state + 1], work[rate + state + 1]
+@inlined
+def speed_of(state, reference, model, work):
+    """Velocity of what an output measures, as far as it may be late; see `segment_equations`."""
+    speed = work[model.x + state + 1]
     if reference >= 0:
-        speed -= work[x + reference + 1]
-        acceleration -= work[rate + reference + 1]
+        speed -= work[model.x + reference + 1]
     elif reference < -1:
         following = model.drive + 4 * (-1 - reference)  # the input after it, which is its velocity
         speed -= work[following]
-        acceleration -= work[following + 1] / h
-    row[0] += late * (0.5 * late * acceleration - speed)
-    if late_column >= 0:
-        row[1 + late_column] = late * acceleration - speed
-    for sign, place in ((1.0, state), (-1.0, reference)):
-        if place < 0:
-            continue
-        by_rest = model.by_rest + place // 2 * width
-        by_state = model.by_state + place // 2 * model.n_states
-        for j in range(1, n):
-            change = work[by_rest + j]
-            for i in range(model.n_states):
-                change += work[by_state + i] * work[model.z + i * width + j]
-            speed = work[model.z + (place + 1) * width + j]
-            row[j] += sign * late * (0.5 * late * change - speed)
+    return speed
 
 
 @uncounted
@@ -206,20 +184,6 @@ def fill_rows(rows, model, work, columns):
             row[j] = work[model.z + state * model.width + j]
 
 
-@uncounted
-def add_delays(rows, reference, late, late_columns, h, model, work, columns):
-    """Move what the outputs should be to when they are true."""
-    x, n = model.x, columns[IN_USE]
-    rate = model.step + model.n_states
-    call(model.address, work, columns, 0.0, 0.0, 0.0, x, rate, RATES)
-    if n > 1:
-        call(model.address, work, columns, 0.0, 0.0, 0.0, x, rate, LINEARISE)
-    for a in range(rows.shape[0]):
-        if late[a] != 0.0 or late_columns[a] >= 0:
-            sensor = 2 * a, reference[a], late[a], late_columns[a]
-            add_delay(rows[a], h, sensor, n, model, work)
-
-
 @njit(**equations, nogil=True)
 def segment_equations(part, segments, sensors, motion, substeps, trace, columns, results, address):
     """Normal equations of every block for its segment's initial state and what is sought.
@@ -229,12 +193,12 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
     segments  first sample, number of samples, first block and sample time of each, and its initial
               state; segment s is made up of the blocks first_blocks[s] to first_blocks[s + 1] - 1,
               all of about the same length
-    sensors   outputs, shape (n, n_rows), and of each column a, which is the position of row a, less
-              the state reference[a], if that is not -1, or less the input -2 - reference[a], if
-              that is below, of which the next input is the velocity, as far as delays go; the
-              delay in s, the place of that among what is sought (-1: not sought), for each segment
-              the lower triangle that whitens the outputs' noise, and, where an observer follows
-              outputs that were moved beforehand, their rates
+    sensors   outputs as they were on time, shape (n, n_rows), and of each column a, which is the
+              position of row a, less the state reference[a], if that is not -1, or less the input
+              -2 - reference[a], if that is below, of which the next input is the velocity, as far
+              as delays go; the place of its delay among what is sought (-1: not sought), for each
+              segment the lower triangle that whitens the outputs' noise, and, where an observer
+              follows the outputs, their rates: a bare motion has the model's, without noise
     motion    drives[k], of each input over the interval from sample k on its start and its change,
               and the derivatives of both by the delay; coefficients of each segment; constants;
               which rows can stick; and the observer: for each segment the gains of the states and
@@ -251,7 +215,7 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
     address   of the model, and what lies where in its work: `Model`
     """
     starts, lengths, first_blocks, sample_times, initial_states = segments
-    outputs, reference, late, late_columns, whitening, speeds = sensors
+    outputs, reference, late_columns, whitening, speeds = sensors
     drives, p, c, dry, observer = motion
     gain, disturbance_gain, decay, directions, corrected = observer
     normal, gradient, residuals, costs = results
@@ -261,9 +225,6 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
     work = np.zeros(model.work_size)
     put(c, model.constants, work)
     errors, rows, mixed = np.zeros(count), np.zeros((count, 1 + size)), np.zeros(size)
-    late_ones = 0
-    for a in range(0 if observed else count):
-        late_ones += late[a] != 0.0 or late_columns[a] >= 0
     for s in range(part[0], part[1]):
         h, first, b = sample_times[s], starts[s], first_blocks[s]
         blocks = first_blocks[s + 1] - b
@@ -283,11 +244,10 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
                 cross_interval(h, substeps, model, work, columns)
             set_drive(drives[k], model, work)
             fill_rows(rows, model, work, columns)
-            if late_ones:
-                add_delays(rows, reference, late, late_columns, h, model, work, columns)
             for a in range(count):
-                if observed and late_columns[a] >= 0:  # outputs come on time, with their own rates
-                    rows[a, 1 + late_columns[a]] -= speeds[k, a]
+                if late_columns[a] >= 0:
+                    speed = speeds[k, a] if observed else speed_of(2 * a, reference[a], model, work)
+                    rows[a, 1 + late_columns[a]] -= speed
                 errors[a] = outputs[k, a] - rows[a, 0]
                 if not abs(errors[a]) < BOUND:
                     costs[s] = np.inf
