@@ -22,6 +22,7 @@ from joint_log import (
 )
 
 from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
 from flexid.recording import Log, read_log
 
 COLUMNS = joint_columns()
@@ -50,126 +51,108 @@ def renamed(**names: str) -> dict[str, FloatArray]:
     return {names.get(name, name): values for name, values in COLUMNS.items()}
 
 
-def test_raw_columns() -> None:
-    """Assert that scale, offset, unit and the header's unit give the channels in SI."""
-    log = read(RAW_MAP)
-    assert log.warnings == ()  # with a map, unused columns are no surprise
-    (recording,) = log.recordings
-    assert recording.input_unit == "V"
-    assert recording.sample_time == pytest.approx(0.005)
-    for found, name in (
-        (recording.motor_position, "motor_position"),
-        (recording.needed_link_position, "link_position"),
-        (recording.needed_input, "motor_torque"),
-    ):
-        np.testing.assert_allclose(found, COLUMNS[name], atol=1e-12)
-
-
-def test_sum_of_columns() -> None:
-    """Assert that a sum adds its terms, each with its scale, before scale and offset."""
-    lines = [line for line in RAW_MAP.split("\n") if not line.startswith("deflection")]
-    link = """
-    [link_position]
-    sum = [{column = "pot_V", scale = 15.0}, "strain"]
-    scale = 2.0
-    offset = -90.0
-    unit = "deg"
-    """
-    (recording,) = read("\n".join(lines) + link).recordings
-    expected = COLUMNS["link_position"]
-    np.testing.assert_allclose(recording.needed_link_position, expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("unread", ["link_position", "motor_torque"])
-def test_a_channel_that_is_not_to_be_read(unread: str) -> None:
-    """Assert that false leaves a column of the channel's name alone, without a question."""
-    log = read_columns(COLUMNS, {unread: False})
-    assert unread not in log.columns
-    assert not any("so only the" in warning for warning in log.warnings)
-    assert "no motor_position" in refused(read_columns, COLUMNS, {"motor_position": False})
-
-
-def test_a_name_that_the_map_takes_may_stand_twice() -> None:
-    """Assert that two columns of a channel's name are no question where the map answers it."""
-    columns = {**COLUMNS, "MotorTorque": 2 * COLUMNS["motor_torque"]}
-    assert "are both motor_torque" in refused(read_columns, columns)
-    log = read_columns(columns, {"motor_torque": "MotorTorque"})
-    assert log.columns["motor_torque"].columns == {"MotorTorque": 1.0}
-    assert "motor_torque" not in read_columns(columns, {"motor_torque": False}).columns
-
-
-@pytest.mark.parametrize(
-    ("written", "ratio"),
-    [(101, 101.0), ("1/101", 101.0), ("101:1", 101.0), (-50.5, -50.5), ("3/157", 157 / 3)],
-)
-def test_gear_ratio(written: object, ratio: float) -> None:
-    """Assert that angles and velocities are divided and the torque is multiplied, and so said."""
+def geared(ratio: float) -> dict[str, FloatArray]:
+    """The log with the motor's side as it is before a gear."""
     factors = {"motor_torque": ratio, "motor_position": 1 / ratio, "motor_velocity": 1 / ratio}
-    columns = {name: values / factors.get(name, 1.0) for name, values in COLUMNS.items()}
-    log = read_columns(columns, {"gear_ratio": written})
+    return {name: values / factors.get(name, 1.0) for name, values in COLUMNS.items()}
+
+
+TORQUE = COLUMNS["motor_torque"]
+GEARS = {101: 101.0, "1/101": 101.0, "101:1": 101.0, -50.5: -50.5, "3/157": 157 / 3}
+LINK_SIDE = {
+    name: {"column": name, "side": "link"} for name in ("motor_position", "motor_velocity")
+}
+SCALED_TORQUE = {"column": "torque", "unit": "mN m", "scale": 1000}
+IN_LETTERS = renamed(motor_position="q_m [rad]", link_position="Q_L")
+LETTERS = {"motor_position": "Q M", "link_position": "q l"}
+TWICE = {**COLUMNS, "MotorTorque": 2 * TORQUE}
+IN_TURN = tomllib.loads(RAW_MAP)
+SUM = {
+    "sum": [{"column": "pot_V", "scale": 15.0}, "strain"],
+    "scale": 2.0,
+    "offset": -90.0,
+    "unit": "deg",
+}
+QUOTIENT = {"sum": ["u", {"column": "four", "scale": "1/4"}], "scale": "1/2"}
+MAPS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
+    "raw columns": (RAW, IN_TURN),
+    "a sum": (RAW, {**without(IN_TURN, "deflection"), "link_position": SUM}),
+    "a quotient": (
+        {**RAW, "u": TORQUE, "four": 4.0 * TORQUE},
+        {**IN_TURN, "motor_voltage": QUOTIENT},
+    ),
+    **{f"a gear of {ratio!r}": (geared(n), {"gear_ratio": ratio}) for ratio, n in GEARS.items()},
+    "the link's side": (
+        without(COLUMNS, "torque") | {"torque": TORQUE / 101.0},
+        {"gear_ratio": 101, **LINK_SIDE, "motor_torque": SCALED_TORQUE},
+    ),
+    **{
+        f"a gear and {name}": (
+            geared(1.5) | {name: TORQUE},
+            {"gear_ratio": 1.5, "motor_torque": False},
+        )
+        for name in ("motor_current", "motor_voltage")
+    },
+    "a gear and a torque in V": (
+        without(geared(1.5), "torque") | {"motor_torque [V]": TORQUE},
+        {"gear_ratio": 1.5},
+    ),
+    "other letters": (IN_LETTERS, LETTERS),
+    "letters as they stand": (IN_LETTERS | {"Q M": TORQUE}, LETTERS | {"motor_position": "q_m"}),
+    "a name twice": (
+        COLUMNS | {"MotorTorque": 0.5 * TORQUE},
+        {"motor_torque": {"column": "MotorTorque", "scale": 2}},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_maps_give_the_log(name: str) -> None:
+    """Assert that the channels are those of the log, and the origins the formula that they are by.
+
+    With a map, columns that are not used are no surprise.
+    """
+    columns, column_map = MAPS[name]
+    log = read_columns(columns, column_map)
     assert log.warnings == ()
     (recording,) = log.recordings
-    np.testing.assert_allclose(recording.needed_input, COLUMNS["motor_torque"], rtol=1e-12)
-    for name in ("link_position", "motor_position", "link_velocity", "motor_velocity"):
-        np.testing.assert_allclose(getattr(recording, name), COLUMNS[name], rtol=1e-12)
-    for name, origin in log.columns.items():
-        assert origin.factor == pytest.approx(factors.get(name, 1.0))
-        assert origin.gear_ratio == (pytest.approx(ratio) if name in factors else None)
+    found = {**{one: getattr(recording, one) for one in COLUMNS if one != "motor_torque"}}
+    found["motor_torque"] = recording.input
+    for channel, values in found.items():
+        if values is not None:
+            np.testing.assert_allclose(values, COLUMNS[channel], atol=1e-11)
+    found["deflection"] = recording.deflection
+    found |= dict.fromkeys(("motor_current", "motor_voltage"), recording.input)
+    bare = {header.partition(" [")[0]: values for header, values in columns.items()} | columns
+    for channel, origin in log.columns.items():
+        total = sum(weight * bare[column] for column, weight in origin.columns.items())
+        right = origin.factor * total + origin.offset
+        np.testing.assert_allclose(right, found[channel], atol=1e-11)
 
 
-def test_side_of_the_gear() -> None:
-    """Assert that a channel that is at the link's side already is left as it is."""
-    text = """
-        gear_ratio = 101
-        motor_position = {column = "motor_position", side = "link"}
-        motor_velocity = {column = "motor_velocity", side = "link"}
-        motor_torque = {column = "torque", unit = "mN m", scale = 1000}
-    """
-    torque = {"torque": COLUMNS["motor_torque"] / 101.0}
-    log = read(text, without(COLUMNS, "torque") | torque)
-    (recording,) = log.recordings
-    np.testing.assert_array_equal(recording.motor_position, COLUMNS["motor_position"])
-    np.testing.assert_allclose(recording.needed_input, COLUMNS["motor_torque"], rtol=1e-12)
-    assert log.columns["motor_torque"].factor == pytest.approx(101.0)
-    assert log.columns["motor_position"].gear_ratio is None
+UNREAD = ("link_position", "motor_torque", "motor_position")
+ORIGINS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
+    **MAPS,
+    **{f"no {name}": (COLUMNS, {name: False}) for name in UNREAD},
+    "a torque twice": (TWICE, {}),
+    "a torque twice, without a word": (TWICE, {"time": "time"}),
+    "neither of both": (TWICE, {"motor_torque": False}),
+    "two in other letters": (IN_LETTERS | {"Q_M": TORQUE}, LETTERS),
+    "one of two units": (IN_LETTERS | {"q_m [deg]": TORQUE}, LETTERS | {"motor_position": "q_m"}),
+}
 
 
-@pytest.mark.parametrize("name", ["motor_current", "motor_voltage", "motor_torque [V]"])
-def test_a_gear_carries_no_current(name: str) -> None:
-    """Assert that a current or a voltage has no side of the gear."""
-    (recording,) = read("gear_ratio = 1.5", renamed(motor_torque=name)).recordings
-    np.testing.assert_array_equal(recording.input, COLUMNS["motor_torque"])
-
-
-def test_origin_is_the_formula() -> None:
-    """Assert that factor, weights and offset give the channel from the file's own numbers."""
-    text = RAW_MAP.replace(
-        'column = "u"', 'sum = ["u", {column = "other", scale = "1/4"}], scale = 3, offset = 0.5'
-    )
-    log = read(text)
-    (recording,) = log.recordings
-    for name, values in (
-        ("motor_position", recording.motor_position),
-        ("motor_voltage", recording.needed_input),
-    ):
-        origin = log.columns[name]
-        total = sum(weight * RAW[column] for column, weight in origin.columns.items())
-        np.testing.assert_allclose(origin.factor * total + origin.offset, values, atol=1e-12)
-    assert log.columns["motor_voltage"].columns == {"u": 1.0, "other": 0.25}
-
-
-def test_letter_case() -> None:
-    """Assert that a map finds a column in other letters, unless two differ by no more or a unit."""
-    columns = renamed(motor_position="q_m [rad]", link_position="Q_L")
-    names = {"motor_position": "Q M", "link_position": "q l"}
-    (recording,) = read_columns(columns, names).recordings
-    np.testing.assert_array_equal(recording.motor_position, columns["q_m [rad]"])
-    columns["Q_M"] = columns["q_m [rad]"]
-    words = "'q_m [rad]', 'Q_M' both match 'Q M': write the name as in the file"
-    assert words in refused(read_columns, columns, names)
-    read_columns(columns, names | {"motor_position": "Q_M"})
-    columns["q_m [deg]"] = np.degrees(COLUMNS["motor_position"])
-    assert "both match 'q_m'" in refused(read_columns, columns, names | {"motor_position": "q_m"})
+def test_what_maps_make_of_columns(golden: Any) -> None:
+    """Assert how each channel was computed, and that what may be either is refused."""
+    found = {}
+    for name, (columns, column_map) in ORIGINS.items():
+        try:
+            log = read_columns(columns, column_map or None)
+            origins = (f"{channel} {origin}" for channel, origin in log.columns.items())
+            found[name] = "; ".join([*origins, *log.warnings])
+        except RecordingError as error:
+            found[name] = str(error)
+    golden(found)
 
 
 RATIOS = ("0.01", "true", '"1/0"', '"a"', "inf")
