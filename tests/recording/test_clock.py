@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
-from joint_log import assert_words, csv_text, joint_columns, read_columns, refused, said, written
+from joint_log import csv_text, joint_columns, read_columns, said, written
 
 from flexid.arrays import FloatArray
 from flexid.recording import Log, read_log
@@ -25,7 +25,6 @@ COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz: 1.7e9 s as a number wou
 BEGIN = datetime(2024, 5, 1, 23, 59, 59, 950_000, tzinfo=UTC)  # midnight is among them
 COLUMNS = joint_columns(COUNT, STEP.total_seconds())
 CELLS = {name: values.tolist() for name, values in COLUMNS.items() if name != "time"}
-FASTER = {name: v.tolist() for name, v in joint_columns(COUNT, 1e-4).items() if name != "time"}
 FORMS: dict[str, Callable[[datetime], str]] = {
     "iso": lambda t: t.isoformat(),  # leaves the fraction out where it is zero
     "iso, Z": lambda t: t.isoformat().replace("+00:00", "Z"),
@@ -63,23 +62,50 @@ def assert_is_the_log(log: Log) -> None:
     np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
 
 
-HEADERS = ("timestamp [UTC]", "Date Time", "date/time", "DateTime (ISO)")  # with no unit
-
-
-@pytest.mark.parametrize(
-    ("form", "header"), [*((form, "time") for form in FORMS), *(("iso", name) for name in HEADERS)]
-)
-def test_stamps_are_seconds_from_the_first(tmp_path: Path, form: str, header: str):
-    """Assert that they are exact, however they are written and called, over midnight too."""
-    assert_is_the_log(read(tmp_path, [*map(FORMS[form], MOMENTS)], header))
-
-
-def test_stamps_beside_other_points_and_dates(tmp_path: Path):
-    """Assert that points of a date are no decimal points, and that a time of day is enough."""
+def decimal_commas() -> str:
+    """Stamps with points, beside numbers with commas."""
     head, *rows = text_of([*map(FORMS["days first"], MOMENTS)]).splitlines()
     cells = [row.partition(";") for row in rows]
-    text = "\n".join([head, *(a + b + c.replace(".", ",") for a, b, c in cells)])
-    assert_is_the_log(read_log(written(tmp_path, text)))
+    return "\n".join([head, *(a + b + c.replace(".", ",") for a, b, c in cells)])
+
+
+def since_1970(places: int) -> list[str]:
+    """Nanoseconds with a point before so many places."""
+    ticks = [f"{1_714_607_999_950_000_000 + 200_000 * k}" for k in range(COUNT)]
+    return [f"{t[: len(t) - places]}.{t[len(t) - places :]}".removesuffix(".") for t in ticks]
+
+
+def in_two_columns() -> str:
+    """Seconds and nanoseconds."""
+    rows = [f"{1_714_607_999 + k // 5000},{200_000 * (k % 5000)}" for k in range(COUNT)]
+    parts = zip(["sec,nanosec", *rows], csv_text(COLUMNS).splitlines(), strict=True)
+    return "\n".join(f"{a},{b}" for a, b in parts)
+
+
+ADDED = {"time": {"sum": ["sec", {"column": "nanosec", "scale": 1e-9}]}}
+HEADERS = ("timestamp [UTC]", "Date Time", "date/time", "DateTime (ISO)")  # with no unit
+PLACES = {"s": 9, "ms": 6, "us": 3, "ns": 0}
+SAME: dict[str, tuple[str, dict[str, Any] | None]] = {  # texts, and column maps
+    **{form: (text_of([*map(FORMS[form], MOMENTS)]), None) for form in FORMS},
+    **{header: (text_of(ISO, header), None) for header in HEADERS},
+    "decimal commas": (decimal_commas(), None),
+    "a name in a map": (text_of(ISO), {"time": "time"}),
+    "two columns": (in_two_columns(), ADDED),
+    **{u: (text_of(since_1970(places), f"time [{u}]"), None) for u, places in PLACES.items()},
+    "s, commas": (text_of(since_1970(9), "time [s]").replace(".", ","), None),
+    "whole us": (text_of([t[:16] for t in since_1970(0)], "time [us]"), None),
+}
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_times_are_seconds_from_the_first(tmp_path: Path, name: str):
+    """Assert that they are exact, however they are written and called, over midnight too."""
+    text, column_map = SAME[name]
+    assert_is_the_log(read_log(written(tmp_path, text), column_map))
+
+
+def test_a_time_of_day_beside_a_date_is_enough(tmp_path: Path):
+    """Assert that the date is named as not used."""
     pairs = zip(MOMENTS, CELLS["motor_position"], CELLS["motor_torque"], strict=True)
     rows = [f"{t:%Y-%m-%d},{t:%H:%M:%S.%f},{a},{b}" for t, a, b in pairs]
     text = "\n".join(["Rig 7", "date,time,motor_position,motor_torque", *rows])
@@ -126,6 +152,15 @@ NONE_IS_READ: dict[str, list[Any]] = {
 }
 
 
+COMPUTED: tuple[dict[str, object], ...] = (
+    *(
+        {"column": "time", key: value}
+        for key, value in (("scale", 2), ("offset", 1), ("unit", "ms"))
+    ),
+    {"sum": ["time", "motor_torque"]},
+)
+
+
 def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch):
     """Assert that what cannot be read, or runs backwards, is named and gets a remedy."""
     monkeypatch.chdir(tmp_path)
@@ -135,7 +170,12 @@ def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.
             return read(Path(), stamps)
         return log_of_table(table_of_frame(pl.DataFrame({"time": stamps} | CELLS)))
 
-    golden({name: said(log, stamps) for name, stamps in NONE_IS_READ.items()})
+    found = {name: said(log, stamps) for name, stamps in NONE_IS_READ.items()}
+    for entry in COMPUTED:
+        found[f"a map {entry}"] = said(read_log, written(Path(), text_of(ISO)), {"time": entry})
+    ticks = np.where(np.arange(COUNT) == 7, np.timedelta64("NaT", "ms"), np.arange(COUNT))
+    found["no time"] = said(read_columns, {"time": ticks} | CELLS)
+    golden(found)
 
 
 def test_the_summer_begins(tmp_path: Path):
@@ -144,23 +184,6 @@ def test_the_summer_begins(tmp_path: Path):
     log = read(tmp_path, [*map(FORMS["blank"], late)])
     assert [len(recording) for recording in log.recordings] == [200, 200]
     assert log.recordings[1].start_time == pytest.approx(3600.04, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [
-        {"column": "time", "scale": 2},
-        {"column": "time", "offset": 1},
-        {"column": "time", "unit": "ms"},
-        {"sum": ["time", "motor_torque"]},
-    ],
-)
-def test_a_column_map_does_not_compute_with_stamps(tmp_path: Path, entry: dict[str, object]):
-    """Assert that scales and units of stamps are refused, and their name alone is not."""
-    path = written(tmp_path, text_of(ISO))
-    words = "'time'.*holds time stamps.*give its name alone"
-    assert_words(words, refused(read_log, path, {"time": entry}))
-    assert_is_the_log(read_log(path, {"time": "time"}))
 
 
 TIMES = pl.Series("time", MOMENTS)
@@ -220,52 +243,16 @@ def test_resolutions_that_polars_does_not_know(kind: str, unit: str):
         assert table.frame["time"].cast(kept).to_physical().to_list() == right
 
 
-def test_a_time_that_is_missing():
-    """Assert that a date that is none is named by its row."""
-    ticks = np.where(np.arange(COUNT) == 7, np.timedelta64("NaT", "ms"), np.arange(COUNT))
-    assert "row 7, column 'time': the cell is empty" in refused(
-        read_columns, {"time": ticks} | CELLS
-    )
-
-
-@pytest.mark.parametrize("unit", ["ns", "us", "s"])
-def test_numbers_since_1970(tmp_path: Path, unit: str):
+@pytest.mark.parametrize(("unit", "exact"), [("ns", 1e-12), ("us", 1e-12), ("s", 1e-5)])
+def test_numbers_of_parquet_since_1970(tmp_path: Path, unit: str, exact: float):
     """Assert that whole numbers lose no digit, and others none that they have."""
-    first = 1_714_607_999_950_000_000
-    ticks = [first + 200_000 * k for k in range(COUNT)]
-    per = {"ns": 1, "us": 1000, "s": 10**9}[unit]
-    numbers = [tick // per for tick in ticks] if per < 10**9 else [tick / per for tick in ticks]
-    exact = 1e-12 if unit != "s" else 1e-5
-    log = read(tmp_path, [*map(str, numbers)], f"time [{unit}]")
-    assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=exact)
-    assert log.recordings[0].start_time == 0.0
+    per = {"ns": 1, "us": 1000, "s": 1e9}[unit]
+    ticks = [int(tick) for tick in since_1970(0)]
+    numbers = [tick / per if unit == "s" else tick // int(per) for tick in ticks]
     path = tmp_path / "log.parquet"
     column = pl.Series(f"time [{unit}]", numbers)
     pl.DataFrame(CELLS).insert_column(0, column).write_parquet(path)
     assert read_log(path).recordings[0].sample_time == pytest.approx(2e-4, rel=exact)
-
-
-@pytest.mark.parametrize(("unit", "places"), [("s", 9), ("ms", 6), ("us", 3)])
-@pytest.mark.parametrize("point", [".", ","])
-def test_decimals_since_1970(tmp_path: Path, unit: str, places: int, point: str):
-    """Assert that they lose no digit, at 10 kHz and beside decimal commas: nothing is warned of."""
-    first, step = 1_714_557_600_000_000_000, 100_000
-    ticks = [f"{first + step * k:d}" for k in range(COUNT)]
-    text = text_of([f"{t[:-places]}.{t[-places:]}" for t in ticks], f"time [{unit}]", FASTER)
-    log = read_log(written(tmp_path, text.replace(".", point)))
-    (recording,) = log.recordings
-    assert log.warnings == ()
-    assert recording.sample_time == pytest.approx(1e-4, rel=1e-10)
-    np.testing.assert_array_equal(recording.link_position, FASTER["link_position"])
-
-
-def test_seconds_and_nanoseconds_in_two_columns(tmp_path: Path):
-    """Assert that a column map which adds them keeps what both hold."""
-    text = csv_text(COLUMNS).splitlines()
-    rows = [f"{1_714_607_999 + k // 5000},{200_000 * (k % 5000)}" for k in range(COUNT)]
-    lines = [f"{a},{b}" for a, b in zip(["sec,nanosec", *rows], text, strict=True)]
-    entry = {"sum": ["sec", {"column": "nanosec", "scale": 1e-9}]}
-    assert_is_the_log(read_log(written(tmp_path, "\n".join(lines)), {"time": entry}))
 
 
 def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):

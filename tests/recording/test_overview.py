@@ -1,7 +1,9 @@
 """What a file holds before its columns are known, and what a log shows at a glance."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -13,59 +15,37 @@ from flexid.recording.overview import overview, survey
 from flexid.recording.recording import Log, Recording
 
 
-def test_names_that_say_it_all(tmp_path: Path):
-    """Assert that columns, units, first values and channels are found."""
-    rows = "".join(f"{k},{k}.50,1,x\n" for k in range(30))
-    found = overview(written(tmp_path, f"time [ms],q_motor_deg,tau,other\n{rows}"))
-    assert found.rows == 30
-    assert [(c.header, c.unit) for c in found.columns] == [
-        ("time [ms]", "ms"),
-        ("q_motor_deg", "deg"),
-        ("tau", ""),
-        ("other", ""),
-    ]
-    assert found.columns[1].cells == ("0.50", "1.50", "2.50", "3.50", "4.50")
-    assert found.channels == {
-        "time": "time [ms]",
-        "motor_position": "q_motor_deg",
-        "motor_torque": "tau",
-    }
-    assert found.unclear == ""
+def rows(cells: str) -> str:
+    """Thirty rows, each with its number."""
+    return "".join(f"{k},{cells.format(k=k)}\n" for k in range(30))
 
 
-def test_names_that_do_not(tmp_path: Path):
-    """Assert that the reason is given, and what can be guessed all the same."""
-    rows = "".join(f"{k},{k},{k}\n" for k in range(30))
-    found = overview(written(tmp_path, f"t,enc1,tau\n{rows}"))
-    assert "motor_position" in found.unclear
-    assert found.channels == {"time": "t", "motor_torque": "tau"}
+def parquet(folder: Path) -> Path:
+    """A table with an empty cell."""
+    table = pl.DataFrame({"time": [0.0, 0.1], "motor_position": [None, 1 / 3]})
+    table.write_parquet(folder / "a.parquet")
+    return folder / "a.parquet"
 
 
-def test_typed_columns(tmp_path: Path):
-    """Assert that Parquet is looked into as text is, and that empty cells stay empty."""
-    path = tmp_path / "a.parquet"
-    pl.DataFrame({"time": [0.0, 0.1], "motor_position": [None, 1 / 3]}).write_parquet(path)
-    found = overview(path)
-    assert found.rows == 2
-    assert found.columns[0].cells == ("0", "0.1")
-    assert found.columns[1].cells == ("", "0.333333333")
+SIGNALS = {f"run/{name}": [0.0, 0.1, 0.2] for name in ("time", "motor_position")}
+FILES: dict[str, Callable[[Path], Path]] = {
+    "names": lambda p: written(p, f"time [ms],q_motor_deg,tau,other\n{rows('{k}.50,1,x')}"),
+    "names that say little": lambda p: written(p, f"t,enc1,tau\n{rows('{k},{k}')}"),
+    "a table": parquet,
+    "long cells": lambda p: written(p, f"time,text\n0,{'x' * 5000}\n1,y\n"),
+    "signals": lambda p: hdf5(p / "a.h5", SIGNALS),
+}
 
 
-def test_long_cells_are_cut(tmp_path: Path):
-    """Assert that no cell fills the page."""
-    path = written(tmp_path, f"time,text\n0,{'x' * 5000}\n1,y\n")
-    assert len(overview(path).columns[1].cells[0]) < 30
-
-
-def test_signals_of_a_file(tmp_path: Path):
-    """Assert that a file of signals says what each is."""
-    times = [0.0, 0.1, 0.2]
-    arrays = {"run/time": times, "run/motor_position": times}
-    found = overview(hdf5(tmp_path / "a.h5", arrays))
-    assert found.rows == 3
-    assert {c.header for c in found.columns} == {"run/time", "run/motor_position"}
-    assert all("3 values" in c.kind for c in found.columns)
-    assert found.channels["motor_position"] == "run/motor_position"
+def test_what_files_hold(tmp_path: Path, golden: Any) -> None:
+    """Assert that columns, units, first values, types and channels are found, or why not."""
+    found = {}
+    for name, write in FILES.items():
+        one = overview(write(tmp_path))
+        columns = [f"{c.header!r} in {c.unit!r} {c.kind} {c.cells}" for c in one.columns]
+        unclear = one.unclear.partition(";")[0]
+        found[name] = f"{one.rows} rows; {'; '.join(columns)}; {one.channels}; {unclear}"
+    golden(found)
 
 
 RATE = 200.0  # Hz
@@ -99,18 +79,13 @@ def test_figures_of_a_known_motion():
     assert found.deflection_over_noise == pytest.approx(truth, rel=0.2)
 
 
-def test_model_follows_from_the_channels():
-    """Assert that what is missing says what can be asked for."""
+def test_model_and_recordings():
+    """Assert that what is missing says what can be asked for, and that gaps are counted."""
     assert survey(log(input=None, input_unit="")).model == "link"
     rigid = survey(log(link_position=None))
     assert rigid.model == "rigid"
     assert np.isnan(rigid.deflection_over_noise)
-
-
-def test_several_recordings():
-    """Assert that gaps are counted, and all stretches looked at."""
     base = log().recordings[0]
     found = survey(Log((base.window(0, 1000), base.window(2000, 4000)), (), "log", ""))
-    assert found.recordings == 2
-    assert found.samples == 3000
+    assert (found.recordings, found.samples) == (2, 3000)
     assert found.duration == pytest.approx(15.0)
