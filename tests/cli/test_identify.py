@@ -4,7 +4,6 @@ import json
 import tomllib
 
 import numpy as np
-import polars as pl
 import pytest
 
 from flexid import load
@@ -88,30 +87,6 @@ def test_small_single_sine_is_undetermined(flexid, tmp_path):
         assert estimate["verdict"] == "undetermined" or lower <= TRUE.get(name, 0.0) <= upper
     parameters = document["parameters"] | document["removed"]
     assert parameters["gravity_torque"]["verdict"] == "undetermined"
-
-
-def test_wrong_sign_of_the_torque_is_unsupported(flexid, good_log, tmp_path):
-    """Assert that a log whose torque has the wrong sign exits 1 and calls no inertia known."""
-    header, *rows = good_log.read_text().splitlines()
-    cells = [row.split(",") for row in rows]
-    flipped = [",".join([*row[:3], str(-float(row[3]))]) for row in cells]
-    log = tmp_path / "flipped.csv"
-    log.write_text("\n".join([header, *flipped]))
-    outcome = flexid("identify", log, "--json")
-    assert outcome.status == 1
-    assert "sign of the input" in outcome.stderr
-    assert json.loads(outcome.stdout)["parameters"]["motor_inertia"]["verdict"] == "undetermined"
-
-
-def test_a_stream_prints_the_table(flexid, tmp_path):
-    """Assert that --stream gives parameters from a Parquet log."""
-    text = write_multisine(tmp_path / "log.csv", [3.0, 4.0, 5.0], [2.3, 5.1, 9.7], duration=60.0)
-    log = tmp_path / "log.parquet"
-    pl.read_csv(text).write_parquet(log)
-    done = flexid("identify", log, "--stream", "--terms", "gravity,motor_viscous")
-    assert done.status == 0
-    assert "joint_stiffness" in done.stdout
-    assert "30000 samples (60 s) were fitted in one pass" in " ".join(done.stdout.split())
 
 
 def test_motion_alone_gives_the_link(flexid, good_log, tmp_path):

@@ -149,37 +149,12 @@ def test_a_saved_estimate_is_the_same(estimate, loaded):
     assert loaded.document == estimate.document
 
 
-def test_the_command_writes_the_same_file(estimate, command, log, tmp_path):
-    """Assert that `load` reads what the command writes, and finds what the library found."""
-    outcome = command(
-        *("identify", log, "--out", tmp_path, "--terms", "gravity,motor_viscous"),
-        *("--hold", "zero", "--segment-duration", "2"),
-    )
-    assert outcome.status == 0, outcome.stderr
-    found = flexid.load(tmp_path / "estimate.json")
-    assert found.coefficients == estimate.coefficients
-    assert found.parameters == estimate.parameters
-    assert outcome.stdout.splitlines()[2:8] == loaded_lines(found)
-
-
-def loaded_lines(found):
-    """The table of parameters as the library has it."""
-    return found.summary().splitlines()[2:8]
-
-
 def test_a_loaded_estimate_says_that_it_has_no_series(loaded):
     """Assert that figures of time series are refused with those that there are."""
     for name in ("fit", "residuals"):
         with pytest.raises(SettingError, match="there is bode"):
             loaded.plot(name)
     assert loaded.plot().axes
-
-
-def test_figures_are_saved_as_the_command_does(estimate, tmp_path):
-    """Assert that the files have the command's names."""
-    estimate.save_figures(tmp_path / "out")
-    names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {f"{name}.png" for name in FIGURES}
 
 
 def test_values_are_found_by_name(estimate):

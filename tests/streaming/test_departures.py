@@ -123,16 +123,6 @@ def test_a_slow_stream_goes_on_from_its_checkpoint(tmp_path: Path):
     assert opened_session(again, tmp_path / "state.json").options == first
 
 
-def test_the_log_that_was_identified_agrees_with_its_estimate(result):
-    """Assert that both estimators say the same of one log."""
-    options = options_of(result, h=1e-3)
-    (samples,) = flexid.samples(LOG)
-    rows = np.column_stack((samples.time, samples.positions, samples.inputs))
-    session = watched(rows, options)
-    assert session.departures == ()
-    assert session.health.health is Health.CONVERGED
-
-
 def test_what_was_given_is_given(result):
     """Assert that a coefficient that was not estimated is none of the stream's, either."""
     beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)
@@ -260,15 +250,6 @@ def test_widths_of_shapes_come_with_an_estimate(result):
     assert options.system.constants["backlash_width"] == 0.02
     low, high = watched(stream(), options).coefficients["theta_backlash"].interval
     assert low < 0.0 < high
-
-
-@pytest.mark.thorough
-def test_everything_may_be_known():
-    """Assert that a session with spring and inertias given still has a health."""
-    known = {"motor_inertia": 0.3, "joint_stiffness": 100.0, "link_inertia": 1.0}
-    session = watched(stream(3.0), replace(OPTIONS, known=known))
-    assert {*session.learner.system.coefficients} == {"theta1", "alpha2"}
-    assert session.health.health is Health.CONVERGED
 
 
 def test_kinds_are_those_of_identify(result):

@@ -185,15 +185,6 @@ def test_encoders_that_wrap_in_front_of_a_gear_are_unwrapped(turns: int):
     assert errors(spoilt).max() < CLOSE
 
 
-def test_a_motor_in_front_of_a_gear_that_does_not_wrap_is_left_alone():
-    """Assert that a counter of all turns is read as it is, where it jumps by a turn, too."""
-    samples = stream()
-    samples[2000:, MOTOR] += GEARED.motor_turn
-    session, right = watched(samples, GEARED), watched(samples)
-    assert session.counts == right.counts
-    np.testing.assert_array_equal(session.now.states[0], right.now.states[0])
-
-
 @pytest.mark.parametrize("column", [LINK, MOTOR])
 def test_what_a_stuck_encoder_taught_is_taken_back(column):
     """Assert that an encoder that freezes is a sensor fault, and leaves the estimate as it was."""
@@ -302,13 +293,6 @@ def test_what_the_health_says(damage, health: Health, words: list[str]):
     judgement = watched(damaged(damage)).health
     assert judgement.health is health
     assert all(word in judgement.reason for word in words)
-
-
-def test_few_bad_samples_are_no_fault():
-    """Assert that a line may lose every tenth sample."""
-    samples = stream()
-    samples[::10, LINK] = np.nan
-    assert watched(samples).health.health is not Health.SENSOR_FAULT
 
 
 def test_without_a_known_hold_the_interval_covers_both():

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from moving_joint import CHOSEN, LINK, MOTOR, TIME, TORQUE, H, same, stream, watched
+from moving_joint import CHOSEN, LINK, MOTOR, TIME, TORQUE, same, stream, watched
 
 from flexid.errors import RecordingError, SettingError
 from flexid.streaming import incoming
@@ -58,41 +58,6 @@ def test_a_parquet_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.Mo
         found.append(part)
     assert max(map(len, found)) <= 130
     np.testing.assert_array_equal(np.concatenate(found), samples)
-
-
-def test_an_mcap_file_is_watched(tmp_path: Path):
-    """Assert the same of joint states in an MCAP file, with a column map for their topics."""
-    pytest.importorskip("mcap", reason="mcap is not installed")
-    import json
-
-    from mcap.writer import Writer
-
-    samples = stream(1.0)
-    path = tmp_path / "log.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        schema = writer.register_schema("drive", "jsonschema", b'{"type": "object"}')
-        channel = writer.register_channel("drive", "json", schema)
-        for t, link, motor, torque in samples:
-            message = json.dumps({"link": link, "motor": motor, "torque": torque}).encode()
-            stamp = round(1e9 * t)
-            writer.add_message(channel, stamp, message, stamp)
-        writer.finish()
-    columns = {
-        "link_position": {"column": "drive.link", "unit": "rad"},
-        "motor_position": {"column": "drive.motor", "unit": "rad"},
-        "motor_torque": {"column": "drive.torque", "unit": "N m"},
-    }
-    replay = Replay(path, columns)
-    found = replay.read(last=False)
-    assert found is not None
-    np.testing.assert_allclose(found[:, 1:], samples[:, 1:], rtol=1e-12)
-    np.testing.assert_allclose(np.diff(found[:, 0]), H, rtol=1e-6)
-    assert replay.read(last=False) is None
-    follower = Follower(str(path), CHOSEN, column_map=columns, stop_at_end=True)
-    for _ in follower.turns(1.0):
-        assert len([w for w in follower.warnings if "carry no time stamps" in w]) == 1
 
 
 def test_what_cannot_be_played(tmp_path: Path):

@@ -99,18 +99,6 @@ def test_a_stream_that_is_joined_in_the_midst_of_a_line(form: str):
         assert len(samples) == len(rows) - 1 or np.isnan(samples[0]).any()
 
 
-@pytest.mark.parametrize("cell", ["", "N/A", "7"])
-@pytest.mark.parametrize("parts", [1, 40])
-def test_a_stream_that_begins_without_time(cell: str, parts: int):
-    """Assert that first samples without a stamp cost no other, and that a number is none."""
-    rows = stamped("%H:%M:%S.%f")
-    without = [cell + row[row.index(",") :] for row in rows[:90]] + rows[90:]
-    header = HEADER.replace(" [ms]", "")
-    samples = samples_of("\n".join([header, *without, ""]), parts)
-    np.testing.assert_array_equal(np.isnan(samples[:, 0]), np.arange(len(rows)) < 90)
-    np.testing.assert_allclose(samples[90:, 0], 75600 + 2e-3 * np.arange(90, 300), rtol=1e-12)
-
-
 def test_a_stamp_is_no_number():
     """Assert that a stream with too many stamps where numbers should be is refused as a log is."""
     bad = ["10:00:00.5"] * 80 + ["fault"] * 30

@@ -186,16 +186,6 @@ def test_dry_friction_is_covered(write: Write, seed: int):
         assert lower < value < upper, name
 
 
-def test_encoders_that_wrap_on_either_side_of_zero(write: Write, columns: Columns):
-    """Assert that turns are undone in every block, and that both sides count from one turn."""
-    wrapped = {
-        "link_position": np.mod(columns["link_position"] + 5e-4, 2.0 * np.pi) - 5e-4,
-        "motor_position": np.mod(columns["motor_position"] + 3.0, 2.0 * np.pi) - 3.0,
-    }
-    found = identify_stream(write(**wrapped), settings=CHOSEN)
-    assert_holds(found, TRUE, 0.01)
-
-
 def test_a_stuck_encoder_and_outliers_are_left_out(write: Write, columns: Columns):
     """Assert that what they teach is not learnt, and said."""
     link = columns["link_position"].copy()

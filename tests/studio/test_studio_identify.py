@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from math import cos, sin
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.request import Request, urlopen
@@ -78,15 +77,6 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
 
 
 @pytest.mark.thorough
-def test_what_does_not_go_together_is_said(page: Page, address: str):
-    """Assert that a term that the model does not have is answered where it was asked for."""
-    page.goto(f"{address}?model=link&terms=motor_viscous&ran=yes")
-    page.wait_for_selector("#run-state .problem")
-    assert "no term of the link alone" in page.inner_text("#run-state")
-    assert page.locator(".busy").count() == 0
-
-
-@pytest.mark.thorough
 def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tmp_path: Path):
     """Assert that columns without telling names are mapped by hand, with units, and checked."""
     log = tmp_path / "raw.csv"
@@ -114,24 +104,6 @@ def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tm
     page.select_option("[name='unit.motor_position']", "rad")
     page.wait_for_selector("#check .problem")
     assert serious_faults(page) == []
-
-
-@pytest.mark.thorough
-def test_where_a_log_cannot_be_read_its_columns_are_open(
-    page: Page, empty_address: str, tmp_path: Path
-):
-    """Assert that a unit that is not what the name says can be chosen where one is told of it."""
-    log = tmp_path / "mixed.csv"
-    angles = [0.5 * sin(k / 20) for k in range(400)]
-    rows = [f"{k / 100},{57.3 * q},{1.01 * q},{cos(k / 20)}" for k, q in enumerate(angles)]
-    header = "time,motor_position [rad],link_position [rad],motor_torque"
-    log.write_text("\n".join([header, *rows]))
-    page.goto(empty_address)
-    send(page, log)
-    page.wait_for_selector("#check .problem")
-    assert "choose it above" in page.inner_text("#check")
-    page.select_option("[name='unit.motor_position']", "deg")
-    page.wait_for_selector("#check-title")
 
 
 @pytest.mark.thorough
@@ -201,21 +173,6 @@ def test_two_windows_are_apart(browser: Browser, address: str, empty_address: st
     second.select_option("[name=hold]", "zero")
     assert second.is_enabled("#run-form button")
     second.close()
-
-
-@pytest.mark.thorough
-def test_an_identification_is_cancelled(page: Page, address: str):
-    """Assert that Cancel ends it, and that the next one runs."""
-    page.goto(address)
-    page.wait_for_selector("#run-form")
-    page.click("#run-form button")
-    page.wait_for_selector("text=the full model")
-    page.click("text=Cancel")
-    page.wait_for_selector("text=Cancelled")
-    assert page.locator("#found").count() == 0
-    page.select_option("[name=model]", "link")
-    page.click("#run-form button")
-    page.wait_for_selector("#found")
 
 
 @pytest.mark.thorough
