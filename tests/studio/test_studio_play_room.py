@@ -71,7 +71,7 @@ def numbers(rows: tuple[tuple[str, str, str], ...], place: int) -> dict[str, flo
 
 def test_the_readings_differ_as_the_reproduction_says():
     """Assert that one reading tracks and learns slowly, the other the reverse: the misprint."""
-    found = play(print, read_play({"reading": "1,1,3"}), TABLE1)
+    found = play(read_play({"reading": "1,1,3"}), TABLE1)
     run, pinned = numbers(found.rows, 1), numbers(found.rows, 2)
     assert pinned["tracking error"] == pytest.approx(8.2e-4, rel=0.02)
     assert run["tracking error"] == pytest.approx(0.27, rel=0.02)
@@ -96,8 +96,8 @@ def test_condition_numbers_are_those_of_the_analysis():
 def test_a_sampled_drive_is_played():
     """Assert that noise and sampling are those of the sliders, and the run has the same figures."""
     slow = {"k": "5", "sampled": "yes", "sample_time": "0.001", "amplitude": "1", "frequency": "1"}
-    quiet = play(print, read_play({**slow, "noise": "1e-7"}), None)
-    noisy = play(print, read_play({**slow, "noise": "0.01"}), None)
+    quiet = play(read_play({**slow, "noise": "1e-7"}), None)
+    noisy = play(read_play({**slow, "noise": "0.01"}), None)
     assert quiet.problems == noisy.problems == ()
     first, second = numbers(quiet.rows, 1), numbers(noisy.rows, 1)
     assert np.isfinite([*first.values(), *second.values()]).all()
@@ -113,7 +113,7 @@ def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
         return simulate(loop, *settings)
 
     monkeypatch.setattr(closed_loop, "simulate", stopped)
-    found = play(print, read_play({"k": "77"}), TABLE1)
+    found = play(read_play({"k": "77"}), TABLE1)
     assert found.problems == ("This run stops at 1.5 s: the loop diverges. Move a slider back.",)
     assert found.rows[0][1] == ""
     assert found.rows[0][2] != ""
@@ -127,7 +127,7 @@ def test_a_run_that_would_take_long_is_given_up():
     place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
     place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
     place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
-    (problem,) = play(print, read_play(place), None).problems
+    (problem,) = play(read_play(place), None).problems
     assert f"{played._MOST_STEPS} steps did not suffice" in problem
 
 
@@ -135,7 +135,7 @@ def test_the_tolerance_suffices_for_what_is_shown():
     """Assert that the figures of a stiff place are those of a run to a tenth of the tolerance."""
     place = {"reading": "1,1,3", "k": "121", "c": "0.0385", "amplitude": "5.29"}
     choices = read_play(place)
-    rows = numbers(play(print, choices, None).rows, 1)
+    rows = numbers(play(choices, None).rows, 1)
     fine = played._measured(simulate(choices.loop, played.DURATION, 0.01, 1e-6, 1e-10))
     assert rows["tracking error"] == pytest.approx(fine.remaining_error, rel=0.06)
     for name, (value, _) in fine.final_errors.items():
@@ -144,7 +144,7 @@ def test_the_tolerance_suffices_for_what_is_shown():
 
 def test_where_the_true_value_is_zero_the_error_has_its_unit():
     """Assert that nothing is divided by zero: no share, and no curve among the shares."""
-    found = play(print, read_play({"gravity_torque": "0", "motor_viscous_friction": "0"}), None)
+    found = play(read_play({"gravity_torque": "0", "motor_viscous_friction": "0"}), None)
     rows = {label: run for label, run, _ in found.rows}
     shares = {label: text.endswith(" %") for label, text in rows.items() if "error of" in label}
     assert shares == {

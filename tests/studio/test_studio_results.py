@@ -25,16 +25,14 @@ class Here(Workers):
         self.checks = 0
         self.hold: asyncio.Event | None = None
 
-    async def run(
-        self, job: Callable[..., Any], *arguments: Any, folder: Path, said: Callable[[str], None]
-    ) -> Any:
+    async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path) -> Any:
         """Do a job."""
         if job is jobs.identify:
             return await self._identify(Path(arguments[2]), folder / arguments[0])
         self.checks += job is jobs.check
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(folder)
-            return job(said, *arguments)
+            return job(*arguments)
 
     async def _identify(self, into: Path, log: Path) -> None:
         assert log.exists()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,32 +12,29 @@ import pytest
 from flexid.errors import SettingError
 from flexid.studio.jobs import JobError, Workers
 
-Said = Callable[[str], None]
 
-
-def echo(said: Said, text: str) -> tuple[str, str, int]:
-    """Say a text and return it, with the folder and the process."""
-    said(text)
+def echo(text: str) -> tuple[str, str, int]:
+    """Return a text, with the folder and the process."""
     return text, os.getcwd(), os.getpid()
 
 
-def sleep(said: Said) -> None:
-    """Take very long."""
-    said("asleep")
+def sleep() -> None:
+    """Take very long, and say so in the folder."""
+    Path("asleep").touch()
     time.sleep(600)
 
 
-def fail(_: Said) -> None:
+def fail() -> None:
     """Find bad input."""
     raise SettingError("port", "is none")
 
 
-def stumble(_: Said) -> None:
+def stumble() -> None:
     """Have a defect."""
     raise KeyError("oh")
 
 
-def die(_: Said) -> None:
+def die() -> None:
     """End the process."""
     os._exit(1)
 
@@ -47,13 +43,11 @@ pytestmark = pytest.mark.anyio
 
 
 async def test_a_job_is_done_in_its_folder(tmp_path: Path):
-    """Assert that a job's answer and progress come back, and one process does several."""
-    said: list[str] = []
+    """Assert that a job's answer comes back, and one process does several."""
     workers = Workers(1)
-    first = await workers.run(echo, "a", folder=tmp_path, said=said.append)
-    second = await workers.run(echo, "b", folder=tmp_path, said=said.append)
+    first = await workers.run(echo, "a", folder=tmp_path)
+    second = await workers.run(echo, "b", folder=tmp_path)
     assert first == ("a", str(tmp_path), second[2])
-    assert said == ["a", "b"]
     assert first[2] != os.getpid()
 
 
@@ -66,31 +60,29 @@ async def test_what_fails_is_said_and_work_goes_on(tmp_path: Path):
         (die, JobError, "ended early"),
     ):
         with pytest.raises(kind, match=words):
-            await workers.run(job, folder=tmp_path, said=print)
-    assert (await workers.run(echo, "a", folder=tmp_path, said=print))[0] == "a"
+            await workers.run(job, folder=tmp_path)
+    assert (await workers.run(echo, "a", folder=tmp_path))[0] == "a"
 
 
 async def test_a_cancelled_job_makes_room(tmp_path: Path):
-    """Assert that others wait, are told so, and that cancelling lets them in."""
-    asleep = asyncio.Event()
-    said: list[str] = []
+    """Assert that others wait, and that cancelling lets them in."""
     workers = Workers(1)
-    long = asyncio.create_task(workers.run(sleep, folder=tmp_path, said=lambda _: asleep.set()))
-    await asleep.wait()
-    gone = asyncio.create_task(workers.run(echo, "a", folder=tmp_path, said=print))
-    waiting = asyncio.create_task(workers.run(echo, "b", folder=tmp_path, said=said.append))
-    await asyncio.sleep(0)
-    await asyncio.sleep(0)
+    long = asyncio.create_task(workers.run(sleep, folder=tmp_path))
+    while not (tmp_path / "asleep").exists():
+        await asyncio.sleep(0.01)
+    gone = asyncio.create_task(workers.run(echo, "a", folder=tmp_path))
+    waiting = asyncio.create_task(workers.run(echo, "b", folder=tmp_path))
+    await asyncio.sleep(0.1)
+    assert not waiting.done()
     gone.cancel()
     await asyncio.sleep(0)
     long.cancel()
     assert (await waiting)[0] == "b"
-    assert said == ["waiting for a free process", "b"]
 
 
 async def test_a_folder_that_is_gone_is_said(tmp_path: Path):
     """Assert that a log's folder that was deleted ends neither the process nor the wait."""
     workers = Workers(1)
     with pytest.raises(JobError, match="folder of the log cannot be entered"):
-        await workers.run(echo, "a", folder=tmp_path / "gone", said=print)
-    assert (await workers.run(echo, "a", folder=tmp_path, said=print))[0] == "a"
+        await workers.run(echo, "a", folder=tmp_path / "gone")
+    assert (await workers.run(echo, "a", folder=tmp_path))[0] == "a"

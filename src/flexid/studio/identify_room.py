@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flexid.recording.overview import FileOverview
     from flexid.studio.window import Window
 
+_BUSY = "Identifying ... (the first run on a machine compiles for up to a minute)"
 _FILLED = ("columns", "check", "check-charts", "run", "run-state", "result")
 
 
@@ -99,9 +100,7 @@ class IdentifyRoom:
         for place in _FILLED:
             await window.show(place, "nothing.html")
         await window.show("log-state", "line.html", text=f"Reading {path.name} ...")
-        found: FileOverview = await window.offer.short.run(
-            jobs.look, path.name, folder=path.parent, said=window.saying("log-state")
-        )
+        found: FileOverview = await window.offer.short.run(jobs.look, path.name, folder=path.parent)
         self._overview = found
         self._keep_sources(found)
         await window.show("log-state", "log_state.html", name=path.name, found=found)
@@ -145,7 +144,7 @@ class IdentifyRoom:
         await window.show("check", "line.html", text="Checking the log ...")
         try:
             found: jobs.Checked = await window.offer.short.run(
-                jobs.check, log.name, self._choices, folder=log.parent, said=window.saying("check")
+                jobs.check, log.name, self._choices, folder=log.parent
             )
         except FlexidError as error:
             await window.show("check-charts", "nothing.html")
@@ -169,13 +168,12 @@ class IdentifyRoom:
         if log is None:
             return
         begun = monotonic()
-        await window.show("run-state", "run_state.html", text="Starting ...", busy=True)
+        await window.show("run-state", "run_state.html", text=_BUSY, busy=True)
         folder = Path(tempfile.mkdtemp(prefix="run-", dir=window.folder))
         try:
             await window.offer.long.run(
-                jobs.identify, log.name, choices, str(folder),
-                folder=log.parent, said=window.saying("run-line"),
-            )  # fmt: skip
+                jobs.identify, log.name, choices, str(folder), folder=log.parent
+            )
             files = [folder / name for name in (jobs.REPORT, jobs.ESTIMATE)]
             if choices.column_map is not None:
                 files.append(_write_map(choices, folder))

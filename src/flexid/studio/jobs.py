@@ -11,9 +11,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-import tempfile
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -23,15 +21,8 @@ from anyio import BrokenWorkerProcess, CapacityLimiter, to_process
 from flexid.errors import FlexidError
 
 if TYPE_CHECKING:
-    from flexid.identification.vocabulary.progress import Progress
     from flexid.recording.overview import FileOverview, LogSurvey
     from flexid.studio.choices import Choices
-
-
-Said = Callable[[str], None]
-"""Takes a line on how far a job is."""
-
-_ASKED_EVERY = 0.1  # s, between two looks at how far a job is
 
 
 class JobError(FlexidError):
@@ -48,23 +39,15 @@ class Workers:
     def __init__(self, most: int) -> None:
         self._free = asyncio.Semaphore(most)  # lets in one after the other
 
-    async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path, said: Said) -> Any:
+    async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path) -> Any:
         """Do a job, and return what it returns.
 
         Cancel the coroutine to cancel the job, whether it waits or runs.
         """
-        if self._free.locked():
-            said("waiting for a free process")
-        async with self._free, _said_in_a_file(said) as line:
+        async with self._free:
             try:
                 return await to_process.run_sync(
-                    _do,
-                    job,
-                    arguments,
-                    str(folder),
-                    line,
-                    cancellable=True,
-                    limiter=CapacityLimiter(1),
+                    _do, job, arguments, str(folder), cancellable=True, limiter=CapacityLimiter(1)
                 )
             except BrokenWorkerProcess:
                 raise JobError(
@@ -73,32 +56,7 @@ class Workers:
                 ) from None
 
 
-@asynccontextmanager
-async def _said_in_a_file(said: Said) -> AsyncIterator[str]:
-    """A file in which a process says how far it is; whatever is new in it is handed on."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        (Path(folder) / "line").open("a+", encoding="utf-8") as file,
-    ):
-
-        async def follow() -> None:
-            while True:
-                await asyncio.sleep(_ASKED_EVERY)
-                tell()
-
-        def tell() -> None:
-            for text in file.read().splitlines():
-                said(text)
-
-        following = asyncio.create_task(follow())
-        try:
-            yield file.name
-            tell()
-        finally:
-            following.cancel()
-
-
-def _do(job: Callable[..., Any], arguments: tuple[Any, ...], folder: str, line: str) -> Any:
+def _do(job: Callable[..., Any], arguments: tuple[Any, ...], folder: str) -> Any:
     """Do a job in a folder."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the studio, which ends us
     try:
@@ -108,8 +66,7 @@ def _do(job: Callable[..., Any], arguments: tuple[Any, ...], folder: str, line: 
             f"the folder of the log cannot be entered ({error.strerror}): choose the log again"
         ) from None
     try:
-        with open(line, "a", encoding="utf-8") as file:
-            return job(lambda text: print(text, file=file, flush=True), *arguments)
+        return job(*arguments)
     except FlexidError:
         raise
     except MemoryError:
@@ -132,14 +89,14 @@ class Checked:
     kinds_of: dict[str, str]  # by term, the kinds of joint that have it
 
 
-def look(_: Progress, name: str) -> FileOverview:
+def look(name: str) -> FileOverview:
     """Say what a file holds."""
     from flexid.recording.overview import overview
 
     return overview(Path(name))
 
 
-def check(_: Progress, name: str, choices: Choices) -> Checked:
+def check(name: str, choices: Choices) -> Checked:
     """Read a log as it would be identified, and say what it shows."""
     from flexid.identification.preparation.joint import Kind, joint_of
     from flexid.recording.overview import survey
@@ -157,14 +114,11 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
     return Checked(survey(log), log.warnings, figure, kinds_of)
 
 
-def identify(progress: Progress, name: str, choices: Choices, into: str) -> None:
+def identify(name: str, choices: Choices, into: str) -> None:
     """Leave estimate and report of a log in a folder."""
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
 
-    progress("reading the log (the first run on a machine compiles for up to a minute)")
-    log = read_log(Path(name), choices.column_map)
-    estimate = run(log, **choices.settings, progress=progress)
-    progress("report and figures")
+    estimate = run(read_log(Path(name), choices.column_map), **choices.settings)
     estimate.save(Path(into) / ESTIMATE)
     estimate.report(Path(into) / REPORT)

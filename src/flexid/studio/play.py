@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from flexid.arrays import FloatArray
-    from flexid.identification.vocabulary.progress import Progress
     from flexid.simulation.closed_loop import ClosedLoop, Run
     from flexid.simulation.sampled import Sampling
     from flexid.studio.window import Window
@@ -155,7 +154,7 @@ class PlayedRuns:
     seconds: float  # how long it took
 
 
-def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
+def play(chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
     """Simulate a loop, and say what came of it beside a pinned one."""
     from flexid.studio.window import fragment
 
@@ -328,9 +327,7 @@ class PlayRoom:
     async def _play(self, chosen: PlayChoices, pinned: PlayChoices | None, refused: str) -> None:
         window = self._window
         try:
-            found: PlayedRuns = await window.brief(
-                window.offer.play, play, chosen, pinned, place="play-line"
-            )
+            found: PlayedRuns = await window.brief(window.offer.play, play, chosen, pinned)
             problems = (refused, *found.problems) if refused else found.problems
             await window.show("play-problem", "play_problems.html", problems=problems)
             await window.show("play-figures", "play_figures.html", found=found)

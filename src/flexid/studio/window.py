@@ -63,7 +63,6 @@ class Window:
         self._send = send
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._alive: set[asyncio.Task[None]] = set()
-        self._said: set[asyncio.Future[None]] = set()
 
     async def opened(self) -> None:
         """Tell the page by which key it may send a log."""
@@ -74,16 +73,6 @@ class Window:
         html = fragment(template, window=self.key, **content)
         await self._send({"kind": "show", "place": place, "html": html})
 
-    def saying(self, place: str) -> Callable[[str], None]:
-        """A function that fills a place with a line on how far some work is."""
-
-        def said(text: str) -> None:
-            message = {"kind": "say", "place": place, "text": text}
-            self._said.add(task := asyncio.ensure_future(self._send(message)))
-            task.add_done_callback(self._said.discard)
-
-        return said
-
     async def enter(self, room: str) -> None:
         """Show a room."""
         await self._send({"kind": "room", "room": room})
@@ -92,13 +81,9 @@ class Window:
         """Let the page ask for the next run."""
         await self._send({"kind": "played"})
 
-    async def brief(
-        self, workers: Workers, job: Callable[..., Any], *arguments: Any, place: str
-    ) -> Any:
+    async def brief(self, workers: Workers, job: Callable[..., Any], *arguments: Any) -> Any:
         """Do a job that takes a moment; one that is cancelled runs to its end."""
-        work = asyncio.ensure_future(
-            workers.run(job, *arguments, folder=self.folder, said=self.saying(place))
-        )
+        work = asyncio.ensure_future(workers.run(job, *arguments, folder=self.folder))
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
         return await asyncio.shield(work)
 

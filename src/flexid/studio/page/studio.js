@@ -98,7 +98,6 @@
       place("file").disabled = false;
     },
     show,
-    say: ({ place: id, text }) => { if (place(id)) place(id).textContent = text; },
   };
 
   const upload = async (file) => {
