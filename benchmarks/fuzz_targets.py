@@ -93,7 +93,7 @@ def _logs() -> dict[str, Callable[[], Target]]:
     def stream(path: Path) -> None:
         replay = Replay(path, None)
         try:
-            while replay.read(last=False) is not None:
+            while replay.read() is not None:
                 pass
         finally:
             replay.close()
@@ -170,7 +170,7 @@ def _streams() -> dict[str, Callable[[], Target]]:
         """Play a log again, in parts."""
         with patch.object(incoming, "BLOCK", 30):
             samples = incoming.Replay(path, None)
-            while samples.read(last=False) is not None:
+            while samples.read() is not None:
                 pass
 
     def checkpoint() -> bytes:

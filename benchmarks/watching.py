@@ -6,6 +6,7 @@ trials, drawn with seeds of their own; the watch is given the terms, or not even
 
 import argparse
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -158,11 +159,13 @@ def datagrams(seconds: int) -> None:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     watch = [sys.executable, "-m", "flexid", "watch", f"udp://127.0.0.1:{port}", "--json"]
-    watch += ["--header", HEADER, "--duration", str(seconds + 5)]
+    watch += ["--header", HEADER]
     with subprocess.Popen(watch, stdout=subprocess.PIPE, text=True) as process:
         while f":{port:04X} " not in Path("/proc/net/udp").read_text():  # until it listens
             time.sleep(0.1)
         subprocess.run([sys.executable, "-c", _SENDER, str(port), str(seconds)], check=True)
+        time.sleep(3.0)
+        process.send_signal(signal.SIGINT)
         printed, _ = process.communicate()
     samples = json.loads(printed.splitlines()[-1])["samples"]
     print(f"datagrams at 10 kHz: {samples['taken']} of {10_000 * seconds}, {samples['gaps']} gaps")

@@ -163,7 +163,7 @@ def streamed(path: Path) -> np.ndarray:
     found = []
     with closing(GrowingFile(path, stop_at_end=True)) as source:
         samples = TextSamples(source)
-        while (part := samples.read(last=False)) is not None:
+        while (part := samples.read()) is not None:
             if len(part):
                 found.append(part)
     return np.concatenate(found)

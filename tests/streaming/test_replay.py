@@ -54,7 +54,7 @@ def test_a_parquet_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.Mo
     path = written(tmp_path / "log.parquet", samples)
     monkeypatch.setattr(incoming, "BLOCK", 100)
     replay, found = Replay(path, None), []
-    while (part := replay.read(last=False)) is not None:
+    while (part := replay.read()) is not None:
         found.append(part)
     assert max(map(len, found)) <= 130
     np.testing.assert_array_equal(np.concatenate(found), samples)

@@ -256,7 +256,6 @@ def watch(
     checkpoint: FilePath | None = None,
     every: float = 1.0,
     stop_at_end: bool = False,
-    duration: float | None = None,
 ) -> Watch:
     """Estimate a drive's parameters while it runs.
 
@@ -306,8 +305,6 @@ def watch(
         Seconds of the stream between two reports.
     stop_at_end : bool, optional
         Stop at the end of a file, rather than wait for it to grow.
-    duration : float, optional
-        Seconds after which to stop.
 
     Examples
     --------
@@ -349,7 +346,6 @@ def watch(
             header=header,
             checkpoint=file,
             stop_at_end=stop_at_end,
-            duration=duration,
         )
     if not every > 0.0:
         raise SettingError("every", f"must be above 0 s, got {every}")

@@ -38,7 +38,7 @@ WANTED = "a checkpoint of flexid watch"
 _WRONG = (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
 """What is raised where something else stands in a file."""
 
-_KNOWN_BY = 200  # samples by which a file is known again; as many as are waited for
+_KNOWN_BY = 200  # samples by which a file is known again
 _SAME = 1e-3  # relative difference of sample times of one stream
 
 
@@ -163,29 +163,21 @@ class ReadBefore:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._held: FloatArray | None = session.first_read[:0]  # None once it is compared
         self._left = session.n_read
+        self._is_compared = False
 
-    def new(self, samples: FloatArray, *, last: bool) -> FloatArray:
-        """Those of the samples that the session has not read."""
-        if self._held is not None:
-            known = self._session.first_read
-            samples = np.vstack((self._held, samples))
-            count = min(len(samples), len(known))
-            if count < len(known) and not last:
-                self._held = samples
-                return samples[:0]
-            self._held = None
-            if not np.array_equal(samples[:count], known[:count], equal_nan=True):
-                self._begin_anew()
+    def new(self, samples: FloatArray) -> FloatArray:
+        """Those of the samples that the session has not read; all of a file that is another."""
+        session = self._session
+        if not self._is_compared and len(samples):
+            self._is_compared = True
+            count = min(len(samples), len(session.first_read))
+            if not np.array_equal(samples[:count], session.first_read[:count], equal_nan=True):
+                session.n_read = self._left = 0
+                session.first_read = session.first_read[:0]
         left_out = min(self._left, len(samples))
         self._left -= left_out
         return samples[left_out:]
-
-    def _begin_anew(self) -> None:
-        """Another file stands there, of which nothing was read."""
-        self._session.n_read = self._left = 0
-        self._session.first_read = self._session.first_read[:0]
 
     def note(self, samples: FloatArray) -> None:
         """Count samples that the session was fed."""

@@ -1,6 +1,5 @@
 """From a source to a session: bytes become lines, lines samples, and samples estimates."""
 
-import time
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
@@ -89,7 +88,6 @@ class Follower:
     header: str | None = None
     checkpoint: Path | None = None
     stop_at_end: bool = False
-    duration: float | None = None
     session: Session | None = None  # None until the stream's first lines have come
     warnings: tuple[str, ...] = ()
     _read_before: ReadBefore | None = None
@@ -119,31 +117,27 @@ class Follower:
     def turns(self, every: float) -> Generator[bool]:
         """Take in what comes, until the source ends."""
         incoming = self._opened()
-        begun = time.monotonic()
         ended = False
         try:
             while not ended:
-                late = self.duration is not None and time.monotonic() - begun > self.duration
-                samples = incoming.read(last=late)
-                ended = late or samples is None
+                samples = incoming.read()
+                ended = samples is None
                 self.warnings = tuple(dict.fromkeys(self.warnings + incoming.warnings))
                 if self.session is None and samples is not None and len(samples):
                     self.session = self._begun(incoming, samples)
                     self._read_before = ReadBefore(self.session) if self._is_file else None
                 if self.session is not None:
-                    yield from self._take(self.session, samples, every, ended=ended)
+                    yield from self._take(self.session, samples, every)
                 yield False
         finally:
             incoming.close()
 
-    def _take(
-        self, session: Session, samples: FloatArray | None, every: float, *, ended: bool
-    ) -> Iterator[bool]:
+    def _take(self, session: Session, samples: FloatArray | None, every: float) -> Iterator[bool]:
         """Feed the session with what it has not read before; stop wherever a report is due."""
         if samples is None:
             samples = np.empty((0, session.options.width))
         if self._read_before is not None:
-            samples = self._read_before.new(samples, last=ended)
+            samples = self._read_before.new(samples)
         between = max(1, round(min(every / session.options.sample_time, 1e15)))
         done = 0
         while done < len(samples):

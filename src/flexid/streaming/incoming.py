@@ -142,7 +142,7 @@ class TextSamples(TextStream):
         self._ended = False
         self.warnings: tuple[str, ...] = ()
 
-    def read(self, *, last: bool) -> FloatArray | None:
+    def read(self) -> FloatArray | None:
         """Samples of the lines that came."""
         if self._ended:
             return None
@@ -154,7 +154,7 @@ class TextSamples(TextStream):
                 "",
                 f"it cannot be read on ({error.strerror}): check the disk or the connection",
             ) from error
-        self._ended = data is None or last
+        self._ended = data is None
         samples = self.samples(data or b"", ended=self._ended)
         if data is None and self.rest.strip():
             self.warnings = (
@@ -183,7 +183,7 @@ class Replay:
         self._recipes = {name: recipes[name] for name in self.channels.sampled}
         self._next: FloatArray | None = _stacked(self.channels.sampled)
 
-    def read(self, *, last: bool) -> FloatArray | None:  # noqa: ARG002 - nothing is kept back
+    def read(self) -> FloatArray | None:
         """The samples of a block."""
         found, self._next = self._next, None
         if found is None and (table := next(self._tables, None)) is not None:

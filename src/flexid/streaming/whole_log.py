@@ -73,7 +73,7 @@ def identify_stream(
     try:
         session = Session(_options(replay, log, found, settings))
         clock = _Clock(replay.name, session.options.sample_time)
-        while (samples := replay.read(last=False)) is not None:
+        while (samples := replay.read()) is not None:
             clock.check(samples[:, 0])
             if session.options.n_inputs:
                 samples[:, -1] = found.choices.amplifier.passed(samples[:, -1])
