@@ -44,28 +44,32 @@ def of(name: str, fit: Estimate) -> Propagated:
 
 
 def test_symmetrical_interval_is_students():
-    """Assert that the half-width is Student's quantile times the standard deviation."""
+    """Assert that the half-width is Student's quantile times the standard deviation.
+
+    With infinite degrees of freedom it is the normal one.
+    """
     low, high = interval(3.0, 0.5, 7.5)
     assert (high - low) / 2 == pytest.approx(0.5 * t.ppf(0.975, 7.5))
     assert (high + low) / 2 == pytest.approx(3.0)
-
-
-def test_normal_where_nothing_was_estimated():
-    """Assert that infinite degrees of freedom give the normal quantile."""
     assert interval(0.0, 1.0, np.inf)[1] == pytest.approx(1.959964, rel=1e-6)
 
 
-@pytest.mark.parametrize(("std", "freedom"), [(np.inf, 5.0), (1.0, 0.0), (np.inf, 0.0)])
-def test_nothing_known_is_the_whole_line(std, freedom):
-    """Assert that no information gives every number, or every positive one on the logarithm."""
-    assert interval(2.0, std, freedom) == (-np.inf, np.inf)
-    assert logarithmic_interval(2.0, std, freedom) == (0.0, np.inf)
+@pytest.mark.parametrize(
+    ("std", "freedom", "ends", "logarithmic"),
+    [
+        (np.inf, 5.0, (-np.inf, np.inf), (0.0, np.inf)),
+        (1.0, 0.0, (-np.inf, np.inf), (0.0, np.inf)),
+        (np.inf, 0.0, (-np.inf, np.inf), (0.0, np.inf)),
+        (0.0, 0.0, (2.0, 2.0), (2.0, 2.0)),
+    ],
+)
+def test_nothing_known_is_the_whole_line(std, freedom, ends, logarithmic):
+    """Assert that no information gives every number, or every positive one on the logarithm.
 
-
-def test_a_known_value_has_no_width():
-    """Assert that a standard deviation of zero gives the value itself, whatever the freedom."""
-    assert interval(2.0, 0.0, 0.0) == (2.0, 2.0)
-    assert logarithmic_interval(2.0, 0.0, 0.0) == (2.0, 2.0)
+    A known value has no width, whatever the freedom.
+    """
+    assert interval(2.0, std, freedom) == ends
+    assert logarithmic_interval(2.0, std, freedom) == logarithmic
 
 
 def test_delta_method_of_a_ratio():
@@ -78,23 +82,17 @@ def test_delta_method_of_a_ratio():
     assert not found.logarithmic
 
 
-def test_fewest_degrees_of_freedom_count():
-    """Assert that of the coefficients involved the one with the fewest decides."""
-    fit = made(VALUES, np.diag((0.01 * VALUES) ** 2), degrees_of_freedom=(2.0, 9.0, 8.0, 2.0, 7.0))
-    assert of("joint_stiffness", fit).degrees_of_freedom == 7.0
+def test_the_least_known_coefficient_decides():
+    """Assert that of those involved the fewest degrees of freedom count, and infinite variances.
 
-
-def test_free_coefficients_leave_the_parameter_open():
-    """Assert that an infinite variance is not hidden by its neighbours."""
+    What was given is repeated without an interval.
+    """
     covariance = np.diag((0.01 * VALUES) ** 2)
+    fit = made(VALUES, covariance, degrees_of_freedom=(2.0, 9.0, 8.0, 2.0, 7.0))
+    assert of("joint_stiffness", fit).degrees_of_freedom == 7.0
     covariance[4, 4] = np.inf
     found = of("motor_inertia", made(VALUES, covariance))
-    assert found.std == np.inf
-    assert found.interval == (0.0, np.inf)
-
-
-def test_what_was_given_has_no_width():
-    """Assert that a motor inertia that the user gave is repeated without an interval."""
+    assert (found.std, found.interval) == (np.inf, (0.0, np.inf))
     fit = made(VALUES[:4], np.eye(4), NAMES[:4], (5.0,) * 4)
     assert of("motor_inertia", fit).interval == (0.3, 0.3)
 

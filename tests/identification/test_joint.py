@@ -1,11 +1,13 @@
 """Terms of the two joints, and what each leaves to be sought."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from flexid.estimators.samples import Samples
+from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible, rigid
 from flexid.models.flexible_joint import BACKLASH_WIDTH, COEFFICIENT_UNITS, PAPER_TERMS, TERMS
 from flexid.models.rigid_joint import RIGID_UNITS
@@ -13,10 +15,16 @@ from flexid.models.rigid_joint import RIGID_UNITS
 FLEXIBLE = flexible()
 
 
-def without(*terms: str) -> frozenset[str]:
-    """Coefficients that are absent where only some terms are on."""
+def unknowns(*terms: str, given: Mapping[str, float] | None = None, groups=(0,)) -> Unknowns:
+    """What is sought of a flexible joint where only some terms are on."""
     on = {c for term in terms for c in FLEXIBLE.terms[term]}
-    return FLEXIBLE.optional - on
+    return FLEXIBLE.unknowns(FLEXIBLE.optional - on, given or {}, groups=groups)
+
+
+def value_of(name: str, found: Unknowns, values: Sequence[float], recording: int = 0) -> float:
+    """A coefficient of the model, where these are the values of what is sought."""
+    coefficients = found.coefficients(values, recording)
+    return float(coefficients[found.system.coefficients.index(name)])
 
 
 @pytest.mark.parametrize("joint", [FLEXIBLE, rigid()], ids=["flexible", "rigid"])
@@ -40,27 +48,21 @@ def test_usual_terms_have_a_system_of_their_own():
 
 
 def test_every_coefficient_has_a_unit():
-    """Assert that no coefficient would come out without its unit."""
+    """Assert that no coefficient would come out without its unit, and which term it belongs to.
+
+    A coefficient of two sides belongs to one term, and the usual ones to none.
+    """
     assert set(COEFFICIENT_UNITS) == {*FLEXIBLE.remembering.coefficients}
     assert set(RIGID_UNITS) == {*rigid().system.coefficients}
-
-
-def test_a_coefficient_belongs_to_a_term():
-    """Assert that a coefficient of two sides belongs to one term, and the usual ones to none."""
     assert FLEXIBLE.of_coefficient("alpha_damping") == "joint_damping"
     assert FLEXIBLE.of_coefficient("theta2") is None
 
 
 def test_absent_terms_are_not_sought():
-    """Assert that the paper's terms leave the paper's coefficients."""
-    unknowns = FLEXIBLE.unknowns(without(*PAPER_TERMS), {})
-    assert unknowns.names == ("theta1", "theta2", "alpha1", "alpha2", "beta1")
-
-
-def test_shapes_take_the_wider_system():
-    """Assert that the system with shapes is taken only where one of them is sought."""
-    assert FLEXIBLE.unknowns(without(), {}).system is FLEXIBLE.system
-    wider = FLEXIBLE.unknowns(without("backlash"), {})
+    """Assert that the paper's terms leave its coefficients, and only shapes a wider system."""
+    assert unknowns(*PAPER_TERMS).names == ("theta1", "theta2", "alpha1", "alpha2", "beta1")
+    assert unknowns().system is FLEXIBLE.system
+    wider = unknowns("backlash")
     assert wider.system is FLEXIBLE.extended
     assert wider.names == ("theta2", "alpha1", "alpha_backlash", "beta1")
 
@@ -71,37 +73,32 @@ def test_what_the_spring_does_to_both_sides_is_one_number(term):
 
     Jr/Jl = theta2/alpha1 = 0.3 here, so 2 on the motor's side are 0.6 on the link's.
     """
-    unknowns = FLEXIBLE.unknowns(without(term), {})
-    values = {"theta2": 90.0, "alpha1": 300.0, "beta1": 1.0}
-    found = unknowns.coefficients([values.get(name, 2.0) for name in unknowns.names], 0)
-    by_name = dict(zip(unknowns.system.coefficients, found.tolist(), strict=True))
+    found = unknowns(term)
+    known = {"theta2": 90.0, "alpha1": 300.0, "beta1": 1.0}
+    values = [known.get(name, 2.0) for name in found.names]
     link = [c for c in FLEXIBLE.terms[term] if c.startswith("theta")]
-    assert not {*link} & {*unknowns.names}
-    assert [by_name[c] for c in link] == pytest.approx([0.6] * len(link))
+    assert not {*link} & {*found.names}
+    assert [value_of(c, found, values) for c in link] == pytest.approx([0.6] * len(link))
 
 
 def test_given_side_of_the_spring_is_not_tied():
     """Assert that a coefficient that is given keeps its value whatever the others are."""
-    unknowns = FLEXIBLE.unknowns(without("joint_damping"), {"theta_damping": 0.1})
-    found = unknowns.coefficients([90.0, 300.0, 2.0, 1.0], 0)
-    assert found[unknowns.system.coefficients.index("theta_damping")] == 0.1
+    found = unknowns("joint_damping", given={"theta_damping": 0.1})
+    assert value_of("theta_damping", found, [90.0, 300.0, 2.0, 1.0]) == 0.1
 
 
 def test_offsets_are_sought_log_by_log():
-    """Assert that two recordings of one log share an offset, and that another log has its own."""
-    unknowns = FLEXIBLE.unknowns(without("link_offset"), {}, groups=(0, 0, 1))
-    assert unknowns.names == ("theta2", "theta_offset[1]", "theta_offset[2]", "alpha1", "beta1")
-    values = [unknowns.coefficients(np.arange(5.0), recording) for recording in range(3)]
-    place = unknowns.system.coefficients.index("theta_offset")
-    assert [v[place] for v in values] == [1.0, 1.0, 2.0]
+    """Assert that two recordings of one log share an offset, and that another log has its own.
 
-
-def test_given_offset_holds_in_every_log():
-    """Assert that a given offset is sought in no log."""
-    unknowns = FLEXIBLE.unknowns(without("link_offset"), {"theta_offset": 0.5}, groups=(0, 1))
-    assert unknowns.names == ("theta2", "alpha1", "beta1")
-    place = unknowns.system.coefficients.index("theta_offset")
-    assert unknowns.coefficients([1.0, 1.0, 1.0], 1)[place] == 0.5
+    One that is given is sought in no log.
+    """
+    found = unknowns("link_offset", groups=(0, 0, 1))
+    assert found.names == ("theta2", "theta_offset[1]", "theta_offset[2]", "alpha1", "beta1")
+    offsets = [value_of("theta_offset", found, np.arange(5.0), r) for r in range(3)]
+    assert offsets == [1.0, 1.0, 2.0]
+    found = unknowns("link_offset", given={"theta_offset": 0.5}, groups=(0, 1))
+    assert found.names == ("theta2", "alpha1", "beta1")
+    assert value_of("theta_offset", found, [1.0, 1.0, 1.0], 1) == 0.5
 
 
 def test_deflection_is_the_third_channel():
@@ -120,27 +117,26 @@ def moving(size: float) -> Samples:
 
 
 def test_shapes_scale_with_the_motion():
-    """Assert that twice the motion makes every width twice as wide, and needs no other kernel."""
+    """Assert that twice the motion makes every width twice as wide, and needs no other kernel.
+
+    Least squares of a rigid joint smooths friction over a tenth of its speed.
+    """
     one, two = (FLEXIBLE.scaled([moving(size)]) for size in (1.0, 2.0))
     assert one.first_grip == pytest.approx(2.0 * two.first_grip)
-    width = one.extended.constants[BACKLASH_WIDTH]
-    assert width > 0.0
-    assert two.extended.constants[BACKLASH_WIDTH] == pytest.approx(2.0 * width)
-    assert two.smooth.constants["coulomb_velocity"] == pytest.approx(
-        2.0 * one.smooth.constants["coulomb_velocity"]
+    width, smoothing = (
+        [getattr(joint, system).constants[name] for joint in (one, two)]
+        for system, name in (("extended", BACKLASH_WIDTH), ("smooth", "coulomb_velocity"))
     )
+    assert 0.0 < 2.0 * width[0] == pytest.approx(width[1])
+    assert 2.0 * smoothing[0] == pytest.approx(smoothing[1])
     assert two.extended.digest == FLEXIBLE.extended.digest
-
-
-def test_rigid_joint_scales_its_smoothing():
-    """Assert that least squares of a rigid joint smooths friction over a tenth of its speed."""
     samples = moving(1.0)
     assert samples.velocities is not None
-    alone = replace(
+    motor = replace(
         samples, positions=samples.positions[:, 1:], velocities=samples.velocities[:, 1:]
     )
-    smoothing = rigid().scaled([alone]).smooth.constants["coulomb_velocity"]
-    assert smoothing == pytest.approx(0.1 / 2**0.5, rel=0.05)
+    rigid_smoothing = rigid().scaled([motor]).smooth.constants["coulomb_velocity"]
+    assert rigid_smoothing == pytest.approx(0.1 / 2**0.5, rel=0.05)
 
 
 def test_given_smoothing_takes_the_place_of_dry_friction():

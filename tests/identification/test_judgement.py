@@ -15,19 +15,27 @@ def judged(half: float, value: float = 10.0, effect: float = np.inf) -> str:
 
 
 @pytest.mark.parametrize(
-    ("half", "expected"),
+    ("half", "expected", "words"),
     [
-        (1.99, "determined"),
-        (2.01, "weak"),
-        (9.99, "weak"),
-        (10.01, "undetermined"),
-        (1e9, "undetermined"),
+        (1.0, "determined", ""),
+        (1.99, "determined", ""),
+        (2.01, "weak", "20 %"),
+        (9.99, "weak", "100 %"),
+        (10.01, "undetermined", "100 %"),
+        (50.0, "undetermined", "500 %"),
+        (1e9, "undetermined", "far"),
     ],
 )
 @pytest.mark.parametrize("value", [10.0, -10.0])
-def test_width_decides(value, half, expected):
-    """Assert that a fifth of the value is determined and the whole weak, whatever its sign."""
-    assert judged(half, value) == expected
+def test_width_decides(value, half, expected, words):
+    """Assert that a fifth of the value is determined and the whole weak, whatever its sign.
+
+    The reason is empty where determined, and otherwise gives the width.
+    """
+    status, reason = verdict(value, (value - half, value + half))
+    assert status == expected
+    assert (reason == "") == (words == "")
+    assert words in reason
 
 
 @pytest.mark.parametrize(("effect", "expected"), [(0.039, "determined"), (0.041, "undetermined")])
@@ -37,38 +45,20 @@ def test_what_does_nothing_is_determined(value, effect, expected):
     assert judged(1.0, value, effect) == expected
 
 
-def test_effect_does_not_spoil_a_narrow_interval():
-    """Assert that a number known to a fifth is determined however much it does."""
+def test_what_else_counts():
+    """Assert that effect does not spoil a narrow interval, and that zero has no relative width.
+
+    An interval that is longer above is judged by half its whole width; one without an end says that
+    there is no information.
+    """
     assert judged(1.9, effect=1.0) == "determined"
-
-
-def test_zero_with_a_width_is_undetermined():
-    """Assert that a value of zero has no relative width that could be small."""
     assert judged(1e-12, 0.0) == "undetermined"
-
-
-@pytest.mark.parametrize("ends", [(-np.inf, np.inf), (0.0, np.inf)])
-def test_whole_line_is_undetermined_whatever_it_does(ends):
-    """Assert that an interval without an end says that there is no information."""
-    status, reason = verdict(1.0, ends, effect=0.0)
-    assert status == "undetermined"
-    assert "no information" in reason
-
-
-def test_interval_on_the_logarithm_counts_by_half_its_width():
-    """Assert that an interval that is longer above is judged by half its whole width."""
     assert verdict(10.0, (9.0, 12.9))[0] == "determined"
     assert verdict(10.0, (9.0, 13.1))[0] == "weak"
-
-
-@pytest.mark.parametrize(
-    ("half", "words"), [(1.0, ""), (3.4, "34 %"), (50.0, "500 %"), (101.0, "far")]
-)
-def test_reason_gives_the_width(half, words):
-    """Assert that the reason is empty where determined, and otherwise tells the width."""
-    reason = verdict(10.0, (10.0 - half, 10.0 + half))[1]
-    assert (reason == "") == (words == "")
-    assert words in reason
+    for ends in ((-np.inf, np.inf), (0.0, np.inf)):
+        status, reason = verdict(1.0, ends, effect=0.0)
+        assert status == "undetermined"
+        assert "no information" in reason
 
 
 def test_other_thresholds_judge_otherwise():

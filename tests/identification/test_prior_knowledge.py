@@ -35,18 +35,22 @@ def drive(deviation: float = 0.05) -> Estimate:
 
 
 def test_linear_case_is_one_more_measurement():
-    """Assert that knowledge of b equals least squares with one weighted equation more."""
+    """Assert that knowledge of b equals least squares with one weighted equation more.
+
+    Knowledge of two things gives what the one after the other gives, and certain knowledge fixes.
+    """
     regressors, measured = line()
     found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.2)])[0]
     more = least_squares(np.vstack((regressors, [0.0, 1.0 / 0.2])), np.append(measured, -1.3 / 0.2))
     assert found.values == pytest.approx(more.values, rel=1e-10)
     assert found.covariance == pytest.approx(more.covariance, rel=1e-10)
-
-
-def test_certain_knowledge_fixes():
-    """Assert that a standard deviation of zero is a fit with the coefficient fixed."""
-    regressors, measured = line()
-    found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.0)])[0]
+    first, second = Known("a", 2.2, 0.3), Known("b", -1.1, 0.1)
+    fit = least_squares(regressors, measured)
+    together, _ = informed(fit, [first, second])
+    in_turn, _ = informed(informed(fit, [first])[0], [second])
+    assert together.values == pytest.approx(in_turn.values, rel=1e-10)
+    assert together.covariance == pytest.approx(in_turn.covariance, rel=1e-10)
+    found = informed(fit, [Known("b", -1.3, 0.0)])[0]
     assert found.values == pytest.approx([np.mean(measured + 1.3 * regressors[:, 1]), -1.3])
     assert found.covariance == pytest.approx(np.diag([1.0 / len(measured), 0.0]), abs=1e-15)
 
@@ -72,25 +76,6 @@ def test_a_known_inertia_is_met():
     assert found.values[0] == pytest.approx(1000 / 3 * (1 + 0.8 * 0.02), rel=1e-9)
 
 
-def test_two_known_values_together():
-    """Assert that knowledge of two things gives what the one after the other gives."""
-    regressors, measured = line()
-    fit = least_squares(regressors, measured)
-    first, second = Known("a", 2.2, 0.3), Known("b", -1.1, 0.1)
-    together, _ = informed(fit, [first, second])
-    in_turn, _ = informed(informed(fit, [first])[0], [second])
-    assert together.values == pytest.approx(in_turn.values, rel=1e-10)
-    assert together.covariance == pytest.approx(in_turn.covariance, rel=1e-10)
-
-
-def test_contradiction_is_told_in_the_parameter_s_terms():
-    """Assert that the sentence names the inertia, what it is known as, and what the log says."""
-    _, said = informed(drive(deviation=0.01), [Known("motor_inertia", 0.35, 0.01)], PARAMETERS)
-    sentence = said["motor_inertia"]
-    assert "motor_inertia is known as 0.35" in sentence
-    assert "0.3 ± 0.003" in sentence
-
-
 def test_what_is_unknown_or_free_is_refused():
     """Assert that a wrong name and a coefficient that the log leaves free are errors."""
     fit = drive()
@@ -101,20 +86,11 @@ def test_what_is_unknown_or_free_is_refused():
         informed(free, [Known("motor_inertia", 0.3, 0.01)], PARAMETERS)
     with pytest.raises(SettingError, match="give it without an uncertainty"):
         informed(free, [Known("beta1", 3.0, 0.01)], PARAMETERS)
-
-
-@pytest.mark.parametrize("std", [-0.1, np.nan, np.inf])
-def test_an_uncertainty_that_is_none(std):
-    """Assert that negative and infinite standard deviations are refused."""
-    with pytest.raises(SettingError, match="known"):
-        Known("beta1", 3.0, std)
-
-
-def test_free_neighbours_stay_free():
-    """Assert that knowledge of one coefficient does not determine another that is free."""
-    fit = Estimate(("a", "b"), np.array([1.0, 2.0]), np.diag([0.1, np.inf]), (9.0, 0.0))
-    found, _ = informed(fit, [Known("a", 1.1, 0.1)])
-    assert np.isinf(found.covariance[1, 1])
+    for std in (-0.1, np.nan, np.inf):
+        with pytest.raises(SettingError, match="known"):
+            Known("beta1", 3.0, std)
+    found, _ = informed(free, [Known("alpha1", 300.0, 0.1)])
+    assert np.isinf(found.covariance[1, 1])  # a free neighbour stays free
     assert found.degrees_of_freedom[1] == 0.0
 
 
@@ -164,11 +140,8 @@ def test_a_contradiction_spans_both(apart, limit, said):
     moved = 0.64 * 0.5 * apart
     assert found.values == pytest.approx([2.0 + moved])
     assert found.covariance == pytest.approx(np.array([[0.24**2 + said * moved**2]]))
-
-
-def test_a_contradiction_with_a_sharp_log_reaches_what_is_known():
-    """Assert that two deviations do also where the log alone decides."""
-    fit = Estimate(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))
-    found, contradicted = informed(fit, [Known("a", 7.0, 1.0)])
+    # Where the log alone decides, two deviations reach what is known.
+    sharp = Estimate(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))
+    found, contradicted = informed(sharp, [Known("a", 7.0, 1.0)])
     assert contradicted
     assert found.values[0] + 2.0 * found.deviations[0] >= 7.0
