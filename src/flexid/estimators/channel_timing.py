@@ -9,10 +9,9 @@ delay, which can therefore be sought like any coefficient.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
@@ -42,23 +41,29 @@ def held_input(
     delay = float(np.fmax(np.fmin(delay, reach), -reach))
     whole = int(np.floor(delay / sample_time))
     fraction = min(max(delay / sample_time - whole, _INSIDE), 1.0 - _INSIDE)
-    mean, moment = _moments(hold, fraction)
-    before, after = _kernel(hold, _OFFSETS - fraction), _kernel(hold, 1.0 + _OFFSETS - fraction)
-    mean_slope = (before - after) / sample_time
-    moment_slope = (mean - after) / sample_time
-    taps = np.column_stack((*_line(mean, moment), *_line(mean_slope, moment_slope)))
     # The samples about an interval stand in turn, and the largest offset is that of the earliest.
     earliest = int(_OFFSETS[-1]) + whole
     room = abs(earliest) + len(_OFFSETS)
-    padded = np.pad(inputs, ((room, room), (0, 0)), mode="edge")
+    ahead, behind = inputs[:1].repeat(room, axis=0), inputs[-1:].repeat(room, axis=0)
+    padded = np.concatenate((ahead, inputs, behind))
     if hold == "cubic":
         from scipy.ndimage import spline_filter1d  # a fifth of a second, for some arms
 
         padded = spline_filter1d(padded, order=3, axis=0)
-    padded = padded[room - earliest :]
-    around = sliding_window_view(padded, len(_OFFSETS), axis=0)[: len(inputs)]
-    lines = around.reshape(-1, len(_OFFSETS)) @ taps[::-1]
-    return lines.reshape(*inputs.shape, 4)
+    taps = _taps(hold, fraction, sample_time)
+    firsts = range(room - earliest, room - earliest + len(taps))
+    around = np.concatenate([padded[i : i + len(inputs), :, None] for i in firsts], axis=2)
+    return (around.reshape(-1, len(taps)) @ taps).reshape(*inputs.shape, 4)
+
+
+@lru_cache(maxsize=64)  # most passes over a log take the delay of the one before
+def _taps(hold: Hold, fraction: float, sample_time: float) -> FloatArray:
+    """What each sample about an interval contributes to the line, the earliest first, (6, 4)."""
+    mean, moment = _moments(hold, fraction)
+    before, after = _kernel(hold, _OFFSETS - fraction), _kernel(hold, 1.0 + _OFFSETS - fraction)
+    mean_slope = (before - after) / sample_time
+    moment_slope = (mean - after) / sample_time
+    return np.column_stack((*_line(mean, moment), *_line(mean_slope, moment_slope)))[::-1]
 
 
 def _line(mean: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray]:

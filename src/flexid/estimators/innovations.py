@@ -163,18 +163,19 @@ class _Observing:
         transitions = [
             transition_of(problem.linearised(point, recording), step)
             for recording, (_, step) in zip(
-                np.unique(segments.recordings).tolist(), segments.by_recording(), strict=True
+                segments.recordings[segments.firsts].tolist(), segments.by_recording(), strict=True
             )
         ]
         # A row without friction moves freely, however slowly.
         freely = (directions == RESTING) & ~problem.dry_rows(point)
         directions = np.where(freely, 0.0, directions)
         moves = directions != RESTING
-        place = np.unique(segments.recordings, return_inverse=True)[1]
         counts = [
             count * moves[part].mean(axis=0) if len(moves) else np.full(moves.shape[1], count)
             for count, (part, _) in zip(
-                np.bincount(place, segments.lengths), segments.by_recording(), strict=True
+                np.bincount(segments.places, segments.lengths),
+                segments.by_recording(),
+                strict=True,
             )
         ]
         return cls(problem, point, directions, transitions, counts)
@@ -182,7 +183,6 @@ class _Observing:
     def with_sizes(self, sizes: Sizes) -> _Observed:
         """The motion with the observer for some sizes."""
         segments = self.problem.segments
-        place = np.unique(segments.recordings, return_inverse=True)[1]
         steps = segments.sample_times[segments.firsts]
         try:
             made = [
@@ -193,7 +193,7 @@ class _Observing:
             return _Observed(WORST, None, segments.outputs, 0.0)
         entropy = sum(float(count @ own[4]) for count, own in zip(self.counts, made, strict=True))
         gain, disturbed, decay, whitening = (
-            np.array([own[i] for own in made])[place] for i in range(4)
+            np.array([own[i] for own in made])[segments.places] for i in range(4)
         )
         observer = Observer(gain, disturbed, decay, self.directions, whitening, segments.lengths)
         motion = replace(self.problem, observer=observer)

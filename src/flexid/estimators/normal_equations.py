@@ -36,9 +36,10 @@ def scaled_inverse(
     part in an open direction, shape (k,).
     """
     scale = np.where(scale > 0.0, scale, 1.0)
-    eigenvalues, vectors = eigen(matrix / np.outer(scale, scale))
+    scales = scale[:, None] * scale
+    eigenvalues, vectors = eigen(matrix / scales)
     kept = eigenvalues > NULL
-    inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
+    inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / scales
     return inverse, np.any(np.abs(vectors[:, ~kept]) > _PART, axis=1)
 
 
@@ -88,34 +89,34 @@ def solve_arrow(
     damping: float = 0.0,
 ) -> Reduced:
     """Solve the segments' normal equations together."""
-    diagonal = np.einsum("sii->si", normal)
     own = normal[:, :n_states, :n_states].copy()
     border = normal[:, :n_states, n_states:]
     common = normal[:, n_states:, n_states:].sum(axis=0)
-    scale = np.sqrt(np.diag(common))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = np.sqrt(common.diagonal())
     if damping:
         places = np.arange(n_states)
-        own[:, places, places] += damping * diagonal[:, :n_states]
-        common = common + damping * np.diag(np.diag(common))
+        own[:, places, places] *= 1.0 + damping
+        common = common + damping * np.diag(common.diagonal())
     own_inverse = _inverses(own)
     weights = own_inverse @ border
-    states_alone = np.einsum("sij,sj->si", own_inverse, gradient[:, :n_states])
-    information = common - np.einsum("sij,sik->jk", border, weights)
+    by_own = gradient[:, :n_states, None]
+    states_alone = own_inverse @ by_own
+    every = len(normal) * n_states, len(common)
+    information = common - border.reshape(every).T @ weights.reshape(every)
     information = 0.5 * (information + information.T)
-    scores = (gradient[:, n_states:] - np.einsum("sij,si->sj", border, states_alone)).T
+    scores = (gradient[:, n_states:] - (border * states_alone).sum(axis=1)).T
     # Scaled by the border's own size: what the initial states explain in full is lost in rounding.
     inverse, free = scaled_inverse(information, scale)
     total = scores.sum(axis=1)
     values_step = inverse @ total
-    by_states = np.einsum("si,si->s", states_alone, gradient[:, :n_states])
+    by_states = (states_alone * by_own).sum(axis=(1, 2))
     return Reduced(
         information,
         scores,
         inverse,
         free,
         values_step,
-        states_alone - weights @ values_step,
+        states_alone[:, :, 0] - weights @ values_step,
         float(total @ values_step + by_states.sum()),
         by_states,
     )
@@ -123,7 +124,7 @@ def solve_arrow(
 
 def _inverses(matrices: FloatArray) -> FloatArray:
     """Pseudo-inverses of symmetric matrices, each scaled to a unit diagonal first."""
-    scale = np.sqrt(np.einsum("sii->si", matrices))
+    scale = np.sqrt(matrices.diagonal(axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = scale[:, :, None] * scale[:, None, :]
     return pseudo_inverse(matrices / scales, NULL) / scales

@@ -221,8 +221,8 @@ class SegmentedMotion:
 
     def _by_segment(self, of_recording: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
         """What each segment takes from its recording, stacked."""
-        recordings, place = np.unique(self.segments.recordings, return_inverse=True)
-        return np.array([of_recording(recording) for recording in recordings.tolist()])[place]
+        recordings = self.segments.recordings[self.segments.firsts].tolist()
+        return np.array([of_recording(recording) for recording in recordings])[self.segments.places]
 
     def _jacobians(self, states: FloatArray, coefficients: FloatArray) -> FloatArray:
         """Derivatives of the rates by the states, about a state at the start of each segment."""
@@ -243,7 +243,7 @@ class SegmentedMotion:
     @cached_property
     def _wanted(self) -> NDArray[np.int64]:
         """Places of the coefficients that some segment's motion is differentiated by."""
-        recordings = np.unique(self.segments.recordings).tolist()
+        recordings = self.segments.recordings[self.segments.firsts].tolist()
         # A tie makes a coefficient matter that is not sought itself: the pattern of derivatives.
         slopes = [self.unknowns.depends(recording) for recording in recordings]
         return np.flatnonzero(np.any(slopes, axis=(0, 2)))

@@ -71,6 +71,11 @@ class Segments:
         """First segment of each recording, shape (n_recordings,)."""
         return np.flatnonzero(np.diff(self.recordings, prepend=-1))
 
+    @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """Place of each segment's recording among those that were cut, shape (n_segments,)."""
+        return np.searchsorted(self.firsts, np.arange(len(self)), side="right") - 1
+
     def merged(self) -> "Segments | None":
         """Every two neighbours made one; None where a recording has an odd number of segments."""
         if np.any(np.diff(np.append(self.firsts, len(self))) % 2):
@@ -176,11 +181,10 @@ def first_states(segments: Segments) -> FloatArray:
     positions = segments.outputs
     own = [positions[part] for part, _ in segments.by_recording()]
     noises = [[position_noise(column) for column in columns.T] for columns in own]
-    # Each recording may have encoders of its own.
-    places = np.unique(segments.recordings, return_inverse=True)[1]
     states = np.empty((len(segments), 2 * positions.shape[1]))
     for s, part in enumerate(segments.of(positions)):
-        sample_time, noise = segments.sample_times[s], noises[places[s]]
+        # Each recording may have encoders of its own.
+        sample_time, noise = segments.sample_times[s], noises[segments.places[s]]
         longest = min(len(part), max(_START_SAMPLES, round(_START_DURATION / sample_time)))
         for a, allowed in enumerate(noise):
             value, slope = _start(part[:longest, a], _START_EXCESS * allowed)

@@ -2,7 +2,8 @@
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from threading import Thread
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +23,26 @@ def in_threads(
     if threads < 2:
         run(0, len(lengths))
         return
-    shares = np.linspace(0, total, _SHARES * threads + 1)[1:-1]
-    edges = np.unique(np.concatenate(([0], np.searchsorted(reached, shares), [len(lengths)])))
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, edges[:-1].tolist(), edges[1:].tolist()))
+    shares = total * np.arange(1, _SHARES * threads) / (_SHARES * threads)
+    edges = sorted({0, *np.searchsorted(reached, shares).tolist(), len(lengths)})
+    left = iter(list(pairwise(edges)))  # all threads take from it what comes next
+    failed: list[Exception] = []
+
+    def work() -> None:
+        try:
+            for first, stop in left:
+                run(first, stop)
+        except Exception as error:
+            failed.append(error)
+
+    helpers = [Thread(target=work) for _ in range(threads - 1)]
+    for helper in helpers:
+        helper.start()
+    work()
+    for helper in helpers:
+        helper.join()
+    if failed:
+        raise failed[0]
 
 
 def cores() -> int:

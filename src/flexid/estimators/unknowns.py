@@ -70,7 +70,7 @@ class Unknowns:
         if min(self.groups, default=0) < 0:
             raise SettingError("groups", "they are counted from 0: give no negative ones")
         coefficients = self.system.coefficients
-        labels = {label for c in coefficients for label in self._labels(c)}
+        labels = {label for own in self._labels.values() for label in own}
         _check_known("per-group", self.per_group, coefficients)
         _check_known("fixed", self.fixed, (*coefficients, *sorted(labels - {*coefficients})))
         named = (c for source in self.tied.values() for c in source)
@@ -89,7 +89,7 @@ class Unknowns:
     @cached_property
     def coefficient_of(self) -> dict[str, str]:
         """The system's coefficient behind each name that is sought."""
-        labels = {n: c for c in self.system.coefficients for n in self._labels(c)}
+        labels = {name: c for c, own in self._labels.items() for name in own}
         return {name: labels[name] for name in self.names}
 
     def names_of(self, row: Row) -> tuple[str, ...]:
@@ -160,22 +160,19 @@ class Unknowns:
             label
             for c in coefficients
             if c not in self.fixed and c not in self.tied
-            for label in self._labels(c)
+            for label in self._labels[c]
             if label not in self.fixed
         )
 
-    def _labels(self, coefficient: str) -> tuple[str, ...]:
-        """The names under which a coefficient may be sought."""
-        distinct = sorted(set(self.groups))
-        if coefficient not in self.per_group or len(distinct) < 2:
-            return (coefficient,)
-        return tuple(f"{coefficient}[{group + 1}]" for group in distinct)
-
-    def _label(self, coefficient: str, recording_index: int) -> str:
-        labels = self._labels(coefficient)
-        if len(labels) == 1:
-            return coefficient
-        return f"{coefficient}[{self.groups[recording_index] + 1}]"
+    @cached_property
+    def _labels(self) -> dict[str, tuple[str, ...]]:
+        """The names under which each coefficient may be sought."""
+        groups = sorted({*self.groups})
+        several = {*self.per_group} if len(groups) > 1 else set()
+        return {
+            c: tuple(_of_group(c, group) for group in groups) if c in several else (c,)
+            for c in self.system.coefficients
+        }
 
     def _fixed_values(self, recording_index: int) -> FloatArray:
         return self._placed(recording_index)[1]
@@ -184,11 +181,14 @@ class Unknowns:
         """Columns and fixed values of a recording; every step of every fit asks for them."""
         if recording_index not in self._found:
             place = {name: i for i, name in enumerate(self.names)}
-            labels = [(c, self._label(c, recording_index)) for c in self.system.coefficients]
-            columns = np.array([place.get(label, FIXED) for _, label in labels], dtype=np.int64)
+            labels = {
+                c: _of_group(c, self.groups[recording_index]) if len(own) > 1 else c
+                for c, own in self._labels.items()
+            }
+            columns = np.array([place.get(label, FIXED) for label in labels.values()], np.int64)
             fixed = np.array(
-                [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels],
-                dtype=np.float64,
+                [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels.items()],
+                np.float64,
             )
             for values in (columns, fixed):
                 values.setflags(write=False)
@@ -198,6 +198,10 @@ class Unknowns:
     @cached_property
     def _found(self) -> dict[int, tuple[NDArray[np.int64], FloatArray]]:
         return {}
+
+
+def _of_group(coefficient: str, group: int) -> str:
+    return f"{coefficient}[{group + 1}]"
 
 
 def _check_known(setting: str, names: Iterable[str], known: Sequence[str]) -> None:

@@ -54,10 +54,10 @@ def load_kernel(
     order, each after those that it imports. Any number of processes may load and compile the same
     kernel at once.
     """
-    directory = cache_directory()
-    asked = (str(directory), _generator_digest(), task, *declarations, "", *templates)
+    asked = (_generator_digest(), task, *declarations, "", *templates)
     with _LOADING:
         if asked not in _LOADED:
+            directory = cache_directory()
             try:
                 _LOADED[asked] = _load(directory, task, declarations, build, templates)
             except (OSError, NotImplementedError) as error:  # of a file system without locks
