@@ -22,7 +22,7 @@ from flexid.experiments import read_experiment
 from flexid.experiments.variation import Variation
 
 INPUTS = {"controller.k": tuple(map(float, range(10, 17)))}
-PLAN = make_plan(Variation("grid", 7, 0, INPUTS, None), sampled=False)
+PLAN = make_plan(Variation(kind="grid", runs=7, vary=INPUTS), sampled=False)
 MANIFEST = made_manifest(PLAN, "grid", 3)
 
 

@@ -12,14 +12,14 @@ from flexid.campaigns.rows import Stopped, part_rows
 from flexid.experiments import read_experiment
 from flexid.experiments.variation import Distribution, Variation
 
-UNIFORM = Distribution("uniform", 10.0, 50.0)
-LOG_UNIFORM = Distribution("log_uniform", 1e-6, 1e-2)
-NORMAL = Distribution("normal", 5.0, 0.5)
+UNIFORM = Distribution(uniform=[10.0, 50.0])
+LOG_UNIFORM = Distribution(log_uniform=[1e-6, 1e-2])
+NORMAL = Distribution(normal=[5.0, 0.5])
 
 
 def variation(kind, runs, campaign_seed=0, **inputs):
     """Return what varies."""
-    return Variation(kind, runs, campaign_seed, inputs, None)
+    return Variation(kind=kind, runs=runs, seed=campaign_seed, vary=inputs)
 
 
 def seeds(runs, campaign_seed=0):

@@ -52,8 +52,8 @@ def test_what_does_not_vary_matters_nowhere():
 
 
 INPUTS = {
-    "controller.k": Distribution("uniform", 10.0, 50.0),
-    "plant.link_inertia": Distribution("uniform", 0.8, 1.2),
+    "controller.k": Distribution(uniform=[10.0, 50.0]),
+    "plant.link_inertia": Distribution(uniform=[0.8, 1.2]),
 }
 
 
@@ -78,7 +78,7 @@ def made_up_rows(plan: Plan, runs: range) -> pl.DataFrame:
 
 def write_campaign(out, parts=None):
     """Write a campaign of made-up rows, or some of its parts."""
-    plan = make_plan(Variation("sobol", 400, 0, INPUTS, None), sampled=False)
+    plan = make_plan(Variation(kind="sobol", runs=400, vary=INPUTS), sampled=False)
     manifest = made_manifest(plan, "sobol", 50)
     with open_store(out, manifest) as store:
         for part in manifest.parts if parts is None else parts:

@@ -170,7 +170,7 @@ def test_dotted_keys_need_no_quotes(tmp_path: Path):
     bare = variation(tmp_path, head + "controller.k = { uniform = [10, 50] }")
     quoted = variation(tmp_path, head + '"controller.k" = { uniform = [10, 50] }')
     assert bare == quoted
-    assert bare.inputs == {"controller.k": Distribution("uniform", 10.0, 50.0)}
+    assert bare.vary == {"controller.k": Distribution(uniform=[10.0, 50.0])}
 
 
 def test_grid_has_every_combination(tmp_path: Path):
@@ -181,7 +181,7 @@ def test_grid_has_every_combination(tmp_path: Path):
         "observer.link = [1, 2]\ncontroller.exponents.1 = [1, 2]",
     )
     assert grid.runs == 12
-    assert grid.inputs["observer.link"] == (1.0, 2.0)
+    assert grid.vary["observer.link"] == (1.0, 2.0)
 
 
 K = "vary.controller.k"
@@ -221,9 +221,9 @@ def test_campaigns_that_cannot_be_run(tmp_path: Path, golden: Any, monkeypatch: 
 @pytest.mark.parametrize(
     ("distribution", "truth"),
     [
-        (Distribution("uniform", 2.0, 5.0), stats.uniform(2.0, 3.0)),
-        (Distribution("log_uniform", 0.1, 10.0), stats.loguniform(0.1, 10.0)),
-        (Distribution("normal", 1.0, 0.3), stats.norm(1.0, 0.3)),
+        (Distribution(uniform=[2.0, 5.0]), stats.uniform(2.0, 3.0)),
+        (Distribution(log_uniform=[0.1, 10.0]), stats.loguniform(0.1, 10.0)),
+        (Distribution(normal=[1.0, 0.3]), stats.norm(1.0, 0.3)),
     ],
 )
 def test_quantiles_are_those_of_the_distribution(distribution: Distribution, truth):
@@ -235,8 +235,6 @@ def test_quantiles_are_those_of_the_distribution(distribution: Distribution, tru
 def test_integers_are_equally_likely_with_both_ends():
     """Assert that each whole number gets the same share."""
     shares = (np.arange(4000) + 0.5) / 4000
-    values, counts = np.unique(
-        Distribution("integers", 3.0, 6.0).quantile(shares), return_counts=True
-    )
+    values, counts = np.unique(Distribution(integers=[3, 6]).quantile(shares), return_counts=True)
     assert values.tolist() == [3, 4, 5, 6]
     assert set(counts) == {1000}

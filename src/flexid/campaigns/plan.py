@@ -44,14 +44,14 @@ class Plan:
 
 def make_plan(variation: Variation, sampled: bool) -> Plan:
     """Plan the runs of a campaign; the same variation always gives the same plan."""
-    inputs = tuple(variation.inputs)
+    inputs = tuple(variation.vary)
     values = _grid(variation) if variation.kind == "grid" else _draws(variation)
     return Plan(inputs, values, variation.seed if sampled and SEED not in inputs else None)
 
 
 def _grid(variation: Variation) -> NDArray[np.float64]:
     """Every combination; the last input changes fastest."""
-    axes = [np.array(values, dtype=float) for values in variation.inputs.values()]
+    axes = [np.array(values, dtype=float) for values in variation.vary.values()]
     mesh = np.meshgrid(*axes, indexing="ij")
     return np.stack([one.ravel() for one in mesh], axis=1)
 
@@ -59,7 +59,7 @@ def _grid(variation: Variation) -> NDArray[np.float64]:
 def _draws(variation: Variation) -> NDArray[np.float64]:
     from scipy.stats import qmc  # late: it loads for a second, and no worker needs it
 
-    runs, count = variation.runs, len(variation.inputs)
+    runs, count = variation.runs, len(variation.vary)
     if variation.kind == "latin-hypercube":
         shares = qmc.LatinHypercube(count, rng=variation.seed).random(runs)
     else:  # the first points of the scrambled sequence
@@ -68,7 +68,7 @@ def _draws(variation: Variation) -> NDArray[np.float64]:
     # 0 is a possible draw, and the normal distribution's lowest value is minus infinity
     shares = np.maximum(shares, _SMALLEST_SHARE)
     columns = [
-        _quantile(what, shares[:, place]) for place, what in enumerate(variation.inputs.values())
+        _quantile(what, shares[:, place]) for place, what in enumerate(variation.vary.values())
     ]
     return np.stack(columns, axis=1)
 

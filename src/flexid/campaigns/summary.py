@@ -113,11 +113,6 @@ def summarise(out: str | Path) -> Summary:
     )
 
 
-def campaign_rows(out: str | Path) -> pl.DataFrame:
-    """The rows of a campaign that are there, in the order of the runs."""
-    return _all_rows(find_store(Path(out)))[0]
-
-
 def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
     parts, damaged = [], []
     for part in store.manifest.parts:

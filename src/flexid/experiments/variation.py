@@ -1,13 +1,12 @@
 """What varies over the runs of a campaign: the table ``[campaign]``, tried out when it is read."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from math import prod
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from flexid.errors import ExperimentError, did_you_mean
 from flexid.experiments.tables import Number, Positive, Table, Whole
@@ -19,71 +18,75 @@ if TYPE_CHECKING:
 MOST_RUNS = 10_000_000
 """Of one campaign."""
 
-Kind = Literal["uniform", "log_uniform", "normal", "integers"]
-Plan = Literal["grid", "latin-hypercube", "sobol"]
+_T = TypeVar("_T")
+_Pair = Annotated[list[_T], Field(min_length=2, max_length=2)]
 
 
-@dataclass(frozen=True)
-class Distribution:
-    """A distribution of one number.
+class Distribution(Table):
+    """A distribution of one number: one kind, and its two numbers.
 
     Examples
     --------
-    >>> Distribution("uniform", 10.0, 50.0).quantile([0.0, 0.5]).tolist()
+    >>> Distribution(uniform=[10.0, 50.0]).quantile([0.0, 0.5]).tolist()
     [10.0, 30.0]
     """
 
-    kind: Kind
-    first: float  # lower end, or the mean of a normal distribution
-    second: float  # upper end, included for integers, or the standard deviation
+    uniform: _Pair[Number] | None = None  # ends
+    log_uniform: _Pair[Positive] | None = None  # ends
+    normal: _Pair[Number] | None = None  # mean and standard deviation
+    integers: _Pair[Whole] | None = None  # ends, both included
+
+    @model_validator(mode="after")
+    def _has_one_kind(self) -> "Distribution":
+        pairs = [*self.model_dump(exclude_none=True).values()]
+        if len(pairs) != 1:
+            raise ValueError(f"exactly one of {', '.join(type(self).model_fields)} is needed")
+        if self.normal is None and not pairs[0][0] < pairs[0][1]:
+            raise ValueError("the first number must be below the second")
+        if self.normal is not None and not self.normal[1] > 0.0:
+            raise ValueError("a positive standard deviation is needed")
+        return self
 
     def quantile(self, shares: ArrayLike) -> NDArray[np.float64]:
         """Values below which the given shares of all draws lie, each from 0 on and below 1."""
         shares = np.asarray(shares, dtype=float)
-        first, second = self.first, self.second
-        if self.kind == "uniform":
+        ((kind, pair),) = self.model_dump(exclude_none=True).items()
+        first, second = map(float, pair)
+        if kind == "uniform":
             return first + shares * (second - first)
-        if self.kind == "log_uniform":
+        if kind == "log_uniform":
             return first * (second / first) ** shares
-        if self.kind == "normal":
+        if kind == "normal":
             from scipy.special import ndtri  # late, since no single run needs it
 
             return first + second * ndtri(shares)
         return np.floor(first + shares * (second - first + 1.0))
+
+    @property
+    def tried(self) -> tuple[float, ...]:
+        """Values that every experiment must allow: the ends, if there are any, and one inside."""
+        inside = float(self.quantile(_INSIDE))
+        ends = self.uniform or self.log_uniform or self.integers or ()
+        return (*map(float, ends), inside)
 
 
 Input = tuple[float, ...] | Distribution
 """Values, each equally likely in draws, or a distribution of them."""
 
 
-@dataclass(frozen=True)
-class Variation:
-    """The ``[campaign]`` part of an experiment."""
+class Variation(Table):
+    """What varies over many runs: the ``[campaign]`` part of an experiment."""
 
-    kind: Plan  # every combination of the values, or draws
-    runs: int  # number of runs; of a grid the product of the numbers of values
-    seed: int  # of the draws
-    inputs: Mapping[str, Input]  # by dotted path of the experiment's file
-    runs_per_part: int | None  # runs that share a file of the result; None: the campaign chooses
-
-
-def grid_size(inputs: Mapping[str, Input]) -> int:
-    """Number of combinations of all lists of values."""
-    return prod(len(values) for values in inputs.values() if isinstance(values, tuple))
+    kind: Literal["grid", "latin-hypercube", "sobol"]  # every combination of the values, or draws
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 0  # of a grid the product of the lists
+    seed: Annotated[int, Field(ge=0, le=2**63)] = 0  # of the draws
+    # runs that share a file of the result; None: the campaign chooses
+    runs_per_part: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    vary: Annotated[dict[str, Any], Field(min_length=1)]  # once read, an `Input` by dotted path
 
 
 _LARGEST_WHOLE = 2**53  # up to which values, which are floats, keep every digit
 _INSIDE = 0.501  # share of the draws below the value inside a distribution that is tried
-
-
-class CampaignTable(Table):
-    """What varies over many runs."""
-
-    kind: Plan
-    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
-    seed: Annotated[int, Field(ge=0, le=2**63)] = 0
-    runs_per_part: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    vary: Annotated[dict[str, Any], Field(min_length=1)]
 
 
 class ListedValues(Table):
@@ -92,22 +95,13 @@ class ListedValues(Table):
     values: Annotated[list[Number], Field(min_length=1, max_length=10_000)]
 
 
-class DistributionTable(Table):
-    """One distribution: a kind and two numbers."""
-
-    uniform: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
-    log_uniform: Annotated[list[Positive], Field(min_length=2, max_length=2)] | None = None
-    normal: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
-    integers: Annotated[list[Whole], Field(min_length=2, max_length=2)] | None = None
-
-
 def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
     """Check a campaign against the experiment that it varies."""
 
     def refuse(key: str, reason: str) -> ExperimentError:
         return ExperimentError(experiment.path, f"campaign.{key}" if key else "campaign", reason)
 
-    content = validated(campaign, CampaignTable, refuse)
+    content = validated(campaign, Variation, refuse)
     inputs: dict[str, Input] = {}
     for path, text in _flat(content.vary, experiment):
         if path in inputs:
@@ -118,14 +112,14 @@ def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
         for path, choice in inputs.items():
             if isinstance(choice, Distribution):
                 raise refuse(f"vary.{path}", "is a distribution: a grid takes a list of values")
-        if runs is not None:
+        if runs:
             raise refuse("runs", "is for draws: remove it, a grid has one run per combination")
-        runs = grid_size(inputs)
+        runs = prod(len(values) for values in inputs.values() if isinstance(values, tuple))
         if runs > MOST_RUNS:
             raise refuse("vary", f"makes {runs} combinations: give at most {MOST_RUNS}")
-    elif runs is None:
+    elif not runs:
         raise refuse("runs", "is missing: add it")
-    return Variation(content.kind, runs, content.seed, inputs, content.runs_per_part)
+    return content.model_copy(update={"runs": runs, "vary": inputs})
 
 
 def _flat(vary: Mapping[str, Any], experiment: "Experiment", path: str = "") -> Iterator[Any]:
@@ -145,19 +139,8 @@ def _input(experiment: "Experiment", path: str, value: Any) -> Input:
 
     if path not in experiment.values:
         raise refuse("", f"varies nothing{did_you_mean(path, experiment.values)}")
-    if isinstance(value, list):
-        for place, one in enumerate(value, start=1):
-            if isinstance(one, int) and abs(one) > _LARGEST_WHOLE:
-                raise refuse(str(place), "has more digits than are kept: give at most 15")
-        chosen: Input = tuple(validated({"values": value}, ListedValues, refuse).values)
-        tried = chosen
-    elif isinstance(value, dict):
-        chosen = _distribution(value, refuse)
-        ends = () if chosen.kind == "normal" else (chosen.first, chosen.second)
-        tried = (*ends, float(chosen.quantile(_INSIDE)))
-    else:
-        raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
-    for number in tried:
+    chosen = _chosen(value, refuse)
+    for number in chosen.tried if isinstance(chosen, Distribution) else chosen:
         try:
             experiment.with_values({path: number})
         except ExperimentError as error:
@@ -167,14 +150,13 @@ def _input(experiment: "Experiment", path: str, value: Any) -> Input:
     return chosen
 
 
-def _distribution(value: dict[str, Any], refuse: Refuse) -> Distribution:
-    given = validated(value, DistributionTable, refuse).model_dump(exclude_none=True)
-    if len(given) != 1:
-        raise refuse("", "must have exactly one of uniform, log_uniform, normal, integers")
-    ((kind, pair),) = given.items()
-    found = Distribution(cast(Kind, kind), *map(float, pair))
-    if found.kind != "normal" and not found.first < found.second:
-        raise refuse(found.kind, "must rise from the first number to the second: correct it")
-    if found.kind == "normal" and not found.second > 0.0:
-        raise refuse("normal", "needs a positive standard deviation: correct it")
-    return found
+def _chosen(value: Any, refuse: Refuse) -> Input:
+    """The values or the distribution that an entry is."""
+    if isinstance(value, dict):
+        return validated(value, Distribution, refuse)
+    if not isinstance(value, list):
+        raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
+    for place, one in enumerate(value, start=1):
+        if isinstance(one, int) and abs(one) > _LARGEST_WHOLE:
+            raise refuse(str(place), "has more digits than are kept: give at most 15")
+    return tuple(validated({"values": value}, ListedValues, refuse).values)

@@ -208,6 +208,27 @@ def split_columns(kernel: ModuleType, table: FloatArray) -> list[FloatArray]:
     return np.split(table, np.cumsum(widths), axis=1)
 
 
+def run_of(
+    loop: ClosedLoop,
+    kernel: ModuleType,
+    grid: SampleGrid,
+    table: FloatArray,  # (n, …), as `split_columns` takes it
+    settings: dict[str, Any],
+    statistics: dict[str, int],
+) -> Run:
+    """The run that a kernel has written into a table."""
+    *columns, tracking, measured = split_columns(kernel, table)
+    return Run(
+        loop,
+        grid.times,
+        *columns,
+        tracking_error=tracking[:, 0],
+        settings=settings | {"version": flexid.__version__},
+        statistics=statistics,
+        measured=measured if measured.size else None,
+    )
+
+
 _FIRST_STEP = 1e-6
 _LONGEST_STEP = 1.0
 
@@ -236,8 +257,12 @@ def simulate(
         largest = float(np.max(np.abs(ends.variables)))
         reason = _reason(kernel, int(ends.status[0]), largest, maximum_steps)
         raise SimulationError(reason, float(ends.reached[0]))
+    outputs = np.empty((grid.count, kernel.N_OUTPUTS))
+    kernel.sampled_outputs(grid.sample_time, samples[0], loop.parameters, outputs)
     settings = {"task": "continuous", **asdict(grid), **asdict(tolerance)}
-    return _run(loop, kernel, grid, samples[0], settings, ends)
+    accepted, rejected, _ = map(int, ends.counts[0])
+    statistics = {"accepted_steps": accepted, "rejected_steps": rejected}
+    return run_of(loop, kernel, grid, outputs, settings, statistics)
 
 
 @dataclass(frozen=True)
@@ -317,30 +342,6 @@ def loop_kernel(declaration: LoopDeclaration, stiff: bool = True) -> ModuleType:
     templates = ["rodas5p"] if stiff else ["sin_cos", "dopri5"]
     decisive = [*declaration.digests, "" if stiff else f"{SIDE_BY_SIDE} lanes"]
     return load_kernel("closed_loop", decisive, build, templates)
-
-
-def _run(
-    loop: ClosedLoop,
-    kernel: ModuleType,
-    grid: SampleGrid,
-    samples: FloatArray,
-    settings: dict[str, str | int | float],
-    ends: Ends,
-) -> Run:
-    outputs = np.empty((len(samples), kernel.N_OUTPUTS))
-    kernel.sampled_outputs(grid.sample_time, samples, loop.parameters, outputs)
-    states, inputs, estimates, errors, tracking, _ = split_columns(kernel, outputs)
-    return Run(
-        loop,
-        grid.times,
-        states,
-        inputs,
-        estimates,
-        errors,
-        tracking[:, 0],
-        {**settings, "version": flexid.__version__},
-        {"accepted_steps": int(ends.counts[0, 0]), "rejected_steps": int(ends.counts[0, 1])},
-    )
 
 
 def _reason(kernel: ModuleType, status: int, largest: float, maximum_steps: int) -> str:

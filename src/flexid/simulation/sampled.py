@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-import flexid
 from flexid.arrays import FloatArray
 from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.closed_loop import ClosedLoop, Run, SampleGrid, split_columns
+from flexid.simulation.closed_loop import ClosedLoop, Run, SampleGrid, run_of
 
 STEPS_PER_TIME_CONSTANT = 20.0
 """Steps of the integrator per time constant of the fastest pole; it then errs by 3e-9 per step."""
@@ -47,31 +46,24 @@ def runge_kutta_substeps(
 def fastest_pole(
     system: ParametricSystem, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
 ) -> float:
-    """Largest magnitude of a model's poles in 1/s, at the start and at rest."""
-    model = plain_model(system)
+    """Largest magnitude of a model's poles in 1/s, linearised at the start and at rest."""
+    model, fastest = plain_model(system), 0.0
     # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
-    points = [np.zeros_like(x), x] if np.any(x) else [x]
-    return max(_fastest_rate(model, at, u, p, c) for at in points)
-
-
-def _fastest_rate(
-    model: ModuleType, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
-) -> float:
-    """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
-    matrix, gains = np.empty((len(x), len(x))), np.empty((len(x), len(u)))
-    jumps = np.empty(len(x) // 2)
-    with np.errstate(all="ignore"):
-        model.slopes(x, u, p, c, matrix, gains)
-        model.jumps(x, u, p, c, jumps)
-    for row in np.flatnonzero(jumps).tolist():
-        raise SimulationError(
-            f"the acceleration of the model's row {row + 1} jumps with the sign of its velocity: "
-            f"smooth it, for example tanh(v/0.01) instead of sign(v)",
-            0.0,
-        )
-    if not np.all(np.isfinite(matrix)):  # the model has no linearisation here
-        return 0.0
-    return float(np.max(np.abs(np.linalg.eigvals(matrix))))
+    for at in [np.zeros_like(x), x] if np.any(x) else [x]:
+        matrix, gains = np.empty((len(x), len(x))), np.empty((len(x), len(u)))
+        jumps = np.empty(len(x) // 2)
+        with np.errstate(all="ignore"):
+            model.slopes(at, u, p, c, matrix, gains)
+            model.jumps(at, u, p, c, jumps)
+        for row in np.flatnonzero(jumps).tolist():
+            raise SimulationError(
+                f"the acceleration of the model's row {row + 1} jumps with the sign of its "
+                f"velocity: smooth it, for example tanh(v/0.01) instead of sign(v)",
+                0.0,
+            )
+        if np.all(np.isfinite(matrix)):  # else the model has no linearisation here
+            fastest = max(fastest, float(np.max(np.abs(np.linalg.eigvals(matrix)))))
+    return fastest
 
 
 def plain_model(system: ParametricSystem) -> ModuleType:
@@ -136,20 +128,8 @@ def simulate_sampled(loop: ClosedLoop, duration: float, sampling: Sampling | Non
             "the sampled loop diverges: lower its gains or its sample time",
             (end.samples - 1) * sampling.sample_time,
         )
-    states, inputs, estimates, errors, tracking, measured = split_columns(kernel, record)
     settings = {"task": "sampled", "duration": duration, **asdict(sampling)}
-    return Run(
-        loop,
-        grid.times,
-        states,
-        inputs,
-        estimates,
-        errors,
-        tracking[:, 0],
-        settings | {"version": flexid.__version__},
-        {"limited_samples": end.limited},
-        measured,
-    )
+    return run_of(loop, kernel, grid, record, settings, {"limited_samples": end.limited})
 
 
 class SampledEnd(NamedTuple):
