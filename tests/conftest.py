@@ -22,6 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 from flexid.cli.main import main
+from flexid.errors import FlexidError
 from flexid.studies.reproduction import Reproduction, reproduce
 
 if TYPE_CHECKING:
@@ -69,6 +70,24 @@ def golden(request: pytest.FixtureRequest) -> Callable[[Mapping[str, str]], None
             path.parent.mkdir(exist_ok=True)
             path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         assert lines == path.read_text(encoding="utf-8").splitlines()
+
+    return compare
+
+
+@pytest.fixture
+def refusals(
+    golden: Callable[[Mapping[str, str]], None],
+) -> Callable[[Mapping[str, Callable[[], object]]], None]:
+    """Return a function that compares what calls are refused with, by name, with such sentences."""
+
+    def compare(calls: Mapping[str, Callable[[], object]]) -> None:
+        found = {}
+        for name, call in calls.items():
+            with pytest.raises(FlexidError) as caught:
+                call()
+            assert "\n" not in str(caught.value)
+            found[name] = f"{type(caught.value).__name__}: {caught.value}"
+        golden(found)
 
     return compare
 

@@ -1,6 +1,7 @@
 """Closed loops in continuous time, and sampled ones."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,11 @@ from table_1 import table_1
 
 from flexid.control.laws import Controller, pd_gravity
 from flexid.control.references import Multisine, constant
-from flexid.errors import SettingError, SimulationError
+from flexid.errors import SimulationError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.simulation.closed_loop import ClosedLoop, simulate
+from flexid.simulation.ensemble import simulate_ensemble, simulate_sampled_ensemble
 from flexid.simulation.free_run import free_run
 from flexid.simulation.sampled import Sampling, simulate_sampled
 
@@ -97,22 +99,6 @@ def test_any_system() -> None:
     assert run.estimates[-1] == pytest.approx(list(true.values()), rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    "setting", ["duration", "sample_time", "relative_tolerance", "absolute_tolerance"]
-)
-def test_settings_must_be_positive(setting: str) -> None:
-    """Assert that durations and tolerances that are not positive are named."""
-    settings: dict[str, Any] = {"duration": 1.0, setting: -1.0}
-    with pytest.raises(SettingError, match=setting):
-        simulate(table_1(), **settings)
-
-
-def test_missing_coefficient_is_named() -> None:
-    """Assert that a loop without all its true coefficients is refused."""
-    with pytest.raises(SettingError, match="alpha2 missing"):
-        replace(table_1(), coefficients={"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0})
-
-
 LOOP = table_1(controller=pd_gravity())
 REAL = Sampling(
     input_limit=30.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7
@@ -187,13 +173,28 @@ def test_divergence_is_reported() -> None:
         simulate_sampled(table_1(), 30.0)
 
 
-@pytest.mark.parametrize(
-    ("setting", "value"), [("sample_time", 0.0), ("input_limit", 0.0), ("velocity_noise", -1.0)]
-)
-def test_settings_out_of_range(setting: str, value: float) -> None:
-    """Assert that a setting out of its range is named."""
-    with pytest.raises(SettingError, match=setting):
-        replace(Sampling(), **{setting: value})
+POSITIVE = ("sample_time", "relative_tolerance", "absolute_tolerance")
+OUT_OF_RANGE = {"sample_time": 0.0, "input_limit": 0.0, "velocity_noise": -1.0}
+NO_ALPHA2 = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0}
+REFUSED: dict[str, Callable[[], object]] = {
+    "duration": lambda: simulate(table_1(), -1.0),
+    **{name: lambda name=name: simulate(table_1(), 1.0, **{name: -1.0}) for name in POSITIVE},
+    "a coefficient": lambda: replace(table_1(), coefficients=NO_ALPHA2),
+    **{
+        f"{name} of a sampling": lambda name=name: replace(REAL, **{name: OUT_OF_RANGE[name]})
+        for name in OUT_OF_RANGE
+    },
+    "no loops": lambda: simulate_ensemble([], 1.0),
+    "two kinds of loops": lambda: simulate_ensemble([LOOP, table_1()], 1.0),
+    "duration of many": lambda: simulate_ensemble([LOOP], -1.0),
+    "samplings": lambda: simulate_sampled_ensemble([LOOP], 1.0, []),
+    "duration of sampled ones": lambda: simulate_sampled_ensemble([LOOP], 0.0, [Sampling()]),
+}
+
+
+def test_settings_that_mean_nothing(refusals: Any) -> None:
+    """Assert that a setting out of its range, or a missing value, is named."""
+    refusals(REFUSED)
 
 
 def test_plant_moves_as_in_a_free_run() -> None:

@@ -1,6 +1,5 @@
 """Ensembles against single runs, and their measures against finely sampled ones."""
 
-from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
@@ -10,7 +9,6 @@ from table_1 import table_1
 from flexid.analysis.excitation import excitation
 from flexid.control.laws import pd_gravity
 from flexid.control.references import sinusoid
-from flexid.errors import SettingError
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.ensemble import (
     STATUS,
@@ -207,20 +205,3 @@ def test_sampled_divergence_is_a_status() -> None:
     ]
     assert np.isnan(ensemble.final_states[2]).all()
     assert np.isnan(ensemble.tracking_rms[2])
-
-
-@pytest.mark.parametrize(
-    ("call", "setting"),
-    [
-        (lambda: simulate_ensemble([], 1.0), "loops"),
-        (lambda: simulate_ensemble([LOOP, table_1()], 1.0), "loops"),
-        (lambda: simulate_ensemble([LOOP], -1.0), "duration"),
-        (lambda: simulate_sampled_ensemble([LOOP], 1.0, []), "samplings"),
-        (lambda: simulate_sampled_ensemble([LOOP], 0.0, [Sampling()]), "duration"),
-    ],
-)
-def test_settings_that_mean_nothing(call: Callable[[], object], setting: str) -> None:
-    """Assert that a setting without a meaning is named."""
-    with pytest.raises(SettingError) as caught:
-        call()
-    assert caught.value.setting == setting
