@@ -86,9 +86,9 @@ def test_evaluation_is_derivative_of_text(reference: Multisine, order: int) -> N
 ARM = ParametricSystem("arm", (Row("arm", "q", "v", {"gravity": "-sin(q)"}, known="u"),))
 
 
-def declared(law: str, tracked: str = "q", name: str = "u", **parameters: float) -> LoopDeclaration:
+def declared(law: str, tracked: str = "q", name: str = "u", taken: str = "gain") -> LoopDeclaration:
     """A loop of an arm with a law."""
-    controller = Controller("law", tracked, {name: law}, parameters)
+    controller = Controller("law", tracked, {name: law}, {taken: 1.0})
     return LoopDeclaration(ARM, controller, constant(1.0))
 
 
@@ -101,10 +101,10 @@ REFUSED: dict[str, Callable[[], object]] = {
     "a gain that overflows": lambda: robust_law(k=1e200).values,
     "uneven lists": lambda: Multisine([1.0, 2.0], [3.0]),
     "not in the whitelist": lambda: declared("__import__('os')"),
-    "an undeclared name": lambda: declared("gain*(qd - q)"),
+    "an undeclared name": lambda: declared("stiffness*(qd - q)"),
     "another input": lambda: declared("-v", name="torque"),
     "another state": lambda: declared("-v", "x1"),
-    **{name: lambda name=name: declared("-v", **{name: 1.0}) for name in CLASHES},
+    **{name: lambda name=name: declared("-v", taken=name) for name in CLASHES},
 }
 
 

@@ -90,8 +90,8 @@ def test_values_out_of_range(refusals: Any, sampled: Experiment, monkeypatch: An
     table1 = read_experiment("huang2003.toml")
 
     def change(path: str, value: float) -> Experiment:
-        experiment = replace(sampled, path="sampled.toml") if path.startswith("sampling") else table1
-        return experiment.with_values({path: value})
+        other = replace(sampled, path="sampled.toml")
+        return (other if "sampling" in path else table1).with_values({path: value})
 
     refusals({f"{path} = {v}": partial(change, path, v) for path, v in OUT_OF_RANGE})
 

@@ -173,12 +173,17 @@ def test_divergence_is_reported() -> None:
         simulate_sampled(table_1(), 30.0)
 
 
-POSITIVE = ("sample_time", "relative_tolerance", "absolute_tolerance")
-OUT_OF_RANGE = {"sample_time": 0.0, "input_limit": 0.0, "velocity_noise": -1.0}
+NEGATIVE: dict[str, Any] = dict.fromkeys(
+    ["sample_time", "relative_tolerance", "absolute_tolerance"], -1.0
+)
+OUT_OF_RANGE: dict[str, Any] = {"sample_time": 0.0, "input_limit": 0.0, "velocity_noise": -1.0}
 NO_ALPHA2 = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0}
 REFUSED: dict[str, Callable[[], object]] = {
     "duration": lambda: simulate(table_1(), -1.0),
-    **{name: lambda name=name: simulate(table_1(), 1.0, **{name: -1.0}) for name in POSITIVE},
+    **{
+        name: lambda name=name: simulate(table_1(), 1.0, **{name: NEGATIVE[name]})
+        for name in NEGATIVE
+    },
     "a coefficient": lambda: replace(table_1(), coefficients=NO_ALPHA2),
     **{
         f"{name} of a sampling": lambda name=name: replace(REAL, **{name: OUT_OF_RANGE[name]})
