@@ -67,18 +67,18 @@ def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
     assert moved.input == pytest.approx(right.input, abs=3e-2)
 
 
-def test_log_in_time_stays_as_it_is():
-    """Assert that without delays nothing is touched."""
-    recording = log()
+@pytest.mark.parametrize("encoders", [1, 2])
+def test_input_late_by_samples_keeps_its_values(encoders):
+    """Assert that a torque three samples late is that of three samples before, to the bit.
+
+    A rigid log's input is moved though there is no link encoder. Without delays nothing is touched.
+    """
+    recording = log() if encoders == 2 else replace(log(), link_position=None)
     assert aligned(recording, delays()) is recording
-
-
-def test_input_late_by_samples_keeps_its_values():
-    """Assert that a torque three samples late is that of three samples before, to the bit."""
-    recording = log()
     moved = aligned(recording, delays(input_delay=3 * SAMPLE_TIME))
     assert moved.start_time == pytest.approx(recording.start_time + 3 * SAMPLE_TIME)
     np.testing.assert_array_equal(moved.needed_input, recording.needed_input[:-3])
+    assert (moved.link_position is None) == (encoders == 1)
 
 
 def test_velocities_move_with_their_positions():
@@ -89,11 +89,3 @@ def test_velocities_move_with_their_positions():
     derived = np.gradient(moved.needed_link_position, SAMPLE_TIME)
     assert moved.link_velocity is not None
     assert moved.link_velocity[5:-5] == pytest.approx(derived[5:-5], abs=1e-4)
-
-
-def test_one_encoder_has_its_input_moved():
-    """Assert that a rigid log's input is moved though there is no link encoder."""
-    recording = replace(log(), link_position=None)
-    moved = aligned(recording, delays(input_delay=2 * SAMPLE_TIME))
-    assert moved.link_position is None
-    np.testing.assert_array_equal(moved.needed_input, recording.needed_input[:-2])

@@ -11,7 +11,6 @@ from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.judgement.compliance import (
     compare_with_rigid,
     of_link_alone,
-    one_encoder,
 )
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.validation import validate
@@ -74,9 +73,3 @@ def test_what_is_seen(stiffness, noise, shown, reason):
     if stiffness == STIFF:
         assert compliance.deflection_noise == pytest.approx(3e-3 * 2**0.5, rel=0.1)
         assert compliance.rigid_fit_percent["motor_position"] > 90
-
-
-def test_one_encoder_shows_none():
-    """Assert that without a second encoder the answer is no, and that it says why."""
-    assert not one_encoder().visible
-    assert "taken as rigid" in one_encoder().reason

@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_joint import log, made
+from made_joint import JOINT, data, log, made
 
 from flexid.errors import SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.unknowns import Unknowns
 from flexid.exports.request import request_of_identification
-from flexid.identification.full_model.model import Structure, data_of
+from flexid.identification.full_model.model import Structure
 from flexid.identification.full_model.starting import smooth_unknowns
 from flexid.identification.identify import identify
-from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
-from flexid.recording.velocities import with_velocities
 from flexid.stored_estimates.structure import structure_of, values_of
 from flexid.streaming.health import Health
 from flexid.streaming.options import StreamChannels, options_of_stream
@@ -50,30 +48,23 @@ def test_what_follows_is_reported_as_it_follows(found):
 
 def test_least_squares_seeks_no_square(recording):
     """Assert that columns which nothing but a square tells apart are not sought."""
-    joint = flexible()
-    joint = joint.scaled(data_of(joint, [with_velocities(recording)], (0,)).samples)
-    structure = Structure(joint.with_shapes_in_least_squares, frozenset(), Timing("cubic"))
+    joint = JOINT.scaled(data(recording).samples).with_shapes_in_least_squares
+    structure = Structure(joint, frozenset(), Timing("cubic"))
     unknowns = smooth_unknowns(structure, (0,))
     assert not SQUARES & {*unknowns.names}
     assert {"alpha_ecc_sine", "alpha_ecc_cosine"} <= {*unknowns.names}
 
 
 def test_what_is_exported_knows_the_squares(found):
-    """Assert that an exported estimator has them in its known part, with the estimate's values."""
+    """Assert that an exported estimator has them in its known part, with the estimate's values.
+
+    None is made of what has no value, and what an estimate knows of a term goes with the term.
+    """
     source = request_of_identification(found)
     assert not SQUARES & {*source.system.coefficients}
     assert source.system.constants.keys() >= SQUARES
     assert Unknowns(source.system).names == source.system.coefficients
-
-
-def test_other_terms_than_the_estimates(found):
-    """Assert that what an estimate knows of a term is forgotten with the term."""
-    chosen = {"terms": PAPER_TERMS}
-    assert not options_of_stream(chosen, found, CHANNELS, 2e-3).given
-
-
-def test_a_square_without_a_value_is_not_exported(found):
-    """Assert that no estimator is made of what has no value."""
+    assert not options_of_stream({"terms": PAPER_TERMS}, found, CHANNELS, 2e-3).given
     none = replace(found.coefficients["alpha_ecc_product"], value=np.nan)
     coefficients = found.coefficients | {"alpha_ecc_product": none}
     with pytest.raises(SettingError, match="alpha_ecc_product"):

@@ -125,27 +125,6 @@ def test_interval_on_the_logarithm():
     assert low > 0.0
 
 
-@pytest.mark.parametrize("deviation", [0.2, 0.4])
-@pytest.mark.parametrize("name", ["motor_inertia", "link_inertia"])
-def test_coverage_of_poorly_determined_inertias(name, deviation):
-    """Assert that the logarithm brings the coverage of correlated estimates nearer 95 %.
-
-    The standard error of a share of 1500 draws is 0.6 %.
-    """
-    covariance = deviation**2 * np.outer(VALUES, VALUES) * (0.9 + 0.1 * np.eye(5))
-    truth = of(name, made(VALUES, covariance)).value
-    draws = np.random.default_rng(3).multivariate_normal(VALUES, covariance, 1500)
-    draws = draws[(draws > 0.0).all(axis=1)]
-    held = np.zeros(2)
-    for draw in draws:
-        found = of(name, made(draw, covariance))
-        plain = interval(found.value, found.std, np.inf)
-        held += [low <= truth <= high for low, high in (found.interval, plain)]
-    logarithmic, symmetrical = held / len(draws)
-    assert logarithmic > 0.92
-    assert symmetrical < logarithmic - 0.01
-
-
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_an_interval_has_any_level(logarithmic):
     """Assert that a value's interval is that of Student's t at the level asked for."""
