@@ -30,12 +30,11 @@ from flexid.estimators.samples import Samples
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.models.planar_arm import PlanarArm, planar_arm
+from flexid.models.planar_arm import planar_arm
 
-KNOWN = PlanarArm((0.4, 0.3), (9.81, 0.0))
 NOISE = 0.03  # of the torque's root mean square
-FIXED = fixed_parameters(KNOWN, ("N m", "N m"))
-STRUCTURE = Structure(ElasticArm(planar_arm(KNOWN)), frozenset(), Timing("zero"), FIXED)
+FIXED = fixed_parameters(ARM, ("N m", "N m"))
+STRUCTURE = Structure(ElasticArm(planar_arm(ARM)), frozenset(), Timing("zero"), FIXED)
 
 
 def moved(arm: Arm, noise: float = 0.0) -> Samples:
@@ -80,15 +79,11 @@ def test_intervals_hold_the_truth_where_the_torque_is_noisy():
         assert estimate.by_name[name] == pytest.approx(truth[name], rel=0.05)
 
 
-def test_noise_of_the_inputs_is_what_was_added():
-    """Assert that the noise that the log of the torque holds is found to a fifth."""
-    truth = NOISE * np.sqrt(np.mean(recording().inputs ** 2, axis=0))
-    assert input_noise(disturbed()) == pytest.approx(truth, rel=0.2)
-
-
-def test_noise_of_the_inputs_makes_inertias_look_larger():
-    """Assert that the bias that is expected has the sign of attenuation."""
+def test_noise_of_the_inputs_is_found_and_makes_inertias_look_larger():
+    """Assert that what the log of the torque holds is found to a fifth, and its bias' sign."""
     made = disturbed()
+    truth = NOISE * np.sqrt(np.mean(recording().inputs ** 2, axis=0))
+    assert input_noise(made) == pytest.approx(truth, rel=0.2)
     moved = dict(zip(made.fitted.names, noise_of_the_inputs(made)[:, 0], strict=True))
     assert moved["motor_inertia_2"] > 0.0
 
@@ -96,9 +91,8 @@ def test_noise_of_the_inputs_makes_inertias_look_larger():
 def test_what_is_unexplained_makes_inertias_heavier_or_lighter():
     """Assert that an inertia is off by the square of its own balance's share, and nothing else."""
     fitted, shares = disturbed().fitted, disturbed().shares()
-    errors = dict(
-        zip(fitted.names, looks_like_the_acceleration(disturbed()).sum(axis=1), strict=True)
-    )
+    found = looks_like_the_acceleration(disturbed()).sum(axis=1)
+    errors = dict(zip(fitted.names, found, strict=True))
     inertia = fitted.by_name["motor_inertia_2"]
     assert errors["motor_inertia_2"] == pytest.approx(shares["motor_2"] ** 2 * inertia)
     assert errors["joint_stiffness_2"] == errors["rotor_coupling_2"] == 0.0
@@ -183,12 +177,17 @@ def test_a_hardening_spring_is_found():
             assert values[name] == pytest.approx(truth[name], rel=error), name
 
 
-def test_play_widens_a_stiffness(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a stiffness that play makes too small has an interval that holds the truth."""
-    gap = 'springlength="-0.01 0.01"'
+def with_play(monkeypatch: pytest.MonkeyPatch, half_gap: float) -> None:
+    """Let the springs of arms in MuJoCo have play."""
+    gap = f'springlength="{-half_gap} {half_gap}"'
     monkeypatch.setattr(
         "benchmarks.arms.log.mjcf", lambda *a: mjcf(*a).replace('springlength="0"', gap)
     )
+
+
+def test_play_widens_a_stiffness(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a stiffness that play makes too small has an interval that holds the truth."""
+    with_play(monkeypatch, 0.01)
     truth = MADE.truth()["joint_stiffness_1"]
     found = fit_disturbed(STRUCTURE, arm_data([moved(MADE)]), (MADE.truth(),))
     estimate, widest = with_doubts(found)
@@ -204,11 +203,7 @@ def test_a_spring_that_hardens_is_doubted_only_if_it_has_play(monkeypatch: pytes
     values = CURVED.truth() | {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
     changes = []
     for gap in (0.0, 0.002):
-        play = f'springlength="{-gap} {gap}"'
-        monkeypatch.setattr(
-            "benchmarks.arms.log.mjcf",
-            lambda *a, play=play: mjcf(*a).replace('springlength="0"', play),
-        )
-        changes.append(changes_by_play(planar_arm(KNOWN), values, (moved(CURVED),))[0])
+        with_play(monkeypatch, gap)
+        changes.append(changes_by_play(planar_arm(ARM), values, (moved(CURVED),))[0])
     assert changes[0] == {}
     assert changes[1]["joint_stiffness_1"] > 0.02 * values["joint_stiffness_1"]

@@ -76,31 +76,23 @@ def test_currents_give_ratios(folder: Path, flexid: Run):
 
 
 @pytest.mark.parametrize(
-    ("options", "word"),
+    ("command", "options", "words"),
     [
-        (("--terms", "gravity"), "terms"),
-        (("--stream",), "stream"),
-        (("--known", "motor_inertia=1"), "known"),
+        ("identify", ("--terms", "gravity"), ("terms", "arm")),
+        ("identify", ("--stream",), ("stream", "arm")),
+        ("identify", ("--known", "motor_inertia=1"), ("known", "arm")),
+        ("excitation", (), ("only flexid identify",)),
+        ("watch", (), ("only flexid identify",)),
     ],
 )
-def test_options_of_one_joint_are_refused(
-    folder: Path, flexid: Run, options: tuple[str, ...], word: str
+def test_what_is_for_one_joint_is_refused(
+    folder: Path, flexid: Run, command: str, options: tuple[str, ...], words: tuple[str, ...]
 ):
-    """Assert that what is for one joint is refused with exit status 2, in one line."""
+    """Assert that options and commands of one joint end with exit status 2, in one line."""
     model = str(folder / "arm.toml")
-    done = flexid("identify", str(folder / "run.csv"), "--model", model, *options)
+    done = flexid(command, str(folder / "run.csv"), "--model", model, *options)
     assert done.status == 2
-    assert word in done.stderr
-    assert "arm" in done.stderr
-
-
-@pytest.mark.parametrize("command", ["excitation", "watch"])
-def test_other_commands_refuse_an_arm(folder: Path, flexid: Run, command: str):
-    """Assert that a command for one joint says that it takes no arm."""
-    model = str(folder / "arm.toml")
-    done = flexid(command, str(folder / "run.csv"), "--model", model)
-    assert done.status == 2
-    assert "only flexid identify" in done.stderr
+    assert all(word in done.stderr for word in words)
 
 
 def test_one_joint_as_the_core_for_one_joint(examples: Path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -55,15 +56,7 @@ def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None)
     segments = divide([Samples(positions, None, torques, h)], 1e3)
     fixed = {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
     problem = balance_motion(BALANCE, segments, Timing("zero"), balance_unknowns(BALANCE, fixed))
-    return SegmentedMotion(
-        problem.segments,
-        problem.unknowns,
-        problem.timing,
-        problem.constants,
-        4,
-        problem.weights,
-        problem._kernel,
-    )
+    return replace(problem, substeps=4)
 
 
 def sought(problem: SegmentedMotion) -> FloatArray:
@@ -111,49 +104,6 @@ def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int):
         link = data.qacc[places["link"]] + (data.qacc[places["motor"]] if arm.carried else 0.0)
         np.testing.assert_allclose(found[[1, 5]], link, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(found[[3, 7]], data.qacc[places["motor"]], rtol=1e-6, atol=1e-8)
-
-
-def test_energy_is_kept(functions: dict[str, Any]):
-    """Assert that without friction and torque the power of all terms is nothing."""
-    rng = np.random.default_rng(2)
-    kept = {n: v for n, v in TRUTH.items() if "friction" not in n and "damping" not in n}
-    p = np.array([kept.get(name, 0.0) for name in BALANCE.coefficients])
-
-    def energy(x: FloatArray) -> float:
-        arm = TwoLinks(np.zeros(2))
-        v, g = x[1::2], 9.81
-        springs = sum(
-            TRUTH[f"joint_stiffness_{i + 1}"] * (x[4 * i] - x[4 * i + 2]) ** 2 for i in (0, 1)
-        )
-        heights = [
-            TRUTH[f"link_moment_along_{k}"] * np.cos(a)
-            - TRUTH[f"link_moment_across_{k}"] * np.sin(a)
-            for k, a in ((1, x[0]), (2, x[0] + x[4]))
-        ]
-        springs += 0.5 * sum(
-            TRUTH[f"cubic_joint_stiffness_{i + 1}"] * (x[4 * i] - x[4 * i + 2]) ** 4 for i in (0, 1)
-        )
-        return float(0.5 * v @ arm.masses(x) @ v + 0.5 * springs - g * sum(heights))
-
-    for _ in range(10):
-        x = rng.normal(size=8)
-        rate = rates(functions, x, np.zeros(2), p)
-        step = 1e-5
-        power = (energy(x + step * rate) - energy(x - step * rate)) / (2.0 * step)
-        assert abs(power) < 1e-6 * (1.0 + abs(energy(x)))
-
-
-def test_a_pendulum_in_closed_form():
-    """Assert that one joint, its motor at rest in the middle, swings at its natural frequency."""
-    arm = PlanarArm((1.0,), (9.81, 0.0))
-    balance = planar_arm(arm)
-    known = {"link_inertia_1": 0.5, "link_moment_along_1": 0.3, "joint_stiffness_1": 40.0}
-    known |= {"motor_inertia_1": 0.2, "torque_constant_1": 1.0}
-    p = np.array([known.get(name, 0.0) for name in balance.coefficients])
-    angle = 0.2
-    found = rates(functions_of(balance), np.array([angle, 0.0, 0.0, 0.0]), np.zeros(1), p, arm)
-    expected = -(40.0 * angle + 9.81 * 0.3 * np.sin(angle)) / 0.5
-    np.testing.assert_allclose(found, [0.0, expected, 0.0, 40.0 * angle / 0.2], rtol=1e-12)
 
 
 def held_torques(rng: np.random.Generator, count: int) -> FloatArray:
