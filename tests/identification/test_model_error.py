@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, PAPER, data, half_widths, log, made
+from made_joint import COEFFICIENTS, PAPER, data, half_widths, log, made, structure
 
 import flexid.identification.estimation.model_error as modelling
 from flexid.identification.estimation.model_error import (
@@ -150,15 +150,11 @@ def test_what_of_the_residuals_is_an_error(found, limits, share):
         assert error.excess == pytest.approx(50.0, rel=1e-3)
 
 
-def test_what_is_unexplained_grows_with_the_length_of_segments():
-    """Assert that it is in proportion to a longer time, and no less over a shorter one."""
-    fitted: Any = SimpleNamespace(unexplained=0.1, duration=0.2)
-    assert Fitted.unexplained_over(fitted, 0.5) == pytest.approx(0.25)
-    assert Fitted.unexplained_over(fitted, 0.1) == pytest.approx(0.1)
-
-
 def test_what_is_unexplained_is_a_share_of_the_deflection():
-    """Assert that residuals beyond noise count beside the deflection, and noise does not."""
+    """Assert that residuals beyond noise count beside the deflection, and noise does not.
+
+    What is unexplained is in proportion to a longer time, and no less over a shorter one.
+    """
     right, _ = fitted(1)
     assert right.unexplained < 1e-3
     gapped, _ = fitted(1, half_gap=0.003)
@@ -167,6 +163,8 @@ def test_what_is_unexplained_is_a_share_of_the_deflection():
     ratio = np.sqrt(np.mean(left**2)) / np.std(np.diff(segments.outputs[:, :2]))
     assert gapped.unexplained == pytest.approx(ratio, rel=0.01)
     assert gapped.unexplained > 0.002
+    assert gapped.unexplained_over(2.5 * gapped.duration) == pytest.approx(2.5 * ratio, rel=0.01)
+    assert gapped.unexplained_over(0.5 * gapped.duration) == gapped.unexplained
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0.0, 1.0), (0.1, 1.0), (1.0, 0.3), (1e-9, 1.0)])
@@ -205,16 +203,16 @@ def test_error_is_what_residuals_beyond_noise_allow():
 @pytest.fixture(scope="module")
 def stand_in():
     """A gap in the spring, for which a cubic spring stands in."""
-    structure = replace(PAPER, absent=PAPER.absent - {"alpha_cubic", "theta_cubic"})
+    wider = structure(*PAPER_TERMS, "cubic_stiffness")
     log = data(made(3, 10.0, half_gap=1e-3))
-    found, lengths_fitted = fit_to(structure, log, COEFFICIENTS, 1.0)
+    found, lengths_fitted = fit_to(wider, log, COEFFICIENTS, 1.0)
     return found, model_error(found, lengths_fitted, THRESHOLDS)
 
 
 def made_up(*names: str, excess: float = 1.0) -> Any:
     """As much of a fit as stand-ins need."""
-    structure = SimpleNamespace(joint=SimpleNamespace(shapes=frozenset({"alpha_backlash"})))
-    return SimpleNamespace(structure=structure, names=names, excess=excess)
+    joint = SimpleNamespace(shapes=frozenset({"alpha_backlash"}))
+    return SimpleNamespace(structure=SimpleNamespace(joint=joint), names=names, excess=excess)
 
 
 def test_a_stand_in_is_as_doubtful_as_it_bends_the_others(stand_in):
@@ -277,29 +275,26 @@ def test_play_that_explains_is_no_stand_in(monkeypatch, excess, dead_zone, doubt
 @pytest.fixture(scope="module")
 def driving():
     """A damping of the spring that came out negative, beside a friction of the link."""
-    more = {"alpha_damping", "theta_damping", "theta_viscous"}
-    structure = replace(PAPER, absent=PAPER.absent - more)
-    return fit_to(structure, data(made(3, 10.0, joint_damping=-0.05)), COEFFICIENTS, 1.0)[0]
+    wider = structure(*PAPER_TERMS, "joint_damping", "link_viscous")
+    return fit_to(wider, data(made(3, 10.0, joint_damping=-0.05)), COEFFICIENTS, 1.0)[0]
 
 
-def test_a_negative_friction_may_be_none(driving):
-    """Assert that it is uncertain by all of itself, and the others by what they move without it."""
+def test_a_negative_friction_may_be_none(driving, monkeypatch):
+    """Assert that it is uncertain by all of itself, and the others by what they move without it.
+
+    So it is where no fit is without it.
+    """
     names = driving_frictions(driving, THRESHOLDS)
     assert "alpha_damping" in names
     bare, _ = fit_to(driving.structure.without(names), driving.data, driving.by_name, 1.0)
     moved = [bare.by_name.get(name, 0.0) - driving.by_name[name] for name in driving.names]
     added = np.sqrt(np.diag(driving_covariance(driving, names)))
     assert added == pytest.approx(np.abs(moved), rel=0.1, abs=1e-6)
-    assert abs(moved[driving.names.index("alpha1")]) > 1e-3
-
-
-def test_a_negative_friction_that_cannot_be_left_out_may_be_none(driving, monkeypatch):
-    """Assert that where no fit is without it, it is uncertain by all of itself all the same."""
+    place, spring = (driving.names.index(name) for name in ("alpha_damping", "alpha1"))
+    assert abs(moved[spring]) > 1e-3
     monkeypatch.setattr(modelling, "fit_like", lambda *_: None)
     added = np.sqrt(np.diag(driving_covariance(driving, {"alpha_damping"})))
-    place = driving.names.index("alpha_damping")
-    assert added[place] == pytest.approx(-driving.values[place])
-    assert added[driving.names.index("alpha1")] == 0.0
+    assert added[[place, spring]] == pytest.approx([-driving.values[place], 0.0])
 
 
 def with_value(found: Fitted, name: str, deviations: float) -> Fitted:

@@ -48,16 +48,15 @@ def test_known_parameters_fix_coefficients(known, given):
     assert all(isclose(found[name], value) for name, value in given.items())
 
 
-def test_a_function_of_several_coefficients_is_joined_to_the_fit():
-    """Assert that a stiffness alone fixes no coefficient, but stays a condition on two."""
+def test_what_is_left_to_the_fit():
+    """Assert that a stiffness alone stays a condition on two coefficients.
+
+    A value with a standard deviation is not fixed.
+    """
     found = of({"joint_stiffness": 100.0})
     assert found.given == {}
     assert [(k.name, k.value, k.std) for k in found.known] == [("joint_stiffness", 100.0, 0.0)]
     assert found.kept == {"alpha1", "beta1"}
-
-
-def test_what_is_uncertain_is_not_fixed():
-    """Assert that a value with a standard deviation is left to the fit."""
     found = of({"theta2": 100.0, "alpha1": 300.0}, {"theta2": 5.0, "alpha1": 0.0})
     assert found.given == {"alpha1": 300.0}
     assert [k.name for k in found.known] == ["theta2"]
@@ -120,24 +119,18 @@ def test_statements_that_exclude_each_other_are_refused(case):
         of(known, deviations, bounds)
 
 
-def test_what_a_term_that_is_off_brings_is_refused():
-    """Assert that bounds of a coefficient that is not in the model are refused."""
+def test_what_a_model_does_not_have_is_refused():
+    """Assert that bounds of a term that is off are refused, and an inertia of a log in volts.
+
+    A rigid joint has parameters of its own.
+    """
     with pytest.raises(SettingError, match="have no alpha2"):
         of(bounds={"alpha2": (0.0, 1.0)}, terms=("gravity",))
-
-
-def test_absolute_parameters_need_a_torque():
-    """Assert that with a voltage ratios may be known, and no inertia."""
     assert of({"joint_stiffness_per_link_inertia": 3.0}, unit="V").given == {"theta2": 3.0}
     with pytest.raises(SettingError, match="needs a torque"):
         of({"motor_inertia": 0.25}, unit="V")
-
-
-def test_a_rigid_joint_has_parameters_of_its_own():
-    """Assert that the inertia of motor and link together may be known and bounded."""
-    assert of({"inertia": 0.25}, joint=rigid()).given == {"beta1": 4.0}
     found = of({"inertia": 0.25}, bounds={"viscous_friction": (0.0, 1.0)}, joint=rigid())
-    assert found.bounds == {"gamma_viscous": (0.0, 4.0)}
+    assert (found.given, found.bounds) == ({"beta1": 4.0}, {"gamma_viscous": (0.0, 4.0)})
 
 
 ESTIMATE = Estimate(
