@@ -29,12 +29,8 @@ from flexid.studies.readings import (
     table1_loop,
 )
 
-ATTENUATIONS = (15.0, 25.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
-"""Values of k in 1/s, the paper's 50 and its predecessor's 1000 among them."""
-
-GAINS = (0.02, 0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-"""Values of the observer's gain c for the rate of convergence."""
-
+ATTENUATIONS = (15.0, 25.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # k in 1/s
+GAINS = (0.02, 0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # c of the observer
 _SWEEP_TOLERANCE = 1e-6  # relative tolerance of the sweeps, whose numbers need three digits
 
 _SAMPLE_TIME = 1e-3

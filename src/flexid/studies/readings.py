@@ -18,9 +18,9 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.models.physical import joint_coefficients
 from flexid.simulation.closed_loop import ClosedLoop, Run, loop_kernel, simulate
 
-Exponents = tuple[int, int, int]
-"""Powers (a, b, c) of k in the three feedback gains: a reading of the printed law (11)."""
+Exponents = tuple[int, int, int]  # powers of k in the three feedback gains: a reading of (11)
 
+# Table I and section 5, in SI units.
 PHYSICAL = {
     "gravity_torque": 5.0,
     "link_inertia": 1.0,
@@ -28,34 +28,14 @@ PHYSICAL = {
     "motor_inertia": 0.3,
     "motor_viscous_friction": 0.1,
 }
-"""True values of Table I: N m, kg m², N m/rad, kg m², N m s/rad."""
-
-AMPLITUDE = 3.0
-"""A of the reference A sin ωt, in rad."""
-
-FREQUENCY = 5.0
-"""ω of the reference, in rad/s."""
-
-ATTENUATION = 50.0
-"""k, in 1/s."""
-
-EARLIER_ATTENUATION = 1000.0
-"""k of the work that the paper takes its control law from."""
-
-OBSERVER_GAIN = 1.0
-"""c1 = c2."""
-
+AMPLITUDE, FREQUENCY = 3.0, 5.0  # of the reference A sin ωt
+ATTENUATION = 50.0  # k
+EARLIER_ATTENUATION = 1000.0  # k of the work that the paper takes its control law from
+OBSERVER_GAIN = 1.0  # c1 = c2
 INITIAL_ESTIMATES = {"theta1": 2.5, "theta2": 50.0, "alpha1": 166.7, "alpha2": 0.167}
-"""θ̂(0) and α̂(0): half of the true values, rounded; 1/s², 1/s², 1/s², 1/s."""
-
-DURATION = 30.0
-"""Length in s of the runs in Figures 1 to 5."""
-
-TRUE = joint_coefficients(PHYSICAL)
-"""True coefficients theta1, theta2, alpha1, alpha2 and beta1."""
-
-UNKNOWN = tuple(INITIAL_ESTIMATES)
-"""Names of the coefficients that the observer estimates."""
+DURATION = 30.0  # s, of the runs in Figures 1 to 5
+TRUE = joint_coefficients(PHYSICAL)  # theta1, theta2, alpha1, alpha2 and beta1
+UNKNOWN = tuple(INITIAL_ESTIMATES)  # the coefficients that the observer estimates
 
 
 def sine(amplitude: float, offset: float = 0.0) -> Multisine:
@@ -84,14 +64,9 @@ def table1_loop(
     )
 
 
-TOLERANCE = 1e-8
-"""Relative tolerance of every run; parameter errors at 30 s then have at least 7 digits."""
-
-STEADY_FROM = 20.0
-"""Time in s from which the motion counts as its steady state."""
-
-HALF_PERIOD = np.pi / FREQUENCY
-"""Window in s after which r rᵀ repeats along the steady state, r being odd in the reference."""
+TOLERANCE = 1e-8  # relative, of every run; parameter errors at 30 s then have 7 digits or more
+STEADY_FROM = 20.0  # s, from which the motion counts as its steady state
+HALF_PERIOD = np.pi / FREQUENCY  # s, after which r rᵀ repeats, r being odd in the reference
 
 MEANINGS: dict[Exponents, str] = {
     (1, 1, 0): "literal: k³ cancels",
@@ -99,10 +74,8 @@ MEANINGS: dict[Exponents, str] = {
     (1, 1, 3): "smallest edit of the print",
     (1, 2, 3): "inner loops k times faster",
 }
-"""The four readings and what they stand for."""
-
+# The loop of these stays bounded long enough for Figures 1 to 5.
 SIMULATED: tuple[Exponents, ...] = ((1, 2, 3), (1, 1, 3))
-"""The readings whose loop stays bounded long enough for Figures 1 to 5."""
 
 _SAMPLE_TIME = 1e-3
 _TRANSIENT = 0.02  # s; the largest velocities and torques occur within the first milliseconds
