@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -139,7 +140,7 @@ def test_friction_within_the_spring():
     assert not scene.notes
 
 
-LEFT_OUT: dict[str, tuple[dict[str, float], dict[str, object]]] = {
+LEFT_OUT: dict[str, tuple[dict[str, float], dict[str, Any]]] = {
     "Stribeck friction": ({"alpha_stribeck": 0.5}, {}),
     "saturation": ({"alpha_saturation": 0.001}, {}),
     "eccentricity": (_both(ecc_sine=0.1, ecc_cosine=0.2), {}),

@@ -169,65 +169,24 @@ def test_huge_file(tmp_path: Path) -> None:
     assert_words("larger than 500 MB, the most that is read.*cut the log", refused(read_log, path))
 
 
-def test_too_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Assert that a small Parquet file with too many rows is refused before it is unpacked."""
-    monkeypatch.setattr(series, "MOST_ROWS", 1000)
-    path = tmp_path / "log.parquet"
-    pl.DataFrame(joint_columns(5000)).write_parquet(path)
-    assert_words("5000 rows, more than the 1000 .*--stream", refused(read_log, path))
-
-
-@pytest.mark.parametrize(("most", "columns", "rows"), [(10**9, 10_006, 1), (299, 6, 50)])
-def test_parquet_of_more_than_memory_holds(
-    most: int, columns: int, rows: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_tables_of_more_than_memory_holds(
+    tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Assert that a file of very many cells is refused before they are unpacked."""
-    monkeypatch.setattr(channel, "MOST_CELLS", most)
-    path = tmp_path / "log.parquet"
-    more = {f"c{k}": np.zeros(50) for k in range(columns - 6)}
-    pl.DataFrame({**joint_columns(50), **more}).write_parquet(path)
-    words = f"there are {columns} columns of {rows} rows, more than are read at once"
-    assert words in refused(read_log, path)
-    assert words in refused(lambda: Replay(path, None))
-    text = path.with_suffix(".csv")
-    pl.read_parquet(path).write_csv(text)
-    assert f"there are {columns} columns of 50 rows, more than are read" in refused(read_log, text)
-
-
-def test_columns_that_are_not_read(tmp_path: Path) -> None:
-    """Assert that what is in other columns, however much, takes no memory."""
-    big = pl.Series("big", np.zeros((60, 50_000)))
-    pl.DataFrame({**joint_columns(60), "big": big}).write_parquet(tmp_path / "log.parquet")
-    assert len(read_log(tmp_path / "log.parquet").recordings[0]) == 60
-
-
-@pytest.mark.parametrize("count", [-1, 63, 127])
-def test_a_page_that_promises_too_much(count: int, tmp_path: Path) -> None:
-    """Assert that a page that promises 2^61 values, which ends Polars, ends nothing here."""
-    path = tmp_path / "log.parquet"
-    draw = np.random.default_rng(1)
-    names = ("time", "motor_position", "motor_torque")
-    pl.DataFrame({name: draw.normal(size=100) for name in names}).write_parquet(path)
-    value = (count << 1) ^ (count >> 63)  # as Thrift writes it, in the place of 100
-    other = bytes([value & 127 | 128, value >> 7 & 127])
-    path.write_bytes(path.read_bytes().replace(bytes([0xC8, 0x01]), other, 1))
-    assert "the file cannot be read on from there" in refused(read_log, path)
-    assert "the file cannot be read on from there" in refused(lambda: Replay(path, None))
-
-
-def test_parquet_types(tmp_path: Path) -> None:
-    """Assert that text, dates and missing values in Parquet are named with column and row."""
-    frame = pl.DataFrame(joint_columns(60))
-    missing = pl.when(pl.col("time") > 0.0).then("time").alias("time")
-    for changed, words in (
-        (pl.col("link_position").cast(pl.String), "column 'link_position': it holds values of typ"),
-        ((pl.col("motor_torque") * 1e6).cast(pl.Datetime("us")), "'motor_torque': it holds dates"),
-        (missing, "row 1, column 'time': the cell is empty"),
-    ):
-        frame.with_columns(changed).write_parquet(tmp_path / "log.parquet")
-        assert words in refused(read_log, tmp_path / "log.parquet")
-    frame.head(0).write_parquet(tmp_path / "log.parquet")
-    assert "no samples" in refused(read_log, tmp_path / "log.parquet")
+    """Assert that very many columns, cells or rows are refused before they are unpacked."""
+    monkeypatch.chdir(tmp_path)
+    more = {f"c{k}": np.zeros(50) for k in range(10_000)}
+    pl.DataFrame({**joint_columns(50), **more}).write_parquet("wide.parquet")
+    pl.read_parquet("wide.parquet").write_csv("wide.csv")
+    pl.DataFrame(joint_columns(50)).write_parquet("long.parquet")
+    found = {name: said(read_log, Path(name)) for name in ("wide.parquet", "wide.csv")}
+    for module, limit, most in ((channel, "MOST_CELLS", 299), (series, "MOST_ROWS", 49)):
+        with monkeypatch.context() as patched:
+            patched.setattr(module, limit, most)
+            found[f"{limit} {most}"] = said(read_log, Path("long.parquet"))
+        monkeypatch.setattr(module, limit, most + 1)
+        assert len(read_log(Path("long.parquet")).recordings[0]) == 50
+    golden(found)
+    assert refused(lambda: Replay(Path("wide.parquet"), None)) == found["wide.parquet"]
 
 
 def read_or_refuse(folder: Path, name: str, content: bytes) -> None:

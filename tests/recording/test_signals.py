@@ -6,6 +6,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import polars as pl
 import pytest
 from asammdf import Signal
 from joint_log import assert_words, refused, said
@@ -21,6 +22,7 @@ from log_files import (
     mcap,
     mdf,
     measured,
+    parquet,
     signal,
 )
 from mcap.writer import CompressionType
@@ -130,6 +132,26 @@ def damaged(form: str, place: int, size: int) -> Callable[[Path], object]:
     return write
 
 
+def promising(count: int) -> Callable[[Path], object]:
+    """A page that promises 2^61 values in the place of 100, which ends Polars."""
+    value = (count << 1) ^ (count >> 63)  # as Thrift writes it
+    other = bytes([value & 127 | 128, value >> 7 & 127])
+    draw = np.random.default_rng(1)
+    table = pl.DataFrame(
+        {name: draw.normal(size=100) for name in ("time", "motor_position", "tau")}
+    )
+
+    def write(path: Path) -> None:
+        table.write_parquet(path)
+        path.write_bytes(path.read_bytes().replace(bytes([0xC8, 0x01]), other, 1))
+
+    return write
+
+
+MISSING = pl.when(pl.col("time") > 0.0).then("time").alias("time")
+TIMES = pl.col("time").cast(pl.String)
+DATES = (pl.col("motor_torque") * 1e6).cast(pl.Datetime("us"))
+BIG = pl.lit(pl.Series("big", np.zeros((100, 50_000))))
 STRUCTS = np.array([({"tau": INPUT},)], dtype=object)
 OF_MATRIX = {"time": "t", "motor_position": "q(:,1)", "link_position": "q(:,2)"}
 OF_TABLE = {"time": "table.t", "motor_position": "q[:,0]", "motor_torque": "table.tau"}
@@ -137,6 +159,16 @@ DEGREES = signal("motor_position", np.degrees(MOTOR), unit="deg")
 STATE = Signal(np.array([b"ok"] * 100), TIME, name="state", encoding="utf-8")
 IMAGES = [("/imu", stamp, {"x": 1.0, "image": [0] * 100, "frame": "a"}) for stamp in STAMPS]
 FILES: dict[str, tuple[str, Callable[[Path], object], Any]] = {
+    "text": (
+        "a.parquet",
+        lambda p: parquet(p, pl.exclude("time"), pl.col("time").cast(pl.String)),
+        None,
+    ),
+    "dates": ("a.parquet", lambda p: parquet(p, pl.exclude("motor_torque"), DATES), None),
+    "an empty cell": ("a.parquet", lambda p: parquet(p, pl.exclude("time"), MISSING), None),
+    "no rows": ("a.parquet", lambda p: parquet(p, pl.all().head(0)), None),
+    "much that is not read": ("a.parquet", lambda p: parquet(p, pl.all(), BIG), None),
+    **{f"a page of {count}": ("a.parquet", promising(count), None) for count in (-1, 63, 127)},
     "a matrix": ("a.mat", lambda p: matlab(p, {"t": TIME, "q": BOTH, "s": STRUCTS}), None),
     "its columns": (
         "a.mat",
