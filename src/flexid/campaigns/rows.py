@@ -23,8 +23,7 @@ STATUS, ERROR, REACHED, STEPS = "status", "error", "reached", "steps"
 """Columns that every row has: what became of the run, why, its end in s, steps or samples."""
 
 FINISHED = STATUS_NAMES[0]
-FAILED = "error"
-"""Status of a run that could not be made at all; its text says why."""
+FAILED = "error"  # status of a run that could not be made at all; its text says why
 
 _AT_ONCE = 16  # runs between two looks at whether to stop
 _SIDE_BY_SIDE_AT_ONCE = 4 * SIDE_BY_SIDE  # the same of those that are quicker together

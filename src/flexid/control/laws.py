@@ -34,8 +34,7 @@ import numpy as np
 from flexid.errors import ModelError, SettingError
 from flexid.models.expression import evaluate
 
-MAXIMUM_REFERENCE_ORDER = 4
-"""Highest derivative of the reference that a controller may use."""
+MAXIMUM_REFERENCE_ORDER = 4  # highest derivative of the reference that a controller may use
 
 REFERENCE_NAMES = ("qd", *(f"qd_{order}" for order in range(1, MAXIMUM_REFERENCE_ORDER + 1)))
 """Names of the reference and its derivatives in a controller's expressions."""

@@ -11,8 +11,7 @@ from flexid.analysis.lyapunov import row_histories
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.simulation.closed_loop import Run
 
-SETTLED = 0.05
-"""Share of its true value within which an estimate counts as settled."""
+SETTLED = 0.05  # share of its true value within which an estimate counts as settled
 
 
 @dataclass(frozen=True, eq=False)

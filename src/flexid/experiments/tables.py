@@ -26,8 +26,7 @@ from flexid.toml_file import Refuse
 Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w-]+$")]
 
 SMALLEST = 1e-30
-LARGEST = 1e30
-"""Beyond these, powers of a number overflow, and no drive has one."""
+LARGEST = 1e30  # beyond these, powers of a number overflow, and no drive has one
 
 
 def _of_a_drive(value: float) -> float:

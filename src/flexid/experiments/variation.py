@@ -15,8 +15,7 @@ from flexid.toml_file import Refuse, validated
 if TYPE_CHECKING:
     from flexid.experiments.experiment import Experiment
 
-MOST_RUNS = 10_000_000
-"""Of one campaign."""
+MOST_RUNS = 10_000_000  # of one campaign
 
 _T = TypeVar("_T")
 _Pair = Annotated[list[_T], Field(min_length=2, max_length=2)]

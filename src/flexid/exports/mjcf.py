@@ -21,8 +21,7 @@ from flexid.identification.preparation.joint import Kind
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, TIES
 from flexid.stored_estimates.structure import delays_of, values_of
 
-NOTHING = 1e-9
-"""Of the armature: the engine wants every body to have some inertia."""
+NOTHING = 1e-9  # of the armature: the engine wants every body to have some inertia
 
 _STEP = 1e-3  # s, the longest
 _STEPS_PER_RADIAN = 40.0  # of the resonance; Runge-Kutta's phase error is then below 1e-8

@@ -256,8 +256,7 @@ def _of_the_results(
 
 _T = TypeVar("_T")
 
-LATE = (60.0, 120.0)
-"""Ends in s of the longer runs under (1,1,3), whose oscillation grows."""
+LATE = (60.0, 120.0)  # ends in s of the longer runs under (1,1,3), whose oscillation grows
 
 # The ringing of (1,1,3) costs steps in proportion to k: above 400 a million and more.
 _SWEEPS: dict[Exponents, float] = {(1, 2, 3): EARLIER_ATTENUATION, (1, 1, 3): 100.0}
