@@ -267,15 +267,3 @@ IN_MEMORY: dict[str, tuple[dict[str, Any], Any]] = {
 def test_what_is_said_of_columns(golden: Any) -> None:
     """Assert that what is missing, repeated or counted otherwise is mended or named."""
     golden({name: said(read_columns, *case) for name, case in IN_MEMORY.items()})
-
-
-@pytest.mark.parametrize("unit", ["ms", "us", "ns", "ps"])
-@pytest.mark.parametrize("origin", ["", "2024-05-01"])
-def test_times_of_numpy(origin: str, unit: str, tmp_path: Path) -> None:
-    """Assert that dates and durations are a time."""
-    stamps: Any = np.rint(1e3 * COLUMNS["time"]).astype("m8[ms]").astype(f"m8[{unit}]")
-    stamps = stamps + np.datetime64(origin, unit) if origin else stamps
-    signals: dict[str, Any] = {**COLUMNS, "time": stamps}
-    same_numbers(read_columns(signals))
-    np.savez(tmp_path / "log.npz", **signals)
-    same_numbers(read_log(tmp_path / "log.npz"))

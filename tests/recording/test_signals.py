@@ -22,6 +22,7 @@ from log_files import (
     mcap,
     mdf,
     measured,
+    numpy_archive,
     parquet,
     signal,
 )
@@ -149,6 +150,8 @@ def promising(count: int) -> Callable[[Path], object]:
 
 
 MISSING = pl.when(pl.col("time") > 0.0).then("time").alias("time")
+DURATIONS = np.rint(1e3 * TIME).astype("m8[ms]").astype("m8[ps]")
+MOMENTS = np.datetime64("2024-05-01", "us") + DURATIONS.astype("m8[us]")
 TIMES = pl.col("time").cast(pl.String)
 DATES = (pl.col("motor_torque") * 1e6).cast(pl.Datetime("us"))
 BIG = pl.lit(pl.Series("big", np.zeros((100, 50_000))))
@@ -169,6 +172,8 @@ FILES: dict[str, tuple[str, Callable[[Path], object], Any]] = {
     "no rows": ("a.parquet", lambda p: parquet(p, pl.all().head(0)), None),
     "much that is not read": ("a.parquet", lambda p: parquet(p, pl.all(), BIG), None),
     **{f"a page of {count}": ("a.parquet", promising(count), None) for count in (-1, 63, 127)},
+    "durations": ("a.npz", lambda p: numpy_archive(p, **{**COLUMNS, "time": DURATIONS}), None),
+    "times": ("a.npz", lambda p: numpy_archive(p, **{**COLUMNS, "time": MOMENTS}), None),
     "a matrix": ("a.mat", lambda p: matlab(p, {"t": TIME, "q": BOTH, "s": STRUCTS}), None),
     "its columns": (
         "a.mat",
