@@ -5,6 +5,7 @@ from typing import cast
 import numpy as np
 import pytest
 import sympy as sp
+from systems import THREE_ROWS
 
 from flexid.control.laws import REFERENCE_NAMES, Controller, pd_gravity, robust_law
 from flexid.control.loop import LoopDeclaration
@@ -15,22 +16,11 @@ from flexid.derivation.symbolic import symbol
 from flexid.errors import AccelerationError, ModelError
 from flexid.models.expression import evaluate
 from flexid.models.flexible_joint import flexible_joint
-from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.simulation.closed_loop import loop_kernel
 
 JOINT = flexible_joint(known={"beta1": 10 / 3})
 PAPER = LoopDeclaration(JOINT, robust_law(), sinusoid(3.0, 5.0))
 
-THREE_ROWS = ParametricSystem(
-    "three inertias",
-    (
-        Row("first", "q1", "v1", {"a1": "q2 - q1", "a2": "-tanh(v1/width)"}, known="u1"),
-        Row("second", "q2", "v2", {"b1": "q1 - q2", "b2": "q3 - q2", "b3": "-v2**3"}),
-        Row("third", "q3", "v3", {"d1": "q2 - q3", "d2": "-sin(q3)*v3**2"}, known="u2"),
-    ),
-    inputs=("u1", "u2"),
-    constants={"width": 0.1},
-)
 CURVED = Controller(
     "law in curved coordinates",
     "q2",

@@ -52,14 +52,6 @@ def test_what_an_observer_needs_is_reported(system, quadratures, rates):
     assert [str(rate) for rate in observer.input_rates] == rates
 
 
-def test_names_of_gains_and_states():
-    """Assert that gains count the rows and states have one letter per row."""
-    observer = derive_observer(THREE_ROWS)
-    assert [str(c) for c in observer.gains] == ["c1", "c2", "c3"]
-    names = [[str(y) for y in row.intermediate] for row in observer.rows]
-    assert names == [["y1", "y2"], ["z1", "z2", "z3"], ["w1", "w2", "w3"]]
-
-
 def test_names_of_the_model_are_left_to_it():
     """Assert that a model may call its own quantities y1, c1 or u_rate."""
     system = ParametricSystem(

@@ -13,7 +13,7 @@ import sympy as sp
 from scipy.integrate import quad
 from systems import ALL, PAPER
 
-from flexid.derivation.observer import SymbolicObserver, derive_observer, graded_rule, immersion
+from flexid.derivation.observer import SymbolicObserver, derive_observer, graded_rule
 from flexid.derivation.printing import (
     c_observer,
     fresh_names,
@@ -22,7 +22,6 @@ from flexid.derivation.printing import (
     printable_rows,
     python_observer,
 )
-from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import symbol
 from flexid.models.parametric_system import ParametricSystem, Row
 
@@ -206,14 +205,6 @@ def test_printed_functions_have_the_symbolic_values(
 def test_latex_names(name: str, accent: str, latex: str):
     """Assert that letters, Greek names, words and subscripts are set as such."""
     assert latex_name(name, accent) == latex
-
-
-def test_large_velocity_does_not_overflow_in_printed_python():
-    """Assert that smoothed Coulomb friction is printed in its stable form."""
-    v = symbol("v")
-    found = immersion(sp.tanh(v), v)
-    printed = sp.lambdify(v, found, "math", printer=ScalarPrinter)
-    assert printed(-5000.0) == pytest.approx(5000.0 - np.log(2.0))
 
 
 @pytest.mark.parametrize("width", [0.02, 0.1, 1.0, 10.0])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_motion import fall, point_of, problem_of
 from noisy_joint import TRUTH, VALUES, joint_samples
 from oscillator import by_filter, by_motion
 
@@ -13,7 +14,6 @@ from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
-from flexid.simulation.free_run import free_run
 
 JOINT = flexible_joint()
 MORE = flexible_joint(("gravity", "motor_viscous", "link_coulomb", "link_offset"))
@@ -24,15 +24,6 @@ PER_RUN = Unknowns(MORE, {"theta_coulomb": 0.0}, ("theta_offset",), (0, 1, 0))
 def record(seed: int = 0) -> Samples:
     """The noisy joint as two encoders see it."""
     return replace(joint_samples(seed), velocities=None)
-
-
-def run_with_offset(offset: float, seed: int, n: int = 6000) -> Samples:
-    """The joint's own motion with a constant torque on the link, in a little noise."""
-    generator = np.random.default_rng(seed)
-    torque = np.repeat(generator.normal(0.0, 30.0, n // 50), 50)[:, None]
-    values = TRUTH | {"theta_coulomb": 0.0, "theta_offset": offset}
-    x = free_run(MORE, values, [0.1, 0.0, 0.2, 0.5], torque, 1e-3)
-    return Samples(x[:, ::2] + 1e-5 * generator.standard_normal((n, 2)), None, torque, 1e-3)
 
 
 def test_names_and_coefficients_of_a_recording():
@@ -140,17 +131,12 @@ def test_a_tie_whose_source_is_off_is_off():
     assert not unknowns.derivatives([5.0, 100.0, 300.0, 0.3, 3.0], 0)[place].any()
 
 
-def test_tied_coefficient_is_found():
-    """Assert that a fit of what is tied knows its source better than a fit of each for itself.
-
-    A push of the link by 0.3 times the motor's friction: theta2/alpha1 = 0.3.
-    """
-    tied = Unknowns(
-        MORE, {"theta_coulomb": 0.0}, tied={"theta_offset": ("alpha2", "theta2", "alpha1")}
+def test_a_motion_is_differentiated_by_what_is_tied():
+    """Assert that the slope of the sum of squares heeds the link's damping by its sources."""
+    problem = problem_of(TIED, 3.0 * np.sin(0.05 * np.arange(200)), 0.01, substeps=2)
+    at = point_of(
+        [{**TRUTH, "alpha_damping": 3.0}[name] for name in TIED.names], 0.3, 0.0, 0.1, 1.0
     )
-    samples = run_with_offset(0.3 * TRUTH["alpha2"], 7)
-    fit, free = (by_motion([samples], sought) for sought in (tied, replace(tied, tied={})))
-    place = fit.names.index("alpha2")
-    assert fit.values == pytest.approx(VALUES, rel=1e-3)
-    own = free.names.index("alpha2")
-    assert fit.standard_deviations[place] < 0.95 * free.standard_deviations[own]
+    gradient = problem.equations(at).gradient.sum(axis=0)
+    for place, size in enumerate([*np.ones(4), *at.values]):
+        assert gradient[place] == pytest.approx(fall(problem, at, place, 1e-5 * size), rel=1e-4)

@@ -10,10 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from types import ModuleType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
@@ -66,7 +65,7 @@ class OnlineEstimator:
     needs_velocities: bool  # whether samples hold velocities, or coordinates and inputs alone
     _kernel: ModuleType
     _settings: FloatArray
-    _layout: tuple[NDArray[np.int64], ...]  # of a model that the kernel was not compiled for
+    _layout: tuple[Any, ...]  # of a model that the kernel was not compiled for
     _first_state: FloatArray
     _first_coefficient: ClassVar[int] = 0
 

@@ -197,11 +197,11 @@ def recursive_least_squares(
     compiled = _compiled_signals(system)
     address = compiled.sampled_parts.address
     model = kernel.sizes(address, starts, len(system.inputs), len(constants), half)
-    layout = np.array([*model, *starts], dtype=np.int64)
+    layout = tuple(model), np.array(starts, dtype=np.int64)
     state = np.zeros(model.state)
     state[model.counts + kernel.BLOCK_LENGTH] = shortest_block
     return RecursiveLeastSquares(
-        system, h, hold, False, kernel, settings, (layout,), state, model, compiled
+        system, h, hold, False, kernel, settings, layout, state, model, compiled
     )
 
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.status import *
 
 
-N_SIZES = len(Sizes._fields)
 N_BLOCKS = 40  # that are kept for the standard deviations
 N_COUNTS = 6
 # Places in the counts; the first three are those of `store_block`.
@@ -42,15 +41,6 @@ def sizes(address, starts, n_inputs, n_constants, half):
     parts += (N_BLOCKS, N_BLOCKS, N_BLOCKS * size, memory)
     places = [sum(parts[: i + 1]) for i in range(len(parts))]
     return Sizes(address, n_rows, n_inputs, n_coefficients, n_constants, width, *places)
-
-
-@rounded
-def sizes_of(a):
-    """Sizes from an array."""
-    return Sizes(
-        a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9],
-        a[10], a[11], a[12], a[13], a[14], a[15], a[16],
-    )  # fmt: skip
 
 
 @rounded
@@ -358,9 +348,9 @@ def room_for_samples(model):
 
 
 @njit(**equations)
-def step(state, sample, settings, layout):
+def step(state, sample, settings, layout, starts):
     """New state and info after one sample; the old state is left as it is."""
-    model, starts = sizes_of(layout), layout[N_SIZES:]
+    model = Sizes(*layout)
     new = state.copy()
     info = np.empty(model.n_rows + 1)
     take(new, sample, settings, info, model, starts, room_for_samples(model))
@@ -368,9 +358,9 @@ def step(state, sample, settings, layout):
 
 
 @njit(**equations, nogil=True)
-def replay(state, samples, settings, layout, coefficients, infos):
+def replay(state, samples, settings, layout, starts, coefficients, infos):
     """The same step over all samples; fills the history and returns the last state."""
-    model, starts = sizes_of(layout), layout[N_SIZES:]
+    model = Sizes(*layout)
     room = room_for_samples(model)
     current = state.copy()
     for n in range(samples.shape[0]):

@@ -9,7 +9,6 @@ derivatives.
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numba import cfunc, types
 
 if TYPE_CHECKING:
@@ -170,4 +169,4 @@ run: Any = cfunc(types.void(_numbers, _places, *[types.float64] * 3, *[types.int
 )
 
 # As the kernel `segments` takes a model.
-MODEL = np.array([run.address, *SIZES, *PLACES], np.int64)
+MODEL = (run.address, *SIZES, *PLACES)

@@ -14,19 +14,10 @@ if TYPE_CHECKING:
 AT_MOST = 1.5  # of a direction, which the low-pass may bring beyond 1; more says that a row rests
 
 
-@uncounted
-def model_of(a):
-    """A model from the numbers that its kernel gives."""
-    return Model(
-        a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11],
-        a[12], a[13], a[14], a[15], a[16], a[17], a[18], a[19], a[20], a[21], a[22],
-    )  # fmt: skip
-
-
 @njit(**equations)
 def linearise(states, inputs, coefficients, constants, address, found):
     """Derivatives of the rates of velocities and memories by the states, about each state."""
-    model = model_of(address)
+    model = Model(*address)
     columns = np.zeros(AT + model.n_coefficients, np.int64)
     work = np.zeros(model.work_size)
     put(constants, model.constants, work)
@@ -219,7 +210,7 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
     drives, p, c, dry, observer = motion
     gain, disturbance_gain, decay, directions, corrected = observer
     normal, gradient, residuals, costs = results
-    model = model_of(address)
+    model = Model(*address)
     observed = gain.shape[2] > 0
     size, count = normal.shape[1], outputs.shape[1]
     work = np.zeros(model.work_size)
