@@ -94,17 +94,6 @@ def test_starts_differ_and_agree_where_nothing_sticks(stiff):
         assert {name: start[name] for name in COEFFICIENTS} == pytest.approx(COEFFICIENTS, rel=0.05)
 
 
-def test_a_sticking_link_misleads_no_start():
-    """Assert the same of the link's row, which no input drives."""
-    log = log_of(held=True, link_coulomb=8.0, size=0.5)
-    base = posed_of(log, *TERMS, "link_coulomb")
-    plain, _ = least_squares_start(base, log, 20.0)
-    first = first_start(base, log)
-    assert plain["theta2"] < 70.0
-    assert first["theta2"] == pytest.approx(100.0, rel=0.01)
-    assert first["theta_coulomb"] == pytest.approx(8.0, rel=0.01)
-
-
 def test_a_row_that_hardly_keeps_moving_is_taken_whole():
     """Assert that few samples make no start: here the motor sticks for most of the time."""
     log = log_of(held=True, motor_coulomb_up=14.0, motor_coulomb_down=14.0, size=0.6)

@@ -97,21 +97,9 @@ class Reader:
 
 
 def run_page(page: str, found: list[Block], folder: Path) -> None:
-    """Run a page in a folder that has the examples of this repository.
+    """Run the blocks of a page in an empty folder, with the examples of this repository.
 
-    Parameters
-    ----------
-    page:
-        Name of the page, for messages.
-    found:
-        Its blocks.
-    folder:
-        An empty folder, which becomes the working directory meanwhile.
-
-    Raises
-    ------
-    PageError
-        A block does not run, or prints something else than the page shows.
+    A block that does not run, or prints something else than the page shows, is a `PageError`.
     """
     for shared in ("examples", "experiments"):
         (folder / shared).symlink_to(ROOT / shared)
