@@ -161,6 +161,8 @@ CASES = {
     ),
 }
 THOROUGH = {
+    "a bend of known stiffness, and a known inertia",
+    "a ripple and a bend",
     "a spring that is asked whether it remembers",
     "a ripple that is asked for",
     "a ripple in two logs",

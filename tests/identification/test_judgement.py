@@ -23,7 +23,7 @@ def judged(half: float, value: float = 10.0, effect: float = np.inf) -> str:
         (9.99, "weak", "100 %"),
         (10.01, "undetermined", "100 %"),
         (50.0, "undetermined", "500 %"),
-        (1e9, "undetermined", "far"),
+        (101.0, "undetermined", "far"),
     ],
 )
 @pytest.mark.parametrize("value", [10.0, -10.0])

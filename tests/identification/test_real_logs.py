@@ -157,6 +157,7 @@ def test_arm_without_its_voltage_has_its_stiffness(shared_data, folder):
     assert stiffness.verdict != "undetermined"
 
 
+@pytest.mark.thorough
 def test_kuka_without_torques_shows_no_stiffness(shared_data, folder):
     """Assert that the delay of 3 ms between the KUKA's encoders passes for no spring."""
     columns = (
