@@ -1,40 +1,42 @@
 """What `identify` says of logs of machines that no one here built, all by itself."""
 
-from pathlib import Path
-
 import pytest
 
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Identification
 from flexid.recording.read import read_log
 
-
-def identified(
-    file: Path, columns: Path | tuple[str, ...], folder: Path, settings: Settings | None = None
-) -> Identification:
-    """Identify one log, with a column map or the lines of one."""
-    if not isinstance(columns, Path):
-        lines, columns = columns, folder / "columns.toml"
-        columns.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return identify([read_log(file, columns)], settings)
+ARM, KUKA = "ist-flexible-arm/ist_square_1p5V.csv", "kr300/kr300_A.csv"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Return a folder for column maps."""
-    return tmp_path_factory.mktemp("columns")
+def identified(shared_data, examples, tmp_path_factory):
+    """Return a function that identifies a log, with a column map of the examples or one given.
+
+    That is column and unit of each channel, and a scale if there is one.
+    """
+    own = tmp_path_factory.mktemp("columns") / "columns.toml"
+
+    def result_of(file, shipped="", settings=None, **columns):
+        lines = ['time = {column = "t_s", unit = "s"}']
+        for channel, (column, unit, *scale) in columns.items():
+            about = f'column = "{column}", unit = "{unit}", scale = {(*scale, 1.0)[0]}'
+            lines.append(f"{channel} = {{{about}}}")
+        own.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return identify(
+            [read_log(shared_data / file, examples / shipped if shipped else own)], settings
+        )
+
+    return result_of
 
 
-def test_arm_is_predicted_and_not_as_modelled(shared_data, examples, folder):
+def test_arm_is_predicted_and_not_as_modelled(identified):
     """Assert that free run and every horizon of IST Lisbon's arm reach what is asked.
 
     Constant torques and dry friction are found, and of a voltage ratios only. A flexible beam is no
     spring between two inertias: something is left unexplained.
     """
-    file = shared_data / "ist-flexible-arm" / "ist_square_1p5V.csv"
-    columns = examples / "columns_voltage_arm.toml"
-    arm = identified(file, columns, folder, Settings(validation_share=0.5))
+    arm = identified(ARM, "columns_voltage_arm.toml", Settings(validation_share=0.5))
     fit = arm.validation.fit_percent
     assert fit["motor_position"] >= 95.5
     assert fit["link_position"] >= 95.5
@@ -53,17 +55,16 @@ def test_arm_is_predicted_and_not_as_modelled(shared_data, examples, folder):
 
 
 @pytest.mark.thorough
-def test_arm_has_one_stiffness_whatever_the_voltage(shared_data, examples, folder):
+def test_arm_has_one_stiffness_whatever_the_voltage(identified):
     """Assert that a square wave and a pseudo-random voltage determine it within 10 %, and alike.
 
     Filtered least squares in several bands gives 426 to 445 1/s², others' fits 400 to 470.
     """
-    columns = examples / "columns_voltage_arm.toml"
-    logs = [shared_data / "ist-flexible-arm" / n for n in ("ist_square_1p5V.csv", "ist_prbs.csv")]
-    found = [
-        identified(log, columns, folder).parameters["joint_stiffness_per_link_inertia"]
-        for log in logs
-    ]
+    results = (
+        identified(log, "columns_voltage_arm.toml")
+        for log in (ARM, "ist-flexible-arm/ist_prbs.csv")
+    )
+    found = [each.parameters["joint_stiffness_per_link_inertia"] for each in results]
     for each in found:
         lower, upper = each.interval
         assert each.verdict == "determined"
@@ -74,17 +75,14 @@ def test_arm_has_one_stiffness_whatever_the_voltage(shared_data, examples, folde
     assert max(a, c) <= min(b, d)
 
 
-def test_slide_has_its_published_mass_and_friction(shared_data, folder):
+def test_slide_has_its_published_mass_and_friction(identified):
     """Assert that EMPS has no gravity, and what Janot, Gautier and Brunot (2019) published.
 
     A prismatic axis, 1 m called 1 rad and 1 N called 1 N m.
     """
-    columns = (
-        'time = {column = "t_s", unit = "s"}',
-        'motor_position = {column = "position_m", unit = "rad"}',
-        'motor_torque = {column = "force_N", unit = "N m"}',
+    slide = identified(
+        "emps/emps_train.csv", motor_position=("position_m", "rad"), motor_torque=("force_N", "N m")
     )
-    slide = identified(shared_data / "emps" / "emps_train.csv", columns, folder)
     published = {"inertia": 95.1, "viscous_friction": 203.5, "coulomb_friction": 20.39}
     for name, value in published.items():
         lower, upper = slide.parameters[name].interval
@@ -94,15 +92,14 @@ def test_slide_has_its_published_mass_and_friction(shared_data, folder):
     assert not any("gravity" in name for name in (*slide.parameters, *slide.choices.terms))
 
 
-def test_pendulum_has_gravity_and_inertia(shared_data, examples, folder):
+def test_pendulum_has_gravity_and_inertia(identified):
     """Assert that gravity torque and inertia agree with the balance of energy and work.
 
     That balance, which uses no acceleration, gives 3.77 N m and 0.202 kg m². DFKI's pendulum has
     one encoder: it swings through the held-out end as predicted, and there is no word of a
     stiffness.
     """
-    file = shared_data / "dfki-pendulum" / "ddp.csv"
-    pendulum = identified(file, examples / "columns_pendulum.toml", folder)
+    pendulum = identified("dfki-pendulum/ddp.csv", "columns_pendulum.toml")
     for name, value in {"gravity_torque": 3.77, "inertia": 0.202}.items():
         lower, upper = pendulum.parameters[name].interval
         assert lower <= value <= upper
@@ -115,18 +112,17 @@ def test_pendulum_has_gravity_and_inertia(shared_data, examples, folder):
 
 
 @pytest.mark.parametrize("number", [1, pytest.param(3, marks=pytest.mark.thorough)])
-def test_a_skew_is_no_stiffness(number, shared_data, folder):
+def test_a_skew_is_no_stiffness(number, identified):
     """Assert that nothing that rests on a stiffness is known, and a warning names the delay.
 
     The encoders of a KUKA KR300 are 3 ms apart: all skew, hardly any deflection.
     """
-    columns = (
-        'time = {column = "t_s", unit = "s"}',
-        f'link_position = {{column = "a{number}_q_link_deg", unit = "deg"}}',
-        f'motor_position = {{column = "a{number}_q_mot_deg", unit = "deg"}}',
-        f'motor_torque = {{column = "a{number}_tau_mot_Nm", unit = "N m"}}',
+    axis = identified(
+        KUKA,
+        link_position=(f"a{number}_q_link_deg", "deg"),
+        motor_position=(f"a{number}_q_mot_deg", "deg"),
+        motor_torque=(f"a{number}_tau_mot_Nm", "N m"),
     )
-    axis = identified(shared_data / "kr300" / "kr300_A.csv", columns, folder)
     springs = {"theta2", "alpha1"}
     numbers = [*axis.coefficients.values(), *axis.parameters.values()]
     resting = [number for number in numbers if springs & number.slopes.keys()]
@@ -137,18 +133,14 @@ def test_a_skew_is_no_stiffness(number, shared_data, folder):
     assert "ms between the encoders" in axis.warnings[0]
 
 
-def test_arm_without_its_voltage_has_its_stiffness(shared_data, folder):
+def test_arm_without_its_voltage_has_its_stiffness(identified):
     """Assert that the link alone, driven by the motor's measured motion, gives its stiffness.
 
     The best fit of others is 463 1/s^2.
     """
-    columns = (
-        'time = "t_s"',
-        'motor_position = { column = "pot_V", scale = 35.32, unit = "deg" }',
-        'deflection = { column = "strain_V", scale = 1.34, unit = "deg" }',
+    arm_alone = identified(
+        ARM, motor_position=("pot_V", "deg", 35.32), deflection=("strain_V", "deg", 1.34)
     )
-    log = shared_data / "ist-flexible-arm" / "ist_square_1p5V.csv"
-    arm_alone = identified(log, columns, folder)
     assert arm_alone.model == "link"
     assert arm_alone.validation.fit_percent["deflection"] > 83.0
     stiffness = arm_alone.parameters["joint_stiffness_per_link_inertia"]
@@ -158,28 +150,23 @@ def test_arm_without_its_voltage_has_its_stiffness(shared_data, folder):
 
 
 @pytest.mark.thorough
-def test_kuka_without_torques_shows_no_stiffness(shared_data, folder):
+def test_kuka_without_torques_shows_no_stiffness(identified):
     """Assert that the delay of 3 ms between the KUKA's encoders passes for no spring."""
-    columns = (
-        'time = "t_s"',
-        'motor_position = { column = "a1_q_mot_deg", unit = "deg" }',
-        'link_position = { column = "a1_q_link_deg", unit = "deg" }',
-    )
-    result = identified(shared_data / "kr300" / "kr300_A.csv", columns, folder)
+    channels = {"link_position": "a1_q_link_deg", "motor_position": "a1_q_mot_deg"}
+    result = identified(KUKA, **{name: (column, "deg") for name, column in channels.items()})
     assert not result.compliance.visible
     assert result.coefficients["theta2"].verdict == "undetermined"
 
 
 @pytest.mark.thorough
-def test_one_stage_of_two_has_no_stiffness(shared_data, folder):
+def test_one_stage_of_two_has_no_stiffness(identified):
     """Assert that nothing with a stiffness is determined: the other stage is not in the model."""
-    columns = (
-        'time = "t_s"',
-        'motor_position = { column = "motor1_deg", unit = "deg" }',
-        'deflection = { column = "deflection1_deg", unit = "deg" }',
-        'motor_current = { column = "current1_A", unit = "A" }',
+    stage = identified(
+        "quanser-two-stage/lqr_10deg.csv",
+        motor_position=("motor1_deg", "deg"),
+        deflection=("deflection1_deg", "deg"),
+        motor_current=("current1_A", "A"),
     )
-    stage = identified(shared_data / "quanser-two-stage" / "lqr_10deg.csv", columns, folder)
     named = [name for name in stage.parameters if "stiffness" in name]
     assert named
     assert "determined" not in {stage.parameters[name].verdict for name in named}
