@@ -1,41 +1,57 @@
-"""A page in a browser: alone, watched, hostile, by day, by night, small and printed."""
+"""The page of an identification: alone, watched, hostile, by day, by night, small and printed."""
 
 from __future__ import annotations
 
 import pytest
-from made_page import made_page
 
-from browser import Watched, serious_faults
-from flexid.report.page import Command, Presenter, page_html
+import flexid
+from browser import serious_faults
+from flexid.report.page import Command, Presenter
 from flexid.report.terminal import Column, Table
 
-HOSTILE = '"><img src=x onerror=alert(1)></script><script>alert(2)</script>{{ 7 * 7 }}'
 STROKE = "() => getComputedStyle(document.querySelector('.chart path[stroke]')).stroke"
+HOSTILE = "<script>alert(1)<{{ 7 * 7 }}"
+FILE = '"><img src=x onerror=alert(2)>.csv'
+COLUMNS = {
+    name: {"column": f"{HOSTILE}{name}", "unit": unit}
+    for name, unit in (
+        ("time", "s"),
+        ("link_position", "rad"),
+        ("motor_position", "rad"),
+        ("motor_torque", "N m"),
+    )
+}
 
 
-@pytest.fixture
-def opened(browser, tmp_path):
-    """Return a function that opens a page from an empty folder, watched."""
-
-    def open_page(made, width=1280, **options):
-        path = tmp_path / "report.html"
-        path.write_text(page_html(made), encoding="utf-8")
-        page = browser.new_page(viewport={"width": width, "height": 844})
-        page.emulate_media(**options)
-        watched = Watched(page)
-        page.goto(path.as_uri())
-        return page, watched
-
-    yield open_page
-    for page in (page for context in browser.contexts for page in context.pages):
-        page.close()
+@pytest.fixture(scope="module")
+def estimate(examples, tmp_path_factory):
+    """Return what is found in the example log, whose file and columns have hostile names."""
+    text = (examples / "flexible_joint.csv").read_text()
+    header = ",".join(column["column"] for column in COLUMNS.values())
+    log = tmp_path_factory.mktemp("log") / FILE
+    log.write_text(header + text[text.index("\n") :])
+    return flexid.identify(
+        log, columns=COLUMNS, terms=["gravity", "motor_viscous"], hold="zero", segment_duration=2.0
+    )
 
 
-def test_a_page_asks_for_nothing_and_may_ask_for_nothing(opened):
+@pytest.fixture(scope="module")
+def path(estimate, tmp_path_factory):
+    """Return its page, alone in a folder."""
+    path = tmp_path_factory.mktemp("alone") / "report.html"
+    estimate.report(path)
+    return path
+
+
+def test_one_file_that_can_be_sent(path):
+    """Assert that the page of 30 s at 1 kHz is below 1 MB."""
+    assert path.stat().st_size < 1_000_000
+
+
+def test_a_page_asks_for_nothing_and_may_ask_for_nothing(page):
     """Assert that a page makes no request, and its policy stops what somebody puts into it."""
-    page, watched = opened(made_page())
     page.wait_for_timeout(200)
-    assert (watched.requests, watched.complaints) == ([page.url], [])
+    assert (page.watched.requests, page.watched.complaints) == ([page.url], [])
     page.evaluate(
         """async () => {
             await fetch("http://127.0.0.1:9/").catch(() => 0);
@@ -45,9 +61,9 @@ def test_a_page_asks_for_nothing_and_may_ask_for_nothing(opened):
         }"""
     )
     assert page.evaluate("window.ran") is None
-    assert any("Connecting to" in text for text in watched.complaints)
-    assert any("inline script" in text for text in watched.complaints)
-    assert watched.requests == [page.url]
+    assert any("Connecting to" in text for text in page.watched.complaints)
+    assert any("inline script" in text for text in page.watched.complaints)
+    assert page.watched.requests == [page.url]
 
 
 def test_how_to_repeat_it_says_only_what_is_known():
@@ -59,42 +75,71 @@ def test_how_to_repeat_it_says_only_what_is_known():
     assert origin.content == [Command("flexid watch -")]
 
 
+def test_a_loaded_estimate_has_a_page(estimate, tmp_path):
+    """Assert that without time series the page leaves out their figures, and nothing else."""
+    estimate.save(tmp_path / "estimate.json")
+    page, loaded = estimate._page(), flexid.load(tmp_path / "estimate.json")._page()
+    names = [[section.name for section in each.sections] for each in (page, loaded)]
+    assert {*names[0]} - {*names[1]} == {"fit", "residuals"}
+    assert loaded.lead == page.lead
+
+
+@pytest.mark.thorough
+def test_hostile_names_are_text(page):
+    """Assert that a file and columns with markup for names are shown so, and do nothing."""
+    assert FILE in page.locator(".subject").inner_text()
+    assert FILE in page.title()
+    origin = page.locator("#origin").inner_text()
+    assert f"{HOSTILE}motor_torque" in origin
+    assert FILE in origin
+    assert page.locator("img, script").count() == 0
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+def test_the_first_screen_answers(page, width, height):
+    """Assert that parameters, trust and the next step are seen at once, also on a telephone."""
+    page.set_viewport_size({"width": width, "height": height})
+    rows = page.locator(".lead tbody tr")
+    assert rows.count() == 5
+    words = page.locator(".answer .word")
+    assert words.all_inner_texts() == ["Yes", "Test it on another log"]
+    ends = [*rows.all(), *words.all(), page.locator(".answer pre").last]
+    for element in ends:
+        box = element.bounding_box()
+        assert box["y"] >= 0.0
+        assert box["y"] + box["height"] <= height
+        assert box["x"] + box["width"] <= width
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    heights = [one.bounding_box()["height"] for one in page.locator(".chart text").all()[:20]]
+    assert min(heights) > 8.0
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_no_serious_fault(opened, scheme):
+def test_no_serious_fault(page, scheme):
     """Assert that axe-core finds nothing that keeps people out, by day and by night."""
-    page, _ = opened(made_page(), color_scheme=scheme)
+    page.emulate_media(color_scheme=scheme)
     assert serious_faults(page) == []
 
 
 @pytest.mark.thorough
-def test_hostile_words_are_text(opened):
-    """Assert that markup from a log is shown as it is, in figures too, and does nothing."""
-    page, watched = opened(made_page(HOSTILE))
-    assert page.locator("h1").inner_text() == HOSTILE
-    legend = "".join(page.locator(".chart").first.locator("text").all_text_contents())
-    assert HOSTILE in legend.replace("\n", " ")
-    assert page.locator("img, script").count() == 0
-    assert page.title().startswith(HOSTILE)
-    assert watched.complaints == []
-
-
-@pytest.mark.thorough
-def test_words_and_signs_beside_colours(opened):
+def test_words_and_signs_beside_colours(page):
     """Assert that a verdict is a word with a sign of its own."""
-    page, _ = opened(made_page())
     sign = "element => getComputedStyle(element, '::before').content"
-    cells = page.locator(".lead td.tone")
-    assert cells.all_inner_texts() == ["determined", "weak", "lost"]
-    signs = [cell.evaluate(sign) for cell in cells.all()]
-    assert len(set(signs)) == 3
+    signs = set()
+    for tone in ("good", "fair", "bad"):
+        cell = page.locator(".lead td.tone").first
+        assert cell.inner_text() == "determined"
+        cell.evaluate("(element, tone) => element.className = `tone ${tone}`", tone)
+        signs.add(cell.evaluate(sign))
+    assert len(signs) == 3
     assert "none" not in signs
 
 
 @pytest.mark.thorough
-def test_figures_take_the_colours_of_the_page(opened):
+def test_figures_take_the_colours_of_the_page(page):
     """Assert that strokes are light in the dark, and dark on paper."""
-    page, watched = opened(made_page())
     by_day = page.evaluate(STROKE)
     page.emulate_media(color_scheme="dark")
     by_night = page.evaluate(STROKE)
@@ -102,13 +147,4 @@ def test_figures_take_the_colours_of_the_page(opened):
     assert by_day == page.evaluate(STROKE) != by_night
     assert "none" not in (by_day, by_night)
     assert page.pdf(format="A4").startswith(b"%PDF")
-    assert watched.complaints == []
-
-
-@pytest.mark.thorough
-def test_a_telephone_scrolls_figures(opened):
-    """Assert that a narrow window is no wider than it is, and that figures keep readable text."""
-    page, _ = opened(made_page(), width=390)
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    heights = [one.bounding_box()["height"] for one in page.locator(".chart text").all()[:20]]
-    assert min(heights) > 8.0
+    assert page.watched.complaints == []

@@ -5,7 +5,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -33,17 +33,29 @@ def collected(source: Source, wanted: int) -> bytes:
     return found
 
 
-def test_a_file_that_grows(tmp_path: Path):
-    """Assert that what is written later is read later, and that the end is waited at."""
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log that begins."""
     path = tmp_path / "log.csv"
     path.write_bytes(LINES[0])
-    source = open_source(str(path))
+    return path
+
+
+@pytest.fixture
+def source(log: Path) -> Iterator[Source]:
+    """The log as a source, of which what is there is read."""
+    source = open_source(str(log))
     assert source.read() == LINES[0]
+    yield source
+    source.close()
+
+
+def test_a_file_that_grows(log: Path, source: Source):
+    """Assert that what is written later is read later, and that the end is waited at."""
     assert source.read() == b""
-    with path.open("ab") as file:
+    with log.open("ab") as file:
         file.write(LINES[1])
     assert source.read() == LINES[1]
-    source.close()
 
 
 def replaced(path: Path) -> None:
@@ -56,42 +68,30 @@ def replaced(path: Path) -> None:
     "act",
     [
         lambda path: path.write_bytes(b"x\n"),
-        lambda path: path.write_bytes(b"time,a\n0.1,4\n0.2,5\n0.3,6\n"),
+        lambda path: path.write_bytes(b"time,b\n0.1,4\n0.2,5\n0.3,6\n"),
         replaced,
     ],
     ids=["cut", "written again", "replaced"],
 )
-def test_a_file_that_is_another_is_refused(tmp_path: Path, act: Callable[[Path], None]):
+def test_a_file_that_is_another_is_refused(log: Path, source: Source, act: Callable[[Path], None]):
     """Assert that what is written after a log was cut, also beyond its end, is not read on with."""
-    path = tmp_path / "log.csv"
-    path.write_bytes(b"".join(LINES))
-    source = open_source(str(path))
-    assert source.read() == b"".join(LINES)
-    act(path)
+    act(log)
     with pytest.raises(RecordingError, match=r"cut, rewritten or replaced .*: watch it once more"):
         source.read()
-    source.close()
 
 
-def test_a_renamed_file_is_read_on(tmp_path: Path):
+def test_a_renamed_file_is_read_on(log: Path, source: Source):
     """Assert that nothing is lost of a log that is renamed while nothing stands in its place."""
-    path = tmp_path / "log.csv"
-    path.write_bytes(LINES[0])
-    source = open_source(str(path))
-    assert source.read() == LINES[0]
-    path.rename(tmp_path / "log.1")
+    later = log.rename(log.with_name("log.1"))
     assert source.read() == b""
-    with (tmp_path / "log.1").open("ab") as file:
+    with later.open("ab") as file:
         file.write(LINES[1])
     assert source.read() == LINES[1]
-    source.close()
 
 
-def test_a_file_that_ends(tmp_path: Path):
+def test_a_file_that_ends(log: Path):
     """Assert that the end is one where that is wanted."""
-    path = tmp_path / "log.csv"
-    path.write_bytes(LINES[0])
-    source = open_source(str(path), stop_at_end=True)
+    source = open_source(str(log), stop_at_end=True)
     assert (source.read(), source.read()) == (LINES[0], None)
     source.close()
 

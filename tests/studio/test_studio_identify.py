@@ -15,7 +15,7 @@ import pytest
 from browser import Watched, serious_faults
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
 Start = Callable[..., AbstractContextManager[str]]
 
@@ -151,28 +151,6 @@ def test_nothing_else_is_readable(empty_address: str, path: str):
     """Assert that paths lead to no file."""
     with pytest.raises(OSError, match="404"):
         urlopen(Request(f"{empty_address}{path}"), timeout=10)
-
-
-@pytest.mark.thorough
-def test_two_windows_are_apart(browser: Browser, address: str, empty_address: str):
-    """Assert that what one window runs, another neither shows nor can fetch."""
-    first, second = browser.new_page(), browser.new_page()
-    for page in (first, second):
-        page.set_default_timeout(120_000)  # a kernel may have to be compiled
-        page.goto(address)
-        page.wait_for_selector("#run-form")
-    first.select_option("[name=model]", "link")
-    first.click("#run-form button")
-    first.wait_for_selector("#found")
-    assert second.locator("#found").count() == 0
-    assert "model" not in second.url
-    link = first.get_attribute("[download]", "href")
-    with pytest.raises(OSError, match="404"):
-        urlopen(f"{empty_address}{link}", timeout=10)
-    first.close()
-    second.select_option("[name=hold]", "zero")
-    assert second.is_enabled("#run-form button")
-    second.close()
 
 
 @pytest.mark.thorough
