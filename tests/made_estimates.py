@@ -150,5 +150,5 @@ def stored_document(coefficients, parameters=None):
     kinds = {"coefficients": coefficients, "parameters": parameters or {}}
     document["fit"] = {"names": [], "values": [], "covariance": [], "degrees_of_freedom": []}
     for kind, values in kinds.items():
-        document[kind] = {name: stored_value(value) for name, value in values.items()}
+        document[kind] = {n: stored_value(value, name=n) for n, value in values.items()}
     return document

@@ -3,6 +3,8 @@
 import json
 import tomllib
 
+import polars as pl
+
 from flexid import load
 from joint_logs import FINE, steady_sine, write_log
 from made_estimates import TRUE

@@ -83,7 +83,7 @@ def stored(tmp_path):
     def write(terms=("gravity", "motor_viscous"), **changed):
         document = stored_document({}, {"joint_stiffness": 100.0, "link_inertia": 1.0})
         for name, changes in changed.items():
-            document["parameters"][name] = stored_value(100.0) | changes
+            document["parameters"][name] = stored_value(100.0, name=name) | changes
         document["choices"]["terms"] = terms
         path = tmp_path / "estimate.json"
         path.write_text(json.dumps(sealed(document)))

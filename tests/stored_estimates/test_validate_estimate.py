@@ -122,7 +122,7 @@ def test_delays_are_heeded(tmp_path):
     x = free_run(flexible_joint(), TRUE, np.zeros(4), u, STEP, "zero")
     early = np.append(u[5:], np.full(5, u[-1]))  # it acts 10 ms after it was recorded
     log = read_log(save(tmp_path / "late.csv", x, early, 0.0, 0))
-    late = with_value(0.01, "choices", "input_delay", "value")
+    late = with_value(0.01, "choices", "alignment", "input_delay", "value")
     with_delay = validate_estimate(late, [log]).horizons[0.2]["deflection"]
     without = validate_estimate(stored(), [log]).horizons[0.2]["deflection"]
     assert with_delay > 99.5
@@ -133,7 +133,7 @@ def test_shapes_need_their_widths(log):
     """Assert that backlash of no size changes nothing, and that its width must be there."""
     document = stored()
     for name in ("alpha_backlash", "theta_backlash"):
-        document["coefficients"][name] = stored_value(0.0)
+        document["coefficients"][name] = stored_value(0.0, name=name)
     document["choices"]["terms"].append("backlash")
     with pytest.raises(SettingError, match="backlash_width"):
         validate_estimate(document, [log])
@@ -147,7 +147,8 @@ def test_offsets_of_several_logs(log):
     """Assert that offsets found log by log are averaged, and that this is said."""
     document = stored()
     document["coefficients"] |= {
-        f"alpha_offset[{n}]": stored_value(v) for n, v in ((1, 2), (2, -2))
+        name: stored_value(v, name=name)
+        for name, v in (("alpha_offset[1]", 2), ("alpha_offset[2]", -2))
     }
     document["choices"]["terms"].append("motor_offset")
     found = validate_estimate(document, [log])
@@ -209,7 +210,7 @@ def with_value(value, *keys):
     [
         (stored({name: value for name, value in TRUE.items() if name != "theta2"}), "theta2"),
         (with_value(None, "coefficients", "beta1", "value"), "value"),
-        (with_value(stored_value(1.0), "coefficients", "gamma1"), "gamma1"),
+        (with_value(stored_value(1.0, name="gamma1"), "coefficients", "gamma1"), "gamma1"),
         (with_value(["stiction"], "choices", "terms"), "stiction"),
     ],
 )

@@ -34,8 +34,6 @@ _USUAL_NAME = "estimate.json"  # of the file in a folder that ``flexid identify 
 
 WANTED = "an estimate.json of flexid identify"
 
-_ALIGNMENT = ("hold", "input_delay", "link_delay", "hold_reason")  # of the choices
-
 _MISSING = {
     **dict.fromkeys(("std", "covariance", "degrees_of_freedom"), inf),
     **dict.fromkeys(("value", "values", "probability", "segment_evidence", "estimates"), nan),
@@ -48,26 +46,14 @@ _MISSING = {
 
 def estimate_document(result: "Identification | ArmIdentification") -> dict[str, Any]:
     """Everything of an estimate but its time series, as a file holds it; numbers stay numbers."""
-    if result.model != "arm":
-        result = replace(result, recordings=())
-    made = plain(replace(result, validation=replace(result.validation, runs=())))
-    del made["validation"]["runs"]
-    if result.model == "arm":
-        return sealed({"format_version": FORMAT_VERSION, **made})
-    observer = result.observer
-    del made["recordings"]
-    for kind in ("coefficients", "parameters", "removed"):
-        for estimate in made[kind].values():
-            del estimate["name"]
-    final = dict(zip(observer.names, observer.estimates[-1], strict=True))
-    document = {
-        "format_version": FORMAT_VERSION,
-        **made,
-        "excitation": {row: e.document for row, e in result.excitation.items()},
-        "observer": {"final": final, "gains": observer.gains},
-        "choices": made["choices"] | made["choices"].pop("alignment"),
-    }
-    return sealed(document)
+    held = replace(result, validation=replace(result.validation, runs=()))
+    if held.model == "arm":
+        return sealed({"format_version": FORMAT_VERSION, **plain(held)})
+    trace = held.observer
+    end = replace(trace, time=trace.time[-1:], estimates=trace.estimates[-1:])
+    made = plain(replace(held, recordings=(), observer=end))
+    excitation = {row: {"row": row, **e.document} for row, e in held.excitation.items()}
+    return sealed({"format_version": FORMAT_VERSION, **made, "excitation": excitation})
 
 
 def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -153,7 +139,7 @@ def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification
         )
     if content.get("sha256") != _digest(json.dumps(content)):
         raise refuse("", "was changed since flexid wrote it: identify again")
-    numbers = json.dumps(_numbers(_as_dataclasses(content), None))
+    numbers = json.dumps(_numbers(content, None))
     try:
         return _schema(of_arm=content.get("model") == "arm").validate_json(numbers, strict=True)
     except ValidationError as error:
@@ -168,31 +154,6 @@ def _schema(*, of_arm: bool) -> "TypeAdapter[Any]":
     from flexid.identification.result.identification import Identification
 
     return TypeAdapter(ArmIdentification if of_arm else Identification)
-
-
-def _as_dataclasses(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content with names, alignment and observer where the dataclasses have them."""
-    made = {key: value for key, value in content.items() if key != "recordings"}
-    for key, field in (
-        ("coefficients", "name"),
-        ("parameters", "name"),
-        ("removed", "name"),
-        ("excitation", "row"),
-    ):
-        if isinstance(parts := made.get(key), Mapping):
-            made[key] = {
-                name: {**part, field: name} if isinstance(part, Mapping) else part
-                for name, part in parts.items()
-            }
-    if isinstance(choices := made.get("choices"), Mapping):
-        alignment = {name: choices[name] for name in _ALIGNMENT if name in choices}
-        made["choices"] = {**choices, "alignment": alignment}
-    if isinstance(observer := made.get("observer"), Mapping):
-        final = observer.get("final")
-        known = final if isinstance(final, Mapping) else {}
-        last = {"time": [], "names": list(known), "estimates": [list(known.values())]}
-        made["observer"] = {**observer, **last}
-    return made
 
 
 def _numbers(value: Any, missing: float | None) -> Any:
