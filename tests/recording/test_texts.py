@@ -104,6 +104,15 @@ def tabbed(text: str) -> str:
     return text.replace(",", "\t")
 
 
+def degrees(_: str) -> str:
+    """The link position in degrees, as a ° says."""
+    columns = {"time": COLUMNS["time"], "link_position [°]": np.degrees(COLUMNS["link_position"])}
+    return csv_text(columns | without(COLUMNS, "time", "link"))
+
+
+IN_DEGREES = {f"degrees in {code}": code for code in ("utf-8-sig", "latin-1", "utf-16")}
+ENCODED = {"Latin-1": "latin-1", **IN_DEGREES}
+NOT_STREAMED = ("degrees in utf-16", "carriage returns alone")
 READ: dict[str, Change] = {
     "semicolons": lambda text: text.replace(",", ";"),
     "tabs": tabbed,
@@ -152,6 +161,10 @@ READ: dict[str, Change] = {
     "units in round brackets": named(
         time="time (s)", link_position="link_position(rad)", motor_torque="motor_torque (N m)"
     ),
+    "a preamble": lambda text: PREAMBLE + below(UNITS)(text),
+    "units that convert": lambda text: below("us,rad,rad,N m")(rows(scaled)(text)),
+    **dict.fromkeys(IN_DEGREES, degrees),
+    "carriage returns alone": lambda text: text.replace("\n", "\r"),
     "capitals": named(time="TIME", link_position="Link_Position", motor_position="MotorPosition"),
     "blanks in names": named(link_position="Link position", motor_torque="Motor-Torque (Nm)"),
     "capitals in units": named(link_position="link_position [RAD]"),
@@ -172,40 +185,12 @@ def streamed(path: Path) -> np.ndarray:
 @pytest.mark.parametrize("name", READ)
 def test_read(tmp_path: Path, name: str) -> None:
     """Assert that log and stream hold the numbers that the text means."""
-    path = written(tmp_path, READ[name](TEXT), "latin-1" if name == "Latin-1" else "utf-8")
+    path = written(tmp_path, READ[name](TEXT), ENCODED.get(name, "utf-8"))
     log = read_log(path)
     assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
-    assert all("not used" in warning for warning in log.warnings)
-    np.testing.assert_allclose(streamed(path), np.column_stack([*COLUMNS.values()]), rtol=1e-12)
-
-
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "latin-1", "utf-16"])
-def test_encodings(encoding: str, tmp_path: Path) -> None:
-    """Assert that a ° is one in every encoding, and that carriage returns alone end lines, too."""
-    degrees = {**COLUMNS, "link_position [°]": np.degrees(COLUMNS["link_position"])}
-    del degrees["link_position"]
-    for end in ("\n", "\r"):
-        log = read_log(written(tmp_path, csv_text(degrees).replace("\n", end), encoding))
-        assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
-
-
-def test_preamble(tmp_path: Path) -> None:
-    """Assert that lines before the names are left out, and said to be; lines count as they do."""
-    text = PREAMBLE + below(UNITS)(TEXT)
-    log = read_log(written(tmp_path, text))
-    assert_equal_logs(log, read_columns(COLUMNS))
-    (warning,) = log.warnings
-    assert "lines 1 to 3 were not read, since the column names stand in line 5" in warning
-    lines = text.split("\n")
-    lines[20] = "oops" + lines[20]
-    assert "line 21, column 'time" in refused(read_log, written(tmp_path, "\n".join(lines)))
-
-
-def test_units_below_the_names(tmp_path: Path) -> None:
-    """Assert that a row of units converts."""
-    text = csv_text({**COLUMNS, "time": 1e3 * COLUMNS["time"]})
-    log = read_log(written(tmp_path, below("ms,rad,rad,N m")(text)))
-    assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
+    assert all("not used" in warning or "not read" in warning for warning in log.warnings)
+    if name not in NOT_STREAMED:
+        np.testing.assert_allclose(streamed(path), np.column_stack([*COLUMNS.values()]), rtol=1e-12)
 
 
 LAST_AS_WORD = rows(lambda line: ",".join([*line.split(",")[:-1], str(line[-1] > "5")]))
