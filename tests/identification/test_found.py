@@ -107,9 +107,6 @@ CASES = {
         {1: 12.0},
         2e-4,
     ),
-    "a ripple in two logs": Case(
-        RIPPLE, ("torque_ripple",), RIPPLED, seconds={1: 8.0, 2: 8.0}, accuracy=2e-4
-    ),
     "a bend": Case(BEND, ("bent_spring",), BENT, seconds={2: 12.0}, accuracy=1e-3),
     "a bend of the link alone": Case(
         BEND,
@@ -126,13 +123,6 @@ CASES = {
         Settings(known={"bend_stiffness": 40.0, "motor_inertia": 0.3}),
         {2: 12.0},
         1e-3,
-    ),
-    "a bend next to a preload": Case(
-        {**BEND, "link_offset": 30.0, "motor_offset": -30.0},
-        ("link_offset", "motor_offset", "bent_spring"),
-        BENT,
-        seconds={2: 8.0},
-        accuracy=0.01,
     ),
     "a ripple and a bend": Case(
         {**RIPPLE, **BEND},
@@ -165,8 +155,6 @@ THOROUGH = {
     "a ripple and a bend",
     "a spring that is asked whether it remembers",
     "a ripple that is asked for",
-    "a ripple in two logs",
-    "a bend next to a preload",
 }
 
 
