@@ -13,7 +13,6 @@ import numpy as np
 
 from flexid.arms.disturbed import resonances
 from flexid.arms.result import ArmIdentification
-from flexid.errors import SettingError
 from flexid.exports.mjcf import (
     NOTHING,
     TORQUE,
@@ -27,7 +26,7 @@ from flexid.exports.mjcf import (
     scene,
     timestep,
 )
-from flexid.exports.request import check_known
+from flexid.exports.request import check_known, impossible
 from flexid.models.planar_arm import PlanarArm, planar_arm
 
 _AXIS = "0 -1 0"  # about which x turns towards z
@@ -112,11 +111,9 @@ def _links(
         if len(found) == arm.joints:
             return found
     joint = arm.joints - len(found)
-    raise SettingError(
-        f"link_inertia_{joint}",
-        f"is {values[f'link_inertia_{joint}']:g} in this estimate, less than what the links beyond "
-        f"it weigh at their distance, which no body has: identify a log that determines it",
-    )
+    name = f"link_inertia_{joint}"
+    why = "less than what the links beyond it weigh at their distance, which no body has"
+    raise impossible(name, f"{values[name]:g}", why)
 
 
 def _bodies(
@@ -158,11 +155,8 @@ def _rotor(values: Mapping[str, float], joint: int, notes: list[str]) -> float:
     """Inertia of a rotor's body that turns with the link before it."""
     coupling, motor = values.get(f"rotor_coupling_{joint}", 0.0), values[f"motor_inertia_{joint}"]
     if motor <= 0.0:
-        raise SettingError(
-            f"motor_inertia_{joint}",
-            f"is {motor:g} in this estimate, and every inertia is positive: identify a log that "
-            f"determines it",
-        )
+        why = "and every inertia is positive"
+        raise impossible(f"motor_inertia_{joint}", f"{motor:g}", why)
     coupling = possible(coupling, f"rotor_coupling_{joint}", notes, "rotor")
     if coupling > motor:
         notes.append(
@@ -183,11 +177,8 @@ def _side(values: Mapping[str, float], side: str, joint: int, notes: list[str]) 
 def _spring(values: Mapping[str, float], joint: int, notes: list[str]) -> Spring:
     stiffness, damping = (values[f"joint_{word}_{joint}"] for word in ("stiffness", "damping"))
     if stiffness <= 0.0:
-        raise SettingError(
-            f"joint_stiffness_{joint}",
-            f"is {stiffness:g} in this estimate, and every spring's is positive: identify a log "
-            f"that determines it",
-        )
+        why = "and every spring's is positive"
+        raise impossible(f"joint_stiffness_{joint}", f"{stiffness:g}", why)
     damping = possible(damping, f"joint_damping_{joint}", notes, "tendon")
     cubic = values[f"cubic_joint_stiffness_{joint}"]
     # Where the encoders agree, the tendon's torque is the offset.

@@ -97,16 +97,20 @@ def check_known(values: Mapping[str, float]) -> None:
             )
 
 
+def impossible(name: str, value: str, why: str) -> SettingError:
+    """The error of a value that no drive has."""
+    return SettingError(
+        name, f"is {value} in this estimate, {why}: identify a log that determines it"
+    )
+
+
 def _check_possible(result: "Identification") -> None:
     from flexid.identification.vocabulary.intervals import POSITIVE
 
     for name, found in result.coefficients.items():
         if name in POSITIVE and found.value <= 0.0:
-            raise SettingError(
-                name,
-                f"is {found.value:g} {found.unit} in this estimate, and every spring and inertia "
-                "makes it positive: identify a log that determines it",
-            )
+            value = f"{found.value:g} {found.unit}"
+            raise impossible(name, value, "and every spring and inertia makes it positive")
 
 
 def _with_terms(
