@@ -187,11 +187,16 @@ def data(*recordings: Recording) -> Data:
     return data_of(JOINT, with_speeds, range(len(recordings)))
 
 
+def seen(recording: Recording, link: np.ndarray, motor: np.ndarray) -> Recording:
+    """The same with other positions, that differ by so much."""
+    positions = recording.needed_link_position + link, recording.motor_position + motor
+    return replace(recording, link_position=positions[0], motor_position=positions[1])
+
+
 def turned(recording: Recording, turns: int) -> Recording:
     """The same motion that many turns further, where gravity is the same."""
-    away = 2.0 * np.pi * turns
-    link, motor = recording.needed_link_position + away, recording.motor_position + away
-    return replace(recording, link_position=link, motor_position=motor)
+    away = np.full(len(recording), 2.0 * np.pi * turns)
+    return seen(recording, away, away)
 
 
 def posed(

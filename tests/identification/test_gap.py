@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, data, fitted, log, made, posed
+from made_joint import COEFFICIENTS, data, fitted, log, made, posed, seen
 
 import flexid.identification.structure.gap as gap
 from flexid.identification.estimation.final_fits import FinalFits
@@ -152,11 +152,7 @@ def with_large_gap(noise_of: int) -> Fitted:
     """
     recording = made(1, 10.0, half_gap=LARGE, noise=0.0)
     link, motor = 1e-4 * np.random.default_rng(noise_of).standard_normal((2, len(recording)))
-    recording = replace(
-        recording,
-        link_position=recording.needed_link_position + link,
-        motor_position=recording.motor_position + motor,
-    )
+    recording = seen(recording, link, motor)
     structure, log = posed(recording, "backlash", widths={BACKLASH_WIDTH: LARGE})
     log = replace(log, noise=np.full(2, 1e-4))
     start = {**COEFFICIENTS, "alpha_backlash": COEFFICIENTS["alpha1"] * LARGE}

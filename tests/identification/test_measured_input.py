@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made_joint import PUSHED, data, made, pushed, structure
+from made_joint import PUSHED, data, made, pushed, seen, structure
 
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.disturbed import fit_disturbed
@@ -28,11 +28,11 @@ NOISE = 2e-4  # rad, of the motor's encoder; twenty times that of the link's
 def fitted(seed: int, noise: float = NOISE) -> Fitted:
     """The link with gravity fitted to ten seconds of it, driven by a noisy motor position."""
     recording = made(seed)
-    motor = recording.motor_position + noise * np.random.default_rng(seed).standard_normal(
-        len(recording)
-    )
-    recording = replace(recording, motor_position=motor, input=None, input_unit="")
-    data = data_of(JOINT, [with_velocities(recording)], (0,))
+    count = len(recording)
+    motor = noise * np.random.default_rng(seed).standard_normal(count)
+    recording = seen(recording, np.zeros(count), motor)
+    recording = with_velocities(replace(recording, input=None, input_unit=""))
+    data = data_of(JOINT, [recording], (0,))
     return fit_to(GRAVITY, data, TRUTH, 1.0)[0]
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, JOINT, data, made, posed, structure
+from made_joint import COEFFICIENTS, JOINT, data, made, posed, seen, structure
 from made_joint import log as one_log
 
 from flexid.errors import ConvergenceError
@@ -266,12 +266,7 @@ def test_a_fall_counts_less_where_residuals_are_correlated(samples):
     exact = made(5, 6.0, held=True, noise=0.0)
     sums = np.cumsum(np.random.default_rng(12).standard_normal((2, len(exact) + samples)), axis=1)
     link, motor = 1e-4 * (sums[:, samples:] - sums[:, :-samples]) / samples**0.5
-    recording = replace(
-        exact,
-        link_position=exact.needed_link_position + link,
-        motor_position=exact.motor_position + motor,
-    )
-    log = replace(data(recording), noise=np.full(2, 1e-4))
+    log = replace(data(seen(exact, link, motor)), noise=np.full(2, 1e-4))
     base = posed_of(log)
     (fitted,) = fit_by_length(base, log, COEFFICIENTS, lengths(log)[-1:])
     assert fitted.excess == pytest.approx(1.0, abs=0.3)

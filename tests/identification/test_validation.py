@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, JOINT, NOISE, PAPER, SAMPLE_TIME, data, made
+from made_joint import COEFFICIENTS, JOINT, NOISE, PAPER, SAMPLE_TIME, data, made, seen
 
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
@@ -89,11 +89,7 @@ def test_wrong_models_predict_worse(recording):
 def test_held_out_measurements_do_not_leak(recording):
     """Assert that the prediction of the whole end does not change when its positions do."""
     late = np.arange(5000) >= START
-    spoilt = replace(
-        recording,
-        link_position=np.where(late, 7.0, recording.link_position),
-        motor_position=np.where(late, -7.0, recording.motor_position),
-    )
+    spoilt = seen(recording, 7.0 * late, -7.0 * late)
     (clean,), (other,) = (predicted(data(recording)).runs for recording in (recording, spoilt))
     assert clean.simulated == pytest.approx(other.simulated, abs=1e-12)
 
@@ -113,11 +109,8 @@ def test_rest_is_not_tested(recording):
     """Assert that a joint that stands still while it is held out gives no fit, good or bad."""
     standing = np.minimum(np.arange(5000), 2500)
     noise = NOISE * np.random.default_rng(3).standard_normal((2, 5000))
-    rested = replace(
-        recording,
-        link_position=recording.link_position[standing] + noise[0],
-        motor_position=recording.motor_position[standing] + noise[1],
-    )
-    found = predicted(data(rested))
+    link, motor = recording.needed_link_position[standing], recording.motor_position[standing]
+    still = replace(recording, link_position=link + noise[0], motor_position=motor + noise[1])
+    found = predicted(data(still))
     assert all(np.isnan(fit) for fit in found.fit_percent.values())
     assert all(np.isnan(fit) for fits in found.horizons.values() for fit in fits.values())

@@ -64,20 +64,6 @@ def blocks(text: str) -> list[Block]:
     return found
 
 
-def indented_code(text: str) -> list[int]:
-    """Return the lines at which code begins that is indented instead of fenced."""
-    found, before, blank, inside = [], "", True, False
-    for number, line in enumerate(text.splitlines(), start=1):
-        if line.startswith("```"):
-            inside = not inside
-        item = re.match(r" *([-*]|\d+\.) ", before) or before.startswith("  ")
-        if not inside and blank and line.startswith("    ") and line.strip() and not item:
-            found.append(number)
-        blank = not line.strip()
-        before = line if line.strip() else before
-    return found
-
-
 def _until(lines: enumerate[str], fence: str) -> list[str]:
     """Return the lines up to the fence that closes a block."""
     content = []

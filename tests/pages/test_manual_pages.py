@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from page_blocks import PAGES, ROOT, blocks, indented_code, page_name
+from page_blocks import PAGES, ROOT, blocks, page_name
 from run_page import run_page
 
 # Blocks that are not run, of which each says why: how many a page may have.
@@ -72,9 +72,3 @@ def test_blocks_that_are_not_run_are_counted() -> None:
         for page in PAGES
     }
     assert {page: count for page, count in left_out.items() if count} == NOT_RUN
-
-
-@pytest.mark.parametrize("page", PAGES, ids=page_name)
-def test_code_is_fenced(page: Path) -> None:
-    """Assert that no code hides from these tests by being indented."""
-    assert indented_code(page.read_text(encoding="utf-8")) == []
