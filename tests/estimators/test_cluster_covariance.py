@@ -79,22 +79,6 @@ def test_degrees_of_freedom_are_satterthwaites():
         assert freedom[c] == pytest.approx(eigenvalues.sum() ** 2 / np.sum(eigenvalues**2))
 
 
-def test_mean_of_equal_blocks():
-    """Assert the textbook: the spread of B means over B, with B - 1 degrees of freedom."""
-    sums = np.array([3.0, -1.0, 4.0, 1.0, -5.0, 2.0, -4.0])
-    count, length = len(sums), 50
-    problem = Clusters(
-        np.full((count, 1, 1), float(length)),
-        sums[:, None],
-        np.arange(count),
-        np.array([[1.0 / (count * length)]]),
-    )
-    influences, freedom = cluster_influences(problem)
-    assert freedom == pytest.approx([count - 1])
-    expected = np.var(sums / length, ddof=1) / count
-    assert np.sum(influences**2) == pytest.approx(expected)
-
-
 @pytest.mark.parametrize("seen", [(0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.0)])
 def test_what_one_block_decides_is_not_shown(seen):
     """Assert that an unknown that one block sees, or none, has no variance, and the other has."""

@@ -7,12 +7,6 @@ from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row
 from flexid.simulation.free_run import free_run
 
 
-def test_bare_joint():
-    """Assert that without terms a torque accelerates an inertia and nothing else acts."""
-    (row,) = rigid_joint(()).rows
-    assert (row.name, dict(row.regressors)) == ("rigid", {"beta1": "u"})
-
-
 def test_limit_of_the_flexible_joint():
     """Assert that a joint of great stiffness moves as the rigid joint of the summed inertias."""
     t = 2e-3 * np.arange(1000)
@@ -47,13 +41,6 @@ def test_every_term_of_the_flexible_joint_is_placed():
     """Assert that all terms map to all rigid ones but one, and those of the spring to none."""
     assert {*RIGID_TERMS} - {*rigid_terms(TERMS)} == {"viscous_asymmetry"}
     assert rigid_terms(("joint_damping", "cubic_stiffness")) == ()
-
-
-def test_known_total_inertia():
-    """Assert that a known input gain becomes a constant of the model."""
-    system = rigid_joint(("coulomb",), {"beta1": 2.0}, coulomb_velocity=0.02)
-    assert system.coefficients == ("gamma_coulomb",)
-    assert system.constants == {"beta1": 2.0, "coulomb_velocity": 0.02}
 
 
 def test_a_row_alone():
