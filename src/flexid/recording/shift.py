@@ -7,6 +7,7 @@ filter delays without attenuating anything. The one whose delay is flattest at l
 leaves white noise white.
 """
 
+from functools import lru_cache
 from math import comb
 
 import numpy as np
@@ -18,24 +19,6 @@ SETTLING = 32  # samples at the beginning that the all-pass filter spoils: its p
 _LASTING = 80  # samples, after which the response is below 1e-16
 
 
-def all_pass(fraction: float) -> FloatArray:
-    """Denominator of Thiran's all-pass filter, shape (ORDER + 1,); its numerator is the reverse.
-
-    The delay exceeds `ORDER` samples by a fraction from -0.5 to 0.5. Thiran (1971), eq. (16):
-    a_k = (-1)^k C(N, k) prod_n (D - N + n) / (D - N + k + n).
-    """
-    delay = ORDER + fraction
-    n = np.arange(ORDER + 1)
-    return np.array(
-        [
-            (-1) ** k * comb(ORDER, k) * np.prod((delay - ORDER + n) / (delay - ORDER + k + n))
-            if k
-            else 1.0
-            for k in range(ORDER + 1)
-        ]
-    )
-
-
 def later(values: FloatArray, samples: float) -> FloatArray:
     """A channel later by so many samples of either sign, shape (n,); see `spoilt`."""
     whole = round(samples)
@@ -44,13 +27,22 @@ def later(values: FloatArray, samples: float) -> FloatArray:
         return _rolled(values, whole)
     # From the channel's first value on, not from zero, so that little is left to settle.
     first = values[0]
-    delayed = first + np.convolve(values - first, _response(all_pass(fraction)))[: len(values)]
+    delayed = first + np.convolve(values - first, _response(fraction))[: len(values)]
     return _rolled(delayed, whole - ORDER)
 
 
-def _response(denominator: FloatArray) -> FloatArray:
-    """Impulse response of an all-pass filter, shape (_LASTING,); SciPy's package loads slowly."""
-    response = np.zeros(_LASTING)
+@lru_cache(maxsize=64)  # most passes over a log take the delay of the one before
+def _response(fraction: float) -> FloatArray:
+    """Impulse response of Thiran's all-pass filter, shape (_LASTING,).
+
+    Its delay exceeds `ORDER` samples by a fraction from -0.5 to 0.5; the numerator is the
+    denominator reversed. Thiran (1971), eq. (16):
+    a_k = (-1)^k C(N, k) prod_n (D - N + n) / (D - N + k + n).
+    """
+    delay, n = ORDER + fraction, np.arange(ORDER + 1)
+    products = [np.prod((delay - ORDER + n) / (delay - ORDER + k + n)) for k in n[1:]]
+    denominator = [1.0, *((-1) ** k * comb(ORDER, k) * p for k, p in enumerate(products, 1))]
+    response = np.zeros(_LASTING)  # by hand: SciPy's package loads slowly
     response[: ORDER + 1] = denominator[::-1]
     for i in range(1, _LASTING):
         back = response[max(i - ORDER, 0) : i][::-1]
