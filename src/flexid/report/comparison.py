@@ -146,13 +146,10 @@ def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:
 def _perhaps(comparison: Comparison, compared: Sequence[Difference]) -> Iterator[str]:
     perhaps = comparison.having("perhaps changed")
     if perhaps:
-        count = len(compared)
-        missed = f"With {count} intervals that hold 95 % each, one or more misses"
-        if count == 1:
-            missed = "An interval that holds 95 % misses"
         yield (
-            f"Perhaps changed: {_names(perhaps)}. {missed} by chance in up to about "
-            f"{100.0 * (1.0 - CONFIDENCE**count):.0f} % of comparisons; a third log would tell."
+            f"Perhaps changed: {_names(perhaps)}. Of {_count(compared)} one or more may differ so "
+            f"by chance, in up to about {100.0 * (1.0 - CONFIDENCE ** len(compared)):.0f} % of "
+            f"comparisons; a third log would tell."
         )
 
 
