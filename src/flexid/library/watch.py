@@ -175,9 +175,9 @@ class Watch(Answer):
         if self._follower is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
         channels = {}
-        for name in {**arrays, "time": None}:
+        for name, values in {"time": arrays["motor_position"][:0], **arrays}.items():
             origin = Origin({name: 1.0}, 1.0, 0.0, SI_UNITS[name][0], None)
-            channels[name] = Channel(arrays["motor_position"], name, True, origin)
+            channels[name] = Channel(values, name, True, origin)
         kind = wanted_kind(self._chosen, self._estimate)
         chosen = chosen_channels("feed", channels, (), kind)
         sample_time = self._chosen["sample_time"]
