@@ -2,11 +2,14 @@
 
 from functools import cache
 from math import nan
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, PAPER, data, made
 
+import flexid.identification.estimation.answers as answers
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.judgement.compliance import (
     compare_with_rigid,
@@ -73,3 +76,25 @@ def test_what_is_seen(stiffness, noise, shown, reason):
     if stiffness == STIFF:
         assert compliance.deflection_noise == pytest.approx(3e-3 * 2**0.5, rel=0.1)
         assert compliance.rigid_fit_percent["motor_position"] > 90
+
+
+def test_a_period_is_predicted_from_the_one_before(monkeypatch):
+    """Assert that what decides on a spring is a period, from a state that fits no more than one.
+
+    On a drive whose friction falls off, states of half a second predict 15 % of the deflection over
+    a period of 0.12 s, and those of a period 56 %; of two stages taken for one nothing.
+    """
+    asked = []
+
+    def predicting(_, __, ___, horizons, warm_up):
+        asked.append((*horizons, warm_up))
+        return SimpleNamespace(horizons={horizons[0]: {"deflection": 56.0}})
+
+    monkeypatch.setattr(answers, "validate", predicting)
+    whole = data(made(5, 4.0))
+    fitted: Any = SimpleNamespace(by_name={"theta2": 900.0, "alpha1": 1600.0})
+    job: Any = SimpleNamespace(whole=whole, recordings=SimpleNamespace(starts=(0,)))
+    period, share = answers._over_a_period(fitted, job)
+    assert period == pytest.approx(2.0 * np.pi / 50.0)
+    assert asked == [(period, period)]
+    assert share == 56.0

@@ -34,10 +34,13 @@ def motion_of(whole: Data, timing: Timing | None = None) -> SegmentedMotion:
     return replace(problem, weights=np.full(2, 1.0 / NOISE), substeps=2)
 
 
-def predicted(whole: Data, starts=(START,), timing: Timing | None = None, **changed) -> Validation:
+def predicted(
+    whole: Data, starts=(START,), timing: Timing | None = None, warm_up=0.5, **changed
+) -> Validation:
     """Prediction with the true coefficients, or some others."""
     values = np.array([*{**COEFFICIENTS, **changed}.values()])
-    return validate_with(JOINT, motion_of(whole, timing), values, whole.samples, starts)
+    motion = motion_of(whole, timing)
+    return validate_with(JOINT, motion, values, whole.samples, starts, warm_up=warm_up)
 
 
 def test_right_model_predicts_to_the_noise(recording):
@@ -84,6 +87,16 @@ def test_wrong_models_predict_worse(recording):
     assert link[0] > link[1] > link[2]
     fits = predicted(data(recording), (1000,), alpha2=-300.0).fit_percent
     assert all(fit < -1e3 for fit in fits.values())
+
+
+def test_the_state_of_less_time_is_nearer_to_that_of_a_wrong_model(recording):
+    """Assert that a wrong friction spoils a prediction less, the less it has to fit before it."""
+    whole = data(recording)
+    fits = [
+        predicted(whole, warm_up=warm_up, alpha2=3.0).horizons[0.2]["deflection"]
+        for warm_up in (0.2, 0.5, 1.5)
+    ]
+    assert fits[0] > fits[1] + 5.0 > fits[2] + 10.0
 
 
 def test_held_out_measurements_do_not_leak(recording):

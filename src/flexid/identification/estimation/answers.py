@@ -196,12 +196,16 @@ def weak_spring(what: str, period: str, share: str, otherwise: str = "") -> Caut
 
 
 def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
-    """Period of the resonance in s, and per cent of the deflection that is predicted over it."""
+    """Period of the resonance in s, and per cent of the deflection that is predicted over it.
+
+    It begins from the state that fits the period before: what acts besides the spring shifts a
+    state that has to fit many.
+    """
     springs = [abs(fitted.by_name.get(name, 0.0)) for name in ("theta2", "alpha1")]
     period = 2.0 * np.pi / np.sqrt(max(sum(springs), np.finfo(float).tiny))
     whole, starts = job.whole, job.recordings.starts
     period = float(np.clip(period, 5.0 * whole.samples[0].sample_time, 0.1 * whole.duration))
-    found = validate(fitted, whole, starts, horizons=(period,)).horizons
+    found = validate(fitted, whole, starts, horizons=(period,), warm_up=period).horizons
     return period, found[period].get("deflection", np.nan) if found else np.nan
 
 

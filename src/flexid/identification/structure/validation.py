@@ -1,8 +1,8 @@
 """How well the model alone predicts a stretch that was kept out of the fit, and for how long.
 
-The state at the start of a prediction is taken from the half second of data before it: the model is
-fitted to that with its initial states as the only unknowns, or an observer follows it; and the
-model runs on from there. Nothing of the stretch itself but the input is used.
+The state at the start of a prediction is taken from the data before it, half a second unless told
+otherwise: the model is fitted to that with its initial states as the only unknowns, or an observer
+follows it; and the model runs on from there. Nothing of the stretch itself but the input is used.
 """
 
 from collections.abc import Callable, Sequence
@@ -82,6 +82,7 @@ def validate(
     starts: Sequence[int],
     horizons: Sequence[float] = HORIZONS,
     follow: Follower | None = None,
+    warm_up: float = _WARM_UP,  # s
 ) -> Validation:
     """Predict the held-out end of each recording.
 
@@ -89,7 +90,8 @@ def validate(
     hardly moves in the held-out stretches, where a fit would test nothing.
     """
     joint, problem = fitted.structure.joint, fitted.problem
-    return validate_with(joint, problem, fitted.values, data.samples, starts, horizons, follow)
+    rest = (data.samples, starts, horizons, follow, warm_up)
+    return validate_with(joint, problem, fitted.values, *rest)
 
 
 def validate_with(
@@ -100,6 +102,7 @@ def validate_with(
     starts: Sequence[int],
     horizons: Sequence[float] = HORIZONS,
     follow: Follower | None = None,
+    warm_up: float = _WARM_UP,  # s
 ) -> Validation:
     """Predict the held-out end of each recording with given values, wherever they come from.
 
@@ -109,16 +112,17 @@ def validate_with(
     """
     spreads = _spreads(joint, samples, starts)
     ends = [[start] for start in starts]
-    runs = _predictions(joint, problem, values, samples, ends, np.inf, from_fitted_states)
+    rest = (joint, problem, values, samples)
+    runs = _predictions(*rest, ends, np.inf, warm_up, from_fitted_states)
     fits = {}
     for horizon in horizons:
         origins = [
-            _origins(len(recording), start, recording.sample_time, horizon)
+            _origins(len(recording), start, recording.sample_time, horizon, warm_up)
             for recording, start in zip(samples, starts, strict=True)
         ]
         if all(origins):
-            begin = follow if follow and horizon <= _WARM_UP else from_fitted_states
-            predicted = _predictions(joint, problem, values, samples, origins, horizon, begin)
+            begin = follow if follow and horizon <= warm_up else from_fitted_states
+            predicted = _predictions(*rest, origins, horizon, warm_up, begin)
             fits[horizon] = percent_explained(joint, predicted, spreads)
     return Validation(percent_explained(joint, runs, spreads), tuple(runs), fits)
 
@@ -131,16 +135,18 @@ def misprediction(validation: Validation) -> float:
     return float(np.mean(np.log(np.clip(errors, _SMALLEST, _LARGEST)))) if len(errors) else 0.0
 
 
-def _origins(length: int, start: int, sample_time: float, horizon: float) -> list[int]:
+def _origins(
+    length: int, start: int, sample_time: float, horizon: float, warm_up: float
+) -> list[int]:
     """First samples of predictions that end before the next one needs its data."""
     span = round(horizon / sample_time)
     # Windows that are fitted to must not overlap with what another one predicts.
-    pitch = span + _warm_up(sample_time)
+    pitch = span + _samples_of(warm_up, sample_time)
     return list(range(start, length - span, pitch))
 
 
-def _warm_up(sample_time: float) -> int:
-    return max(FEWEST_SAMPLES, round(_WARM_UP / sample_time))
+def _samples_of(warm_up: float, sample_time: float) -> int:
+    return max(FEWEST_SAMPLES, round(warm_up / sample_time))
 
 
 def _predictions(
@@ -150,6 +156,7 @@ def _predictions(
     recordings: Sequence[Samples],
     origins: Sequence[Sequence[int]],
     horizon: float,
+    warm_up: float,
     follow: Follower,
 ) -> list[FreeRun]:
     """Predicted motion from each origin on, for a horizon in s or to the end of its recording."""
@@ -159,7 +166,7 @@ def _predictions(
     for recording, (samples, own) in enumerate(zip(recordings, origins, strict=True)):
         offset = int(whole.recording_starts[recording])
         for origin in own:
-            first = max(0, origin - _warm_up(samples.sample_time))
+            first = max(0, origin - _samples_of(warm_up, samples.sample_time))
             last = len(samples)
             if np.isfinite(horizon):
                 last = min(last, origin + round(horizon / samples.sample_time))
