@@ -284,53 +284,44 @@ def covariance_of(influences: FloatArray, unknown: NDArray[np.bool_]) -> FloatAr
     return covariance
 
 
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """Normal equations that an online estimator has kept, block by block."""
+def kept_covariance(
+    equations: tuple[FloatArray, FloatArray],  # σ r rᵀ (n_blocks, n_rows, k, k), σ r y (..., k)
+    lengths: FloatArray,  # (n_blocks,): samples in each block
+    weights: FloatArray,  # (n_blocks,): weight of each block, 1 if nothing is forgotten
+    rows: Sequence[slice],  # of the values; a row may have fewer than k
+    values: FloatArray,  # (n_coefficients,)
+) -> tuple[FloatArray, FloatArray]:
+    """Covariance of an estimate from normal equations that were kept block by block.
 
-    lengths: FloatArray  # (n_blocks,): samples in each block
-    weights: FloatArray  # (n_blocks,): weight of each block, 1 if nothing is forgotten
-    # (n_blocks, n_rows, k, k): σ r rᵀ of every row, which may have fewer than k coefficients
-    matrices: FloatArray
-    vectors: FloatArray  # (n_blocks, n_rows, k): σ r y
+    And degrees of freedom for Student's t, 0 where unknown. Infinite variance where there are no
+    more blocks than coefficients, or where the data leave a coefficient open.
+    """
+    count = len(weights)
+    influences = np.zeros((len(values), count))
+    freedom = np.zeros(len(values))
+    for place, part in enumerate(rows):
+        k = part.stop - part.start
+        if count <= k:
+            continue
+        matrices, vectors = equations[0][:, place, :k, :k], equations[1][:, place, :k]
+        normal = weights[:, None, None] * matrices
+        scores = weights[:, None] * (vectors - matrices @ values[part])
+        total = normal.sum(axis=0)
+        inverse, free = scaled_inverse(total, np.sqrt(np.diag(total)))
+        try:
+            clusters = Clusters(normal, scores, np.arange(count), inverse)
+            influences[part], degrees = cluster_influences(clusters)
+        except np.linalg.LinAlgError:  # of numbers that no drive has
+            continue
+        freedom[part] = np.where(free, 0.0, degrees * _fading(weights, lengths))
+    return covariance_of(influences, freedom == 0.0), freedom
 
-    @property
-    def fading(self) -> float:
-        """Degrees of freedom in fading weights over those in weights of blocks that count alike.
 
-        A block of weight w adds w² to the variance but w to the information; blocks whose weights
-        fade like an exponential tell half as much of the spread as the information suggests.
-        """
-        w, n = self.weights, self.lengths
-        alike = np.sum(w * n) ** 2 / np.sum(w**2 * n**2)
-        return float(np.sum(w**2 * n) ** 2 / np.sum(w**4 * n**2) / alike)
+def _fading(w: FloatArray, n: FloatArray) -> float:
+    """Degrees of freedom in fading weights over those in weights of blocks that count alike.
 
-    def covariance(
-        self,
-        rows: Sequence[slice],
-        values: FloatArray,  # (n_coefficients,)
-    ) -> tuple[FloatArray, FloatArray]:
-        """Covariance of an estimate, and degrees of freedom for Student's t, 0 where unknown.
-
-        Infinite variance where there are no more blocks than coefficients, or where the data leave
-        a coefficient open.
-        """
-        count = len(self.weights)
-        influences = np.zeros((len(values), count))
-        freedom = np.zeros(len(values))
-        for place, part in enumerate(rows):
-            k = part.stop - part.start
-            if count <= k:
-                continue
-            matrices, vectors = self.matrices[:, place, :k, :k], self.vectors[:, place, :k]
-            normal = self.weights[:, None, None] * matrices
-            scores = self.weights[:, None] * (vectors - matrices @ values[part])
-            total = normal.sum(axis=0)
-            inverse, free = scaled_inverse(total, np.sqrt(np.diag(total)))
-            try:
-                clusters = Clusters(normal, scores, np.arange(count), inverse)
-                influences[part], degrees = cluster_influences(clusters)
-            except np.linalg.LinAlgError:  # of numbers that no drive has
-                continue
-            freedom[part] = np.where(free, 0.0, degrees * self.fading)
-        return covariance_of(influences, freedom == 0.0), freedom
+    A block of weight w adds w² to the variance but w to the information; blocks whose weights fade
+    like an exponential tell half as much of the spread as the information suggests.
+    """
+    alike = np.sum(w * n) ** 2 / np.sum(w**2 * n**2)
+    return float(np.sum(w**2 * n) ** 2 / np.sum(w**4 * n**2) / alike)

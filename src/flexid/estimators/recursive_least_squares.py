@@ -17,7 +17,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.cluster_covariance import Blocks
+from flexid.estimators.cluster_covariance import kept_covariance
 from flexid.estimators.online import OnlineEstimator, checked_sample_time, fading_factor
 from flexid.estimators.state_variable_filter import signals
 from flexid.kernels.store import load_kernel
@@ -97,9 +97,9 @@ class RecursiveLeastSquares(OnlineEstimator):
             stored = np.append(stored, state[at.own : at.ends])
             ends, lengths = np.append(ends, clock), np.append(lengths, span)
         weights = self.fading ** (clock - ends)
-        blocks = Blocks(lengths, weights, *self._equations(stored))
         rows = [part for _, part in self.system.row_slices()]
-        return blocks.covariance(rows, self.coefficients(state))
+        values = self.coefficients(state)
+        return kept_covariance(self._equations(stored), lengths, weights, rows, values)
 
     def information(self, state: FloatArray) -> list[FloatArray]:
         """Σ r rᵀ of each row, faded: what its singular values say of excitation, see (A4)."""
