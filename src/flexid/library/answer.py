@@ -78,18 +78,14 @@ class Answer:
         """Everything but the time series; numbers that JSON does not have may be in it."""
         return self._presenter.document(*self._shown)
 
-    def _charts(self) -> Sequence[Chart]:
-        """Figures, the most important one first."""
-        return self._presenter.charts(*self._shown)
-
     def _page(self, command: str = "") -> Page:
         """A page to send; `command` repeats the answer."""
         return self._presenter.page(self._shown, self._drawn, self.warnings, command)
 
     @cached_property
     def _drawn(self) -> Sequence[Chart]:
-        """The figures, made once for files, page and notebook."""
-        return self._charts()
+        """The figures, the most important one first; made once for files, page and notebook."""
+        return self._presenter.charts(*self._shown)
 
     @property
     def warnings(self) -> tuple[str, ...]:
