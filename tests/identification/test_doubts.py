@@ -84,6 +84,8 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (play, {}, {}),
     (noise_of_the_input, {"by_noise": NOISE}, dict.fromkeys(("alpha1", "beta1"), 0.1 / 3.0**0.5)),
     (noise_of_the_input, {}, {}),
+    # What the log itself says of a lag stands for what may be lost to one at the resonance.
+    (lag, {"by_lag": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
     # A term that moves its balance less is doubted more, and friction most.
     (
         looks_like_a_term,

@@ -1,21 +1,22 @@
-"""What noise of the motor's encoder does to the link that it drives."""
+"""What noise and lag of a measured input do to what it drives."""
 
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from made_joint import PUSHED, data, made, pushed, seen, structure
+from made_joint import COEFFICIENTS, PAPER, PUSHED, SAMPLE_TIME, data, made, pushed, seen, structure
 
-from flexid.estimators.channel_timing import Timing
+from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.disturbed import fit_disturbed
-from flexid.identification.estimation.measured_input import input_noise, pulled
+from flexid.identification.estimation.measured_input import input_noise, lagged, pulled
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.preparation.joint import link
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.recording.recording import Recording
 from flexid.recording.velocities import with_velocities
 
 JOINT = link()
@@ -92,3 +93,44 @@ def test_a_noisy_torque_takes_the_gain_for_too_small(seed):
 def test_what_is_no_noise_of_a_torque_pulls_nothing(noise, push):
     """Assert that neither a push of the motor nor a noise that few samples show moves a gain."""
     assert abs(gain(1, noise, push)[1]) < 1e-3
+
+
+def late(recording: Recording) -> Fitted:
+    """The joint of a recording, with a delay of its input."""
+    sought = replace(PAPER, timing=Timing("cubic", sought=(INPUT,)))
+    return fit_to(sought, data(recording), {**COEFFICIENTS, INPUT: 1e-3}, 1.0)[0]
+
+
+@cache
+def behind_a_lag(noise: float) -> Fitted:
+    """The same where the torque lags by 6 ms behind its record."""
+    recording = made(1, noise=noise)
+    torque = recording.needed_input
+    ahead = torque + 6e-3 * np.gradient(torque, SAMPLE_TIME)
+    return late(replace(recording, input=ahead))
+
+
+@pytest.mark.parametrize(
+    ("noise", "share"),
+    [
+        (3e-4, 1.0),  # the log says that it is a lag
+        (3e-2, 3.0**-0.5),  # it does not say
+    ],
+)
+def test_a_lag_in_a_delays_place_has_the_error_that_it_makes(noise, share):
+    """Assert the error of the motor's gain, 0.4 % of it, and that the delay has none."""
+    place = behind_a_lag(3e-4).names.index("beta1")
+    error = COEFFICIENTS["beta1"] - behind_a_lag(3e-4).values[place]
+    found = lagged(behind_a_lag(noise))
+    assert found[place] == pytest.approx(share * error, rel=0.1)
+    assert found[-1] == 0.0
+
+
+def test_a_delay_is_no_lag():
+    """Assert that a log which says so has no such error, nor one without a delay."""
+    assert not lagged(late(made(1, input_delay=3e-3))).any()
+    recording = made(1)
+    torque, times = recording.needed_input, recording.sample_time * np.arange(len(recording))
+    early = late(replace(recording, input=np.interp(times - 3e-3, times, torque)))
+    assert early.by_name[INPUT] < 0.0
+    assert not lagged(early).any()

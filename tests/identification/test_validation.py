@@ -1,6 +1,8 @@
 """Predictions of held-out data, against made logs whose noise and model are known."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.identification.full_model.model import Data
-from flexid.identification.structure.validation import validate_with
+from flexid.identification.structure.validation import following_states, validate_with
 from flexid.identification.vocabulary.evidence import Validation
 
 CHANNELS = ("link_position", "motor_position", "deflection")
@@ -97,6 +99,34 @@ def test_the_state_of_less_time_is_nearer_to_that_of_a_wrong_model(recording):
         for warm_up in (0.2, 0.5, 1.5)
     ]
     assert fits[0] > fits[1] + 5.0 > fits[2] + 10.0
+
+
+@dataclass
+class Bent:
+    """Two windows of a state each: one leaves x - 3, one atan(x), whose first step overshoots."""
+
+    segments: Any
+    first_blocks = np.arange(3)
+    start_states = np.array([[0.0], [2.0]])
+
+    def equations(self, point: Any, _: str) -> Any:
+        """Sums of squares at a point."""
+        (line,), (bent,) = point.initial_states
+        left = np.array([line - 3.0, np.arctan(bent)])
+        slope = np.array([1.0, 1.0 / (1.0 + bent**2)])
+        return SimpleNamespace(
+            normal=(slope**2)[:, None, None],
+            gradient=-(slope * left)[:, None],
+            costs=left**2,
+            diverged=np.zeros(2, dtype=np.bool_),
+        )
+
+
+def test_one_window_keeps_no_other_back():
+    """Assert that each finds its own state, though one of them needs shorter steps."""
+    model: Any = Bent(range(2))
+    states = following_states(model, np.zeros(0), model.segments)
+    assert states[:, 0] == pytest.approx([3.0, 0.0], abs=1e-3)
 
 
 def test_held_out_measurements_do_not_leak(recording):

@@ -215,9 +215,11 @@ def run_of(
     table: FloatArray,  # (n, …), as `split_columns` takes it
     settings: dict[str, Any],
     statistics: dict[str, int],
+    *,
+    sensed: bool = False,
 ) -> Run:
-    """The run that a kernel has written into a table."""
-    *columns, tracking, measured = split_columns(kernel, table)
+    """The run that a kernel has written into a table, the states as sensors saw them last if so."""
+    *columns, tracking, rest = split_columns(kernel, table)
     return Run(
         loop,
         grid.times,
@@ -225,7 +227,7 @@ def run_of(
         tracking_error=tracking[:, 0],
         settings=settings | {"version": flexid.__version__},
         statistics=statistics,
-        measured=measured if measured.size else None,
+        measured=rest if sensed else None,
     )
 
 

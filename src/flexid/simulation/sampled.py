@@ -129,7 +129,8 @@ def simulate_sampled(loop: ClosedLoop, duration: float, sampling: Sampling | Non
             (end.samples - 1) * sampling.sample_time,
         )
     settings = {"task": "sampled", "duration": duration, **asdict(sampling)}
-    return run_of(loop, kernel, grid, record, settings, {"limited_samples": end.limited})
+    limited = {"limited_samples": end.limited}
+    return run_of(loop, kernel, grid, record, settings, limited, sensed=True)
 
 
 class SampledEnd(NamedTuple):

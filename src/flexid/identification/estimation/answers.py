@@ -35,6 +35,7 @@ from flexid.identification.estimation.final_fits import (
     hidden_covariance,
     with_doubts,
 )
+from flexid.identification.estimation.measured_input import lagged
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     may_stand,
@@ -132,7 +133,7 @@ def _exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer:
     job.progress("what the model does without")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
-    doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
+    doubted = Doubted(fits.reported, {}, {}, job.input_unit, None, by_lag=lagged(fits.reported))
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
     estimate, widest = widened(estimate, errors)
     return Answer(fits, validation, estimate, widest=widest)

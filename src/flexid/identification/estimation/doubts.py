@@ -59,6 +59,7 @@ class Doubted:
     by_gauge: FloatArray | None
     by_noise: FloatArray | None = None  # (k,): by how much more noise of the input changes them
     by_play: float = 0.0  # share by which the spring is stiffer if it has play in place of curving
+    by_lag: FloatArray | None = None  # (k,): the same of a lag, as the log says
 
     @property
     def longest_lag(self) -> float:
@@ -153,6 +154,8 @@ def lag(doubted: Doubted) -> FloatArray:
     At the resonance ω a lag τ passes 1 / sqrt(1 + (ω τ)²), a delay all. Of every two delays one is
     a delay; how much of the other is a lag is anything between none and all.
     """
+    if doubted.by_lag is not None:
+        return doubted.by_lag[:, None]
     values = doubted.fitted.by_name
     resonance_square = sum(abs(values.get(name, 0.0)) for name in _SPRINGS)
     mean_square = 0.5 * 0.2  # of (τ / delay)², half of which are 0
@@ -231,10 +234,10 @@ DOUBTS: Mapping[Doubt, str] = {
 }
 """Of a fit with disturbances, and what is said where one makes most of an interval."""
 
-OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart,)
-"""Of an exact fit, in which gravity makes up for a scale that is wrong by little."""
+OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, lag)
+"""Of an exact fit: gravity makes up for a scale that is wrong by little, a delay for a lag."""
 
-OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, lag, dead_zone)
+OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, dead_zone)
 """Of an exact fit of a voltage: an amplifier's errors hide in the noise of two encoders."""
 
 

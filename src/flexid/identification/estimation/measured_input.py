@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.samples import Samples
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import PER_PERIOD, thinned_samples
 from flexid.identification.estimation.model_error import model_error, widened
 from flexid.identification.full_model.model import Fitted, once_per_fit
+from flexid.identification.structure.gap import CHANCE
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -26,6 +28,7 @@ _DRAWS = 16
 _PAIRS = 2  # of noise and its opposite
 _SPREAD = 3.0  # standard deviations of what the noise of one log may do
 _SEED = 20031
+_TIME_CONSTANTS = 8.0  # over which a lag forgets
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +85,40 @@ def pulled(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: in
         draw = np.concatenate(inputs)
         steps += [_with_more(fitted, draw)[1], _with_more(fitted, -draw)[1]]
     return np.mean(steps, axis=0) if steps else np.zeros(len(fitted.names))
+
+
+def lagged(fitted: Fitted) -> FloatArray:
+    """Error of each value, shape (k,), where the input's delay may be a first-order lag.
+
+    There is none where the log says that it is a delay, or has none.
+    """
+    delay = fitted.by_name.get(INPUT, 0.0)
+    if delay <= 0.0:
+        return np.zeros(len(fitted.names))
+    problem, minimum = fitted.problem, fitted.minimum
+    inputs = problem.segments.inputs.copy()
+    bounds = problem.segments.recording_starts
+    for samples, first, last in zip(fitted.data.samples, bounds[:-1], bounds[1:], strict=True):
+        inputs[first:last, 0] = _low_passed(inputs[first:last, 0], delay / samples.sample_time)
+    own = np.array([name == INPUT for name in fitted.names])
+    point = replace(minimum.point, values=np.where(own, 0.0, minimum.point.values))
+    late = replace(problem, segments=replace(problem.segments, inputs=inputs))
+    equations = late.equations(point)
+    step = late.solve(equations) if np.isfinite(equations.cost) else None
+    chance = CHANCE * max(fitted.excess, 1.0)
+    best = minimum.equations.cost
+    if step is None or equations.cost - step.decrement > best + chance:
+        return np.zeros(len(fitted.names))
+    # Where the log does not say, anything between none and all of it is a lag.
+    share = 1.0 if equations.cost - step.decrement < best - chance else 1.0 / np.sqrt(3.0)
+    return share * np.where(own, 0.0, step.values_step - minimum.reduced.values_step)
+
+
+def _low_passed(signal: FloatArray, time_constant: float) -> FloatArray:
+    """A signal behind a first-order lag, of a time constant in samples; it rested before."""
+    count = min(len(signal), int(_TIME_CONSTANTS * time_constant) + 2)
+    kernel = np.exp(-np.arange(count) / time_constant)
+    return signal[0] + np.convolve(signal - signal[0], kernel / kernel.sum())[: len(signal)]
 
 
 def _sensor_noise(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> float:

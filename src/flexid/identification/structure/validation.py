@@ -38,20 +38,24 @@ def following_states(
     problem = replace(model, segments=windows)
     states = problem.start_states
     equations = problem.equations(Point(values, states), "states")
+    firsts = problem.first_blocks[:-1]
+    share = np.ones((len(windows), 1))  # of a step, that is taken
     for _ in range(_MOST_STEPS):
-        firsts = problem.first_blocks[:-1]
         normal = np.add.reduceat(equations.normal, firsts, axis=0)
         gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
         scale = np.sqrt(np.einsum("sii->si", normal))
         scale = np.where(scale > 0.0, scale, 1.0)
         inverse = pseudo_inverse(normal / (scale[:, :, None] * scale[:, None, :]), _NULL)
         step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
-        if np.sum(step * gradient) <= _CONVERGED * equations.cost:
+        runs = ~equations.diverged
+        if np.sum((step * gradient)[runs]) <= _CONVERGED * np.sum(equations.costs[runs]):
             return states + step
-        trial = problem.equations(Point(values, states + step), "states")
-        if not trial.cost < equations.cost:
-            break
-        states, equations = states + step, trial
+        trial = problem.equations(Point(values, states + share * step), "states")
+        # One that a step leads astray, where a side sticks or is jolted, keeps no other back.
+        better = (trial.costs < equations.costs)[:, None]
+        states = np.where(better, states + share * step, states)
+        share = np.where(better, 1.0, 0.5 * share)
+        equations = trial if better.all() else problem.equations(Point(values, states), "states")
     return states
 
 
