@@ -77,10 +77,10 @@ class Visitor:
         urlopen(Request(url, log.read_bytes(), headers), timeout=PATIENCE).close()
 
     def answer_time(self) -> float:
-        """Seconds until a changed setting stands in the address."""
+        """Seconds until a setting that is none is refused."""
         begun = time.monotonic()
-        self.ask("columns", values={"model": "link"})
-        self.wait(lambda message: message["kind"] == "address")
+        self.ask("settings", values={"model": "none"})
+        self.wait(lambda message: message.get("place") == "check-charts", problems=True)
         return time.monotonic() - begun
 
     def play_time(self, values: dict[str, str]) -> float:
