@@ -115,7 +115,7 @@ def _observed(
                 compiled.append(time.thread_time() - start)
                 return result
 
-            kernel.integrate = timed  # type: ignore[attr-defined]
+            kernel.integrate = timed  # type: ignore[attr-defined] - a kernel is a module
         return kernel
 
     return loader

@@ -135,7 +135,7 @@ def export(to: str, sample_time: float, folder: str) -> str:
     place = Path(folder)
     options = {"sample_time": sample_time} if to in ("c99", "fmu") else {}
     with tempfile.TemporaryDirectory(dir=place) as made:
-        written = write(place / ESTIMATE, to=to, out=made, **options)  # type: ignore[arg-type]
+        written = write(place / ESTIMATE, to=to, out=made, **options)  # type: ignore[arg-type] - one of EXPORTS
         archive = place / f"{to}.zip"
         with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
             for path in written.paths:

@@ -43,10 +43,7 @@ from flexid.identification.full_model.fits_by_length import (
 )
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
-from flexid.identification.structure.elimination import (
-    Choice,
-    core_deviations,
-)
+from flexid.identification.structure.elimination import Choice, core_deviations
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
 from flexid.identification.structure.link_delay import skew
 from flexid.identification.structure.validation import validate

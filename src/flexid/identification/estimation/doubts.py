@@ -59,7 +59,7 @@ class Doubted:
     by_gauge: FloatArray | None
     by_noise: FloatArray | None = None  # (k,): by how much more noise of the input changes them
     by_play: float = 0.0  # share by which the spring is stiffer if it has play in place of curving
-    by_lag: FloatArray | None = None  # (k,): the same of a lag, as the log says
+    by_lag: FloatArray | None = None  # (k,): error where the delay may be a lag
 
     @property
     def longest_lag(self) -> float:

@@ -59,12 +59,22 @@ def input_noise(fitted: Fitted) -> InputNoise:
 
 def _with_more(fitted: Fitted, noise: FloatArray) -> tuple[float, FloatArray]:
     """How the cost of the best values, and these, shape (k,), change with an input's noise."""
+    return _under(fitted, fitted.problem.segments.inputs[:, 0] + noise, fitted.values)
+
+
+def _under(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[float, FloatArray]:
+    """How the best cost and a step's values, shape (k,), differ under another first input.
+
+    The step is that from some values.
+    """
     problem, minimum = fitted.problem, fitted.minimum
     inputs = problem.segments.inputs.copy()
-    inputs[:, 0] += noise
-    disturbed = replace(problem, segments=replace(problem.segments, inputs=inputs))
-    equations = disturbed.equations(minimum.point)
-    step = disturbed.solve(equations)
+    inputs[:, 0] = signal
+    driven = replace(problem, segments=replace(problem.segments, inputs=inputs))
+    equations = driven.equations(replace(minimum.point, values=values))
+    if not np.isfinite(equations.cost):
+        return np.inf, np.zeros(len(values))
+    step = driven.solve(equations)
     cost = equations.cost - step.decrement - minimum.equations.cost
     return cost, step.values_step - minimum.reduced.values_step
 
@@ -95,23 +105,18 @@ def lagged(fitted: Fitted) -> FloatArray:
     delay = fitted.by_name.get(INPUT, 0.0)
     if delay <= 0.0:
         return np.zeros(len(fitted.names))
-    problem, minimum = fitted.problem, fitted.minimum
-    inputs = problem.segments.inputs.copy()
-    bounds = problem.segments.recording_starts
+    signal = fitted.problem.segments.inputs[:, 0].copy()
+    bounds = fitted.problem.segments.recording_starts
     for samples, first, last in zip(fitted.data.samples, bounds[:-1], bounds[1:], strict=True):
-        inputs[first:last, 0] = _low_passed(inputs[first:last, 0], delay / samples.sample_time)
+        signal[first:last] = _low_passed(signal[first:last], delay / samples.sample_time)
     own = np.array([name == INPUT for name in fitted.names])
-    point = replace(minimum.point, values=np.where(own, 0.0, minimum.point.values))
-    late = replace(problem, segments=replace(problem.segments, inputs=inputs))
-    equations = late.equations(point)
-    step = late.solve(equations) if np.isfinite(equations.cost) else None
+    more, change = _under(fitted, signal, np.where(own, 0.0, fitted.values))
     chance = CHANCE * max(fitted.excess, 1.0)
-    best = minimum.equations.cost
-    if step is None or equations.cost - step.decrement > best + chance:
-        return np.zeros(len(fitted.names))
+    if more > chance:
+        return np.zeros(len(own))
     # Where the log does not say, anything between none and all of it is a lag.
-    share = 1.0 if equations.cost - step.decrement < best - chance else 1.0 / np.sqrt(3.0)
-    return share * np.where(own, 0.0, step.values_step - minimum.reduced.values_step)
+    share = 1.0 if more < -chance else 1.0 / np.sqrt(3.0)
+    return share * np.where(own, 0.0, change)
 
 
 def _low_passed(signal: FloatArray, time_constant: float) -> FloatArray:
