@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -101,25 +101,24 @@ def layout_of(file: str, text: bytes) -> Layout:
     The header is the line of names above the first two rows of numbers with as many cells, or
     above a row of units above them; lines before it are a preamble.
     """
-    lines = _head(file, text)
+    lines, row = _to_first_row(file, text)
     plain = [line for line in lines if not line.is_comment]
     if not plain:
         raise RecordingError(
             file, "line 1", "there is nothing but comments: write the column names below them"
         )
-    found = _first_row(plain)
-    if found is None:  # no row of numbers: the first line is taken for the header, and rows follow
+    if row is None:  # no row of numbers: the first line is taken for the header, and rows follow
         header = plain[0]
         after = (header.number + 1, header.end)
         return _layout(lines, header, None, header_separator(header.text), after)
-    first, separator, width = found
+    *above, first = lines
+    separator, width = row
     if not split(first.text, separator)[-1]:
-        lines = [_ended(line, separator, width) for line in lines]
-    lines = [_without_remarks(line, separator, width) for line in lines]
-    plain = [line for line in lines if not line.is_comment]
-    header, units = _above(lines[: lines.index(first)], first, separator, width)
-    below = [line for line in plain if line.number > header.number and line is not units]
-    below = [line for line in below if not line.label(separator)]
+        above = [_ended(line, separator, width) for line in above]
+    above = [_without_remarks(line, separator, width) for line in above]
+    header, units = _above(above, first, separator, width)
+    below = [line for line in (*above, first) if line.number > header.number and line is not units]
+    below = [line for line in below if not (line.is_comment or line.label(separator))]
     if len(header.cells(separator)) == width:
         # A row before the first may have another length, and is refused later.
         below = [line for line in below if _is_row(split(line.text, separator))]
@@ -188,13 +187,44 @@ def _check_quotes(header: _Line) -> None:
         )
 
 
-def _head(file: str, text: bytes) -> list[_Line]:
+def _to_first_row(file: str, text: bytes) -> tuple[list[_Line], tuple[str, int] | None]:
+    """Lines up to the first row of numbers that others follow, its separator and how many cells.
+
+    Without such a row these are all that may stand before one.
+    """
+    ahead = _head(file, text)
+    lines: list[_Line] = []
+    waiting: list[_Line] = []  # that may be a row, or follow one
+    while True:
+        while len(waiting) <= _MORE_ROWS and (line := next(ahead, None)) is not None:
+            lines.append(line)
+            waiting += [] if line.is_comment else [line]
+        if not waiting:
+            return lines, None
+        first, *waiting = waiting
+        row = _row_of(first, waiting)
+        if row is not None:
+            return [line for line in lines if line.number <= first.number], row
+
+
+def _row_of(first: _Line, following: list[_Line]) -> tuple[str, int] | None:
+    """Separator and number of cells of a row of numbers that lines follow which are rows, too."""
+    for separator in (*SEPARATORS, BLANK):
+        cells = split(first.text, separator)
+        if not _is_row(cells, all_of_them=separator == BLANK):
+            continue
+        others = [split(other.text, separator) for other in following]
+        if all(len(other) == len(cells) and _is_row(other) for other in others):
+            return separator, len(cells)
+    return None
+
+
+def _head(file: str, text: bytes) -> Iterator[_Line]:
     """The first lines that are not blank."""
-    lines = []
     position = 0
     for number in range(1, LONGEST_PREAMBLE + 3):
         if position >= min(len(text), LONGEST_LINE):
-            break
+            return
         end = text.find(b"\n", position, position + LONGEST_LINE + 1) + 1
         if end == 0:
             end = len(text)
@@ -203,24 +233,8 @@ def _head(file: str, text: bytes) -> list[_Line]:
             raise RecordingError(file, f"line {number}", reason)
         line = text[position:end].decode("utf-8", errors="replace").rstrip("\r\n")
         if line.strip():
-            lines.append(_Line(file, number, position, end, line))
+            yield _Line(file, number, position, end, line)
         position = end
-    return lines
-
-
-def _first_row(plain: list[_Line]) -> tuple[_Line, str, int] | None:
-    """The first row of numbers that another follows, with its separator and how many cells."""
-    for index, line in enumerate(plain):
-        for separator in (*SEPARATORS, BLANK):
-            cells = split(line.text, separator)
-            if not _is_row(cells, all_of_them=separator == BLANK):
-                continue
-            following = plain[index + 1 : index + 1 + _MORE_ROWS]
-            if all(len(split(other.text, separator)) == len(cells) for other in following) and all(
-                _is_row(split(other.text, separator)) for other in following
-            ):
-                return line, separator, len(cells)
-    return None
 
 
 def _is_row(cells: list[str], *, all_of_them: bool = False) -> bool:
