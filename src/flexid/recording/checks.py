@@ -1,7 +1,6 @@
 """Does a log make sense as that of a flexible joint? One small function per check."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -310,11 +309,12 @@ def _of_one(name: str, sensors: Mapping[str, _Position]) -> Iterator[Stretch]:
 
 def _unchanging(channels: Sequence[FloatArray]) -> Iterator[Stretch]:
     """Stretches of some length in which no channel changes."""
-    changes = np.any([values[1:] != values[:-1] for values in channels], axis=0)
+    changes = np.zeros(len(channels[0]) - 1, dtype=np.bool_)
+    for values in channels:
+        changes |= values[1:] != values[:-1]
     edges = np.concatenate(([0], np.flatnonzero(changes) + 1, [len(changes) + 1]))
-    for start, stop in pairwise(edges.tolist()):
-        if stop - start >= _FEWEST:
-            yield start, stop
+    for place in np.flatnonzero(np.diff(edges) >= _FEWEST):
+        yield int(edges[place]), int(edges[place + 1])
 
 
 def _jumps(position: _Position, last: int) -> bool:

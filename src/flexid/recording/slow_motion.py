@@ -111,25 +111,23 @@ def input_lateness(recording: Recording) -> float:
     inside = slice(reach, len(motor) - reach)
     moved, bent = motor[inside], (link - motor)[inside]
     balance = [smoothed(moved, 2), smoothed(moved, 1), smoothed.sign(moved), smoothed(bent)]
-    matrix, _ = _scaled([*balance, np.ones_like(balance[0])])
+    matrix, _ = _scaled([np.ones_like(balance[0]), *balance])
     basis = np.linalg.qr(matrix)[0]
+    every = np.convolve(acts - acts.mean(), smoothed.kernels[0], mode="valid")
 
-    def left(samples: int) -> float:
-        own = smoothed(acts[reach - samples : len(acts) - reach - samples])
-        moved = float(np.sum((own - own.mean()) ** 2))
-        return float(np.sum((own - basis @ (basis.T @ own)) ** 2)) / moved if moved else 1.0
+    def left(delay: int) -> float:
+        own = every[reach - delay : len(every) - reach - delay : smoothed.step]
+        shares = own @ basis  # the first one is of the constant
+        size = own @ own
+        moved = size - shares[0] ** 2
+        return float((size - shares @ shares) / moved) if moved > 0.0 else 1.0
 
     step = max(1, round(_LATE_STEP / recording.sample_time))
-    delays = range(-step * (reach // step), reach + 1, step)
-    found = {delay: left(delay) for delay in delays}
-    best = min(found, key=lambda delay: found[delay])
-    found |= {
-        delay: left(delay) for delay in range(max(best - step, -reach), min(best + step, reach))
-    }
-    best = min(found, key=lambda delay: found[delay])
+    best = min(range(-step * (reach // step), reach + 1, step), key=left)
+    best = min(range(max(best - step, -reach), min(best + step, reach)), key=left)
     # At the end of what was tried there may be less beyond: a motion that repeats itself, say.
     is_late = _FOUND_BY_A_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP
-    is_clear = found[best] < _FITS_LATER * found[0]
+    is_clear = left(best) < _FITS_LATER * left(0)
     return best * recording.sample_time if is_late and is_clear else 0.0
 
 
@@ -149,8 +147,7 @@ def _smoothing(recording: Recording) -> _Smoothing | None:
     """What smooths the noise of both encoders; None where a recording is too short for it."""
     motor, link = recording.motor_position, recording.link_position
     sensed = motor if link is None else link
-    half = best_half_window(motor)
-    width = float(half if link is None else max(half, best_half_window(sensed)))
+    width = max(map(best_half_window, [motor] if link is None else [motor, link]))
     smoothed = _Smoothing(width, recording.sample_time)
     enough = len(motor) - smoothed.length >= _FEWEST * width and np.ptp(sensed) > 0.0
     return smoothed if enough else None
@@ -159,7 +156,7 @@ def _smoothing(recording: Recording) -> _Smoothing | None:
 class _Smoothing:
     """A Gaussian kernel with its derivatives, at every so many samples as it makes much alike."""
 
-    def __init__(self, width: float, sample_time: float) -> None:
+    def __init__(self, width: int, sample_time: float) -> None:
         reach = int(_REACH * width) + 1
         at = np.arange(-reach, reach + 1) / width
         bell = np.exp(-0.5 * at**2)
@@ -167,16 +164,16 @@ class _Smoothing:
         span = width * sample_time
         self.kernels = bell, at * bell / span, (at**2 - 1.0) * bell / span**2
         self.length = 2 * reach
-        self._step = max(1, int(width))
+        self.step = width
         self._time = sample_time
 
     def __call__(self, values: FloatArray, derivative: int = 0) -> FloatArray:
         windows = np.lib.stride_tricks.sliding_window_view(values, self.length + 1)
-        return windows[:: self._step] @ self.kernels[derivative]
+        return windows[:: self.step] @ self.kernels[derivative]
 
     def sign(self, position: FloatArray) -> FloatArray:
         """Smoothed sign of a position's velocity."""
-        return self(np.sign(velocity(position, self._time)))
+        return self(np.sign(velocity(position, self._time, self.step)))
 
 
 def _left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
@@ -192,13 +189,13 @@ def _own_share(smoothed: _Smoothing, link: FloatArray, motor: FloatArray) -> tup
     signals += [smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
     matrix, sizes = _scaled([*signals, np.ones_like(signals[0])])
     target = smoothed(link - motor)
-    every = np.arange(len(target))
 
     def share(left_out: NDArray[np.intp]) -> float:
-        kept = np.delete(every, left_out)
+        kept = np.ones(len(target), dtype=np.bool_)
+        kept[left_out] = False
         return float(np.linalg.lstsq(matrix[kept], target[kept], rcond=1e-10)[0][0] / sizes[0])
 
-    without = [share(part) for part in np.array_split(every, _PARTS)]
+    without = [share(part) for part in np.array_split(np.arange(len(target)), _PARTS)]
     return float(np.mean(without)), float(np.std(without) * np.sqrt(_PARTS - 1.0))
 
 

@@ -59,9 +59,10 @@ def encoder_step(position: FloatArray) -> float:
     step = float(changes.min())
     multiples = changes / step
     # Values printed with few digits are off the grid by a rounding error.
-    is_grid = float(np.abs(multiples - np.rint(multiples)).max()) < 0.05
-    repeats = len(np.unique(np.rint(multiples))) < 0.5 * len(changes)
-    return step if is_grid and repeats else 0.0
+    whole = np.rint(multiples)
+    if np.abs(multiples - whole).max() >= 0.05:
+        return 0.0
+    return step if len(np.unique(whole)) < 0.5 * len(changes) else 0.0
 
 
 def with_velocities(recording: Recording) -> Recording:
@@ -87,32 +88,33 @@ def velocity(
     part that noise explains. The next narrower one is used: towards wide ones the error grows fast.
     """
     half = best_half_window(position) if half_window is None else half_window
-    degree = min(DEGREE, 2 * half)
+    fit, slopes = _polynomials(half, min(DEGREE, 2 * half))
     derivative = np.empty(len(position))
-    inner = slice(half, len(position) - half)
-    derivative[inner] = np.convolve(position, _differentiator(half, degree)[::-1], mode="valid")
+    inner = np.convolve(position, _at_middle(fit, slopes)[::-1], mode="valid")
+    derivative[half : len(position) - half] = inner
     # No window is centred on the first and last samples: the outermost polynomials go on to them.
-    offsets = np.arange(-half, half + 1)
-    for window, missing in (
-        (slice(0, 2 * half + 1), offsets[:half]),
-        (slice(len(position) - 2 * half - 1, len(position)), offsets[half + 1 :]),
-    ):
-        polynomial = np.polynomial.Polynomial.fit(offsets, position[window], degree)
-        derivative[window][missing + half] = polynomial.deriv()(missing)
+    derivative[:half] = slopes[:half] @ (fit @ position[: 2 * half + 1])
+    derivative[-half:] = slopes[-half:] @ (fit @ position[-2 * half - 1 :])
     return derivative / sample_time
 
 
 @lru_cache  # every channel of a log tries the same windows
-def _differentiator(half: int, degree: int) -> FloatArray:
-    """Weights of a window's samples, shape (2 half + 1,), in the slope at its middle."""
-    # SciPy has the same, in a module whose import takes half a second more.
+def _polynomials(half: int, degree: int) -> tuple[FloatArray, FloatArray]:
+    """What fits Legendre polynomials to the 2 half + 1 samples of a window, and their slopes there.
+
+    Their product, shape (2 half + 1, 2 half + 1), is the smoothed derivative, of which only some
+    rows are needed. SciPy has the middle one, in a module whose import takes half a second more.
+    """
     offsets = np.arange(-half, half + 1) / half
-    polynomials = np.polynomial.legendre.legvander(offsets, degree)  # well conditioned
-    slopes = np.polynomial.legendre.legder(np.eye(degree + 1), axis=0)
-    at_middle = np.polynomial.legendre.legvander(np.zeros(1), degree - 1) @ slopes
-    weights = np.asarray((at_middle @ np.linalg.pinv(polynomials))[0] / half, dtype=np.float64)
-    weights.setflags(write=False)  # they are shared
-    return weights
+    legendre = np.polynomial.legendre  # well conditioned
+    fit = np.asarray(np.linalg.pinv(legendre.legvander(offsets, degree)), dtype=np.float64)
+    slopes = legendre.legvander(offsets, degree - 1) @ legendre.legder(np.eye(degree + 1)) / half
+    return fit, slopes
+
+
+def _at_middle(fit: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Weights of a window's samples in the slope at its middle."""
+    return slopes[len(slopes) // 2] @ fit
 
 
 def best_half_window(position: FloatArray) -> int:
@@ -125,15 +127,16 @@ def best_half_window(position: FloatArray) -> int:
     halves = np.unique(np.rint(narrowest * WINDOW_RATIO ** np.arange(count)).astype(int))
     best, least = narrowest, np.inf
     for half in halves:
-        coefficients = _differentiator(int(half), DEGREE)
+        coefficients = _at_middle(*_polynomials(int(half), DEGREE))
         risk = variance * float(coefficients @ coefficients)
         reference = max(narrowest, half // 2)
         if reference < half:
             finer = np.zeros_like(coefficients)
-            finer[half - reference : half + reference + 1] = _differentiator(reference, DEGREE)
+            narrower = _at_middle(*_polynomials(int(reference), DEGREE))
+            finer[half - reference : half + reference + 1] = narrower
             change = finer - coefficients
-            excess = np.mean(np.convolve(position, change, mode="valid") ** 2)
-            risk += max(0.0, float(excess - variance * (change @ change)))
+            off = np.convolve(position, change, mode="valid")
+            risk += max(0.0, float(off @ off / len(off) - variance * (change @ change)))
         if risk < least:
             best, least = int(half), risk
         elif risk > 20.0 * least:
