@@ -15,7 +15,6 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     ModelError,
-    ObserverTrace,
     ParameterEstimate,
     Validation,
 )
@@ -105,8 +104,7 @@ def estimate_of(fit, log="a log", **settings):
         residual_excess={"link_position": 1.0},
         model_error=ModelError(0.0, 3.0, 0.0),
         validation=Validation({"link_position": 99.0}, ()),
-        compliance=Compliance(True, "the deflection moves", {}, 0.1, 1e-4),
-        observer=ObserverTrace(np.arange(1.0), (), np.empty((1, 0)), {}),
+        compliance=Compliance(True, "the deflection moves", 0.1, 1e-4),
         removed={},
         fit=fit,
         choices=Choices(

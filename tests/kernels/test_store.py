@@ -271,7 +271,6 @@ KERNELS = [
     ("segmented_motion", "motion_kernel", STIFF.system),
     ("state_variable_filter", "signals", JOINT.smooth),
     ("state_variable_filter", "signals", STIFF.smooth),
-    ("parametric_observer", "_kernel", JOINT.smooth),
 ]
 """Of what `flexid identify` has to compile for a usual drive: module, function, model."""
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from flexid.errors import ExpressionError
 from flexid.models.expression import FUNCTIONS, check_expression, evaluate
 
-NAMES = {"x1", "x2", "u"}
+NAMES = frozenset({"x1", "x2", "u"})
 VALUES = {"x1": 0.5, "x2": 3.0, "u": 0.25}
 
 

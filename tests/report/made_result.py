@@ -12,7 +12,6 @@ from flexid.identification.vocabulary.evidence import (
     Disturbances,
     FreeRun,
     ModelError,
-    ObserverTrace,
     ParameterEstimate,
     SegmentEvidence,
     TermEvidence,
@@ -74,10 +73,7 @@ def made_result(model_error: ModelError | None = None) -> Identification:
         residual_excess={"link_position": 1.02, "motor_position": 3.04},
         model_error=model_error or ModelError(0.05, 0.9, 0.0),
         validation=VALIDATION,
-        compliance=Compliance(True, "the deflection moves", {"motor_position": 61.5}, 0.1, 1e-4),
-        observer=ObserverTrace(
-            np.arange(2.0), ("theta1",), np.array([[0.0], [4.9]]), {"theta1": 3}
-        ),
+        compliance=Compliance(True, "the deflection moves", 0.1, 1e-4),
         removed={
             "joint_damping": ParameterEstimate(
                 "joint_damping", "N m s/rad", 1e-4, 2e-4, (-3e-4, 5e-4), "undetermined"

@@ -40,11 +40,10 @@ def identification():
 
 
 def exact_fit():
-    """One without disturbances and with a model error, held against no rigid joint that follows."""
+    """One without disturbances and with a model error."""
     result = made_result(ModelError(16.0, 1.2, 0.72))
     held = replace(result.validation, fit_percent={"motor_position": 99.0})
-    rigid = replace(result.compliance, rigid_fit_percent={"motor_position": nan})
-    result = replace(result, disturbances=None, compliance=rigid, validation=held)
+    result = replace(result, disturbances=None, validation=held)
     return printed(*identification_parts(result), *explanation(result))
 
 
@@ -56,14 +55,13 @@ def document():
 
 
 def negligible():
-    """A value that may be zero, of a motor that rests: no rival that fails."""
+    """A value that may be zero, of a motor that rests."""
     result = made_result()
     small = replace(result.parameters["gravity_torque"], interval=(-1e-4, 1e-4))
     still = {"motor_position": nan}
     result = replace(
         result,
         parameters={"x": small},
-        compliance=replace(result.compliance, rigid_fit_percent=still),
         validation=replace(result.validation, fit_percent=still),
     )
     return printed(*identification_parts(result))

@@ -76,14 +76,15 @@ class LoopDeclaration:
 
     def _check_expressions(self) -> None:
         controller = self.controller
-        names = set(controller.parameters)
+        names = frozenset(controller.parameters)
         for name, text in controller.derived.items():
             check_expression(text, names, f"{controller.name}: {name}")
-            names.add(name)
+            names |= {name}
         names |= {*self.system.states, *self.system.constants, *REFERENCE_NAMES}
         for name, text in controller.definitions.items():
             check_expression(text, names, f"{controller.name}: {name}")
-            names.add(name)
+            names |= {name}
         for name, text in {**controller.inputs, **controller.coordinates}.items():
             check_expression(text, names, f"{controller.name}: {name}")
-        check_expression(self.reference.expression, {"t", *self.reference.parameters}, "reference")
+        known = frozenset({"t", *self.reference.parameters})
+        check_expression(self.reference.expression, known, "reference")

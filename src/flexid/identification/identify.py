@@ -15,25 +15,19 @@ from flexid.identification.estimation.excitations import row_excitation, row_siz
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.full_model.amplifier import IDEAL, amplifier_of
-from flexid.identification.full_model.model import LINK, Structure
-from flexid.identification.full_model.starting import smooth_unknowns, turned_round
-from flexid.identification.judgement.compliance import (
-    compare_with_rigid,
-    of_link_alone,
-    one_encoder,
-)
+from flexid.identification.full_model.model import LINK
+from flexid.identification.full_model.starting import turned_round
+from flexid.identification.judgement.compliance import of_joint, of_link_alone, one_encoder
 from flexid.identification.judgement.estimates import (
     coefficient_estimates,
     constant_estimates,
     parameter_estimates,
     widest,
 )
-from flexid.identification.preparation.ahead import compile_ahead
-from flexid.identification.preparation.alignment import Alignment, Delay, aligned
-from flexid.identification.preparation.recordings import SplitRecordings, prepare
+from flexid.identification.preparation.alignment import Alignment, Delay
+from flexid.identification.preparation.recordings import prepare
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Choices, Identification, provenance, summary
-from flexid.identification.result.observer_stream import stream
 from flexid.identification.result.warnings import (
     amplifier_warnings,
     compliance_warnings,
@@ -50,7 +44,6 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
-    ObserverTrace,
     ParameterEstimate,
     TermEvidence,
     Validation,
@@ -64,7 +57,6 @@ from flexid.models.terms import SMOOTHING
 from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log
 from flexid.recording.slow_motion import late_input
-from flexid.recording.velocities import with_velocities
 
 _ENDLESS = (
     "the steps of the fit do not end, so that nothing is known of it: identify a part of the log, "
@@ -85,7 +77,6 @@ def identify(
     the report.
     """
     settings = settings or Settings()
-    compile_ahead()
     recordings, dropped = prepare(logs, settings.validation_share, settings.model)
     job = job_of(recordings, settings, progress, thresholds)
     # A current is controlled; what becomes of a voltage depends on the amplifier.
@@ -100,7 +91,7 @@ def identify(
         choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
     )
     exact = found.disturbances is None
-    compliance = _compliance(job, choice.structure, numbers.coefficients, validation)
+    compliance = _compliance(job, numbers.coefficients, validation)
     if (found.doubts or not exact) and np.isfinite(compliance.deflection):
         reason = f"the deflection moves by {compliance.deflection:.2g} rad, {found.prediction}"
         visible = not found.doubts or "theta2" not in found.doubted
@@ -121,7 +112,6 @@ def identify(
         model_error=fits.error,
         validation=validation,
         compliance=compliance,
-        observer=_stream(choice.structure, recordings, choices.alignment),
         removed=_removed(job, fits, numbers.parameters),
         fit=numbers.estimate,
         choices=choices,
@@ -249,19 +239,14 @@ def _undoubted(
 
 
 def _compliance(
-    job: Job,
-    structure: Structure,
-    coefficients: Mapping[str, CoefficientEstimate],
-    validation: Validation,
+    job: Job, coefficients: Mapping[str, CoefficientEstimate], validation: Validation
 ) -> Compliance:
     """Whether the log shows that the joint is flexible."""
-    kind = structure.joint.kind
-    if kind == "rigid":
+    if job.joint.kind == "rigid":
         return one_encoder()
-    if kind == "link":
+    if job.joint.kind == "link":
         return of_link_alone(job.recordings, validation, coefficients["theta2"])
-    job.progress("the rigid joint as a rival")
-    return compare_with_rigid(structure, job.recordings, validation)
+    return of_joint(job.recordings, validation)
 
 
 def _removed(
@@ -289,17 +274,6 @@ def _removed(
         if isinstance(p, Directional)
     }
     return {name: p for name, p in found.items() if name not in known}
-
-
-def _stream(
-    structure: Structure, recordings: SplitRecordings, alignment: Alignment
-) -> ObserverTrace:
-    """The paper's observer with the same terms, as far as it needs no derivative of the input."""
-    joint = structure.joint
-    timely = [with_velocities(aligned(recording, alignment)) for recording in recordings.whole]
-    unknowns = smooth_unknowns(structure, recordings.groups)
-    hold = "zero" if structure.timing.hold == "zero" else "linear"
-    return stream([joint.samples(recording) for recording in timely], unknowns, hold)
 
 
 def without_estimate(

@@ -131,11 +131,6 @@ def _compiled(path: Path, endings: tuple[str, ...] = (".nbi", ".nbc")) -> list[P
     return [folder / name for name in names if name.endswith(endings)]
 
 
-def is_compiled(kernel: ModuleType) -> bool:
-    """Whether some of a kernel's functions are compiled on disk."""
-    return kernel.__file__ is not None and bool(_compiled(Path(kernel.__file__)))
-
-
 def _discard_damaged(path: Path) -> None:
     """Remove numba's files of a kernel if a full disk or a power failure left one empty."""
     with suppress(FileNotFoundError):  # another process is removing them

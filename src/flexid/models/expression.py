@@ -76,7 +76,8 @@ def _parsed(expression: str) -> ast.Expression:
     return ast.parse(expression, mode="eval")
 
 
-def check_expression(expression: str, names: Collection[str], place: str) -> None:
+@lru_cache(maxsize=1024)  # a process makes the same model again and again
+def check_expression(expression: str, names: frozenset[str], place: str) -> None:
     """Raise `ExpressionError` unless the expression stays within the whitelist and the names."""
     fold(expression, names, _NOTHING, place)
 

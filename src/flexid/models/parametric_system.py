@@ -162,7 +162,7 @@ class ParametricSystem:
             for coefficient, regressor in row.regressors.items():
                 check_expression(regressor, names, f"{self.name}: {row.name}.{coefficient}")
             check_expression(row.known, names, f"{self.name}: {row.name}.known")
-        coordinates = {row.coordinate for row in self.rows}
+        coordinates = frozenset(row.coordinate for row in self.rows)
         for memory in self.memories:
             check_expression(memory.path, coordinates, f"{self.name}: {memory.name}")
 

@@ -94,17 +94,6 @@ def prediction_lines(result: Identification) -> Iterator[str]:
     """How well held-out data are predicted, freely and over shorter spans."""
     yield f"Free run over held-out data: {format_fits(result.validation.fit_percent)}"
     yield from _horizons(result.validation)
-    if result.compliance.rigid_fit_percent:
-        yield f"Rigid-joint model, free run: {_rival(result)}"
-
-
-def _rival(result: Identification) -> str:
-    """Fit of the rigid joint; a motor at rest tests neither, else it was the rival that failed."""
-    fits, own = result.compliance.rigid_fit_percent, result.validation.fit_percent
-    failed = [c for c, fit in fits.items() if isnan(fit) and not isnan(own.get(c, fit))]
-    if failed:
-        return f"no fit follows {', '.join(failed)}"
-    return format_fits(fits)
 
 
 def compliance_line(result: Identification) -> str:

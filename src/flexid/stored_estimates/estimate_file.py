@@ -36,8 +36,8 @@ WANTED = "an estimate.json of flexid identify"
 
 _MISSING = {
     **dict.fromkeys(("std", "covariance", "degrees_of_freedom"), inf),
-    **dict.fromkeys(("value", "values", "probability", "segment_evidence", "estimates"), nan),
-    **dict.fromkeys(("fit_percent", "horizons", "rigid_fit_percent"), nan),
+    **dict.fromkeys(("value", "values", "probability", "segment_evidence"), nan),
+    **dict.fromkeys(("fit_percent", "horizons"), nan),
     **dict.fromkeys(("deflection", "deflection_noise"), nan),
     **dict.fromkeys(("residual_excess", "condition_number"), inf),
 }
@@ -49,9 +49,7 @@ def estimate_document(result: "Identification | ArmIdentification") -> dict[str,
     held = replace(result, validation=replace(result.validation, runs=()))
     if held.model == "arm":
         return sealed({"format_version": FORMAT_VERSION, **plain(held)})
-    trace = held.observer
-    end = replace(trace, time=trace.time[-1:], estimates=trace.estimates[-1:])
-    made = plain(replace(held, recordings=(), observer=end))
+    made = plain(replace(held, recordings=()))
     excitation = {row: {"row": row, **e.document} for row, e in held.excitation.items()}
     return sealed({"format_version": FORMAT_VERSION, **made, "excitation": excitation})
 

@@ -16,7 +16,6 @@ from flexid.identification.vocabulary.evidence import (
     Compliance,
     Disturbances,
     ModelError,
-    ObserverTrace,
     ParameterEstimate,
     SegmentEvidence,
     TermEvidence,
@@ -67,7 +66,6 @@ class Identification:
     # free run over the held-out end of each recording, with coefficients fitted without it
     validation: Validation
     compliance: Compliance  # whether the log shows that the joint is flexible
-    observer: ObserverTrace  # the paper's observer over the same log
     # how large parameters could be that the model does without
     removed: Mapping[str, ParameterEstimate]
     fit: Estimate  # names, values, covariance and degrees of freedom of what was estimated

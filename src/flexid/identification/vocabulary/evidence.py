@@ -95,24 +95,11 @@ class Validation:
 
 
 @dataclass(frozen=True)
-class ObserverTrace:
-    """Estimates of the paper's observer while the log streams by."""
-
-    time: FloatArray  # seconds on the file's clock
-    names: tuple[str, ...]  # the m coefficients
-    estimates: FloatArray  # their estimates at these times
-    gains: Mapping[str, float]  # the constant gain of each coefficient
-
-
-@dataclass(frozen=True)
 class Compliance:
     """Whether a log shows that the joint is flexible."""
 
     visible: bool  # the answer
     reason: str  # one sentence that gives it
-    # free-run fit of the rigid joint, beside that of the flexible one; NaN where none was run, and
-    # empty where there is none to run
-    rigid_fit_percent: Mapping[str, float]
     deflection: float  # root mean square of the held-out deflection about its mean, rad
     deflection_noise: float  # standard deviation of the noise of the deflection, rad
 
