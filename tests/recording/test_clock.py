@@ -34,6 +34,7 @@ FORMS: dict[str, Callable[[datetime], str]] = {
     "comma": lambda t: f"{t:%Y-%m-%dT%H:%M:%S,%f}",
     "slashes": lambda t: f"{t:%Y/%m/%d %H:%M:%S.%f}",
     "days first": lambda t: f"{t:%d.%m.%Y %H:%M:%S.%f}",
+    "names of months": lambda t: f"{t:%d-%b-%Y %H:%M:%S.%f}",
     "nanoseconds": lambda t: f"{t:%Y-%m-%dT%H:%M:%S.%f}125",
     "days before it": lambda t: f"{t.day - 1} days {t:%H:%M:%S.%f}",
     "time of day": lambda t: f"{t:%H:%M:%S.%f}".lstrip("0") if t.hour else f"{t:%H:%M:%S.%f}",

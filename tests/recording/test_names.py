@@ -120,6 +120,7 @@ UNITS = {
     (2 * pi, "rad"): ("turn", "rev"),
     (1e-6, "rad"): ("urad", "µrad"),
     (pi / 180, "rad/s"): ("deg/s",),
+    (2 * pi, "rad/s"): ("turns/s",),
     (pi / 30, "rad/s"): ("rpm", "U/min", "1/min"),
     (1.0, "rad/s"): ("rad s^-1", "rad/sec"),
     (1.0, "N m"): ("Nm", "N·m", "N\u22c5m", "N.m", "Newton metre"),

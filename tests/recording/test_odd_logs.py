@@ -78,6 +78,10 @@ IN_DEGREES = {
     "French": "Temps (s),Position charge (deg),Position moteur (deg),Couple (N·m)",
     "units in braces": "time{s},link_position{deg},motor_position{deg},motor_torque{Nm}",
     "units in words": f"{HEADER}\nseconds,degrees,degrees,newton metres",
+    "LabVIEW": (
+        "Samples,400,400,400,\nY_Unit_Label,deg,deg,Nm,\n"
+        "X_Value,link_position,motor_position,motor_torque,Comment"
+    ),
     "units above the names": f"s,deg,deg,Nm\n{HEADER}",
 }
 GERMAN = headed("Zeit [s],Winkel Abtrieb [°],Winkel Motor [°],Drehmoment [Nm]", DEGREES)
@@ -91,7 +95,6 @@ READ: dict[str, str | bytes] = {
     "a time for each channel": times_per_channel(),
     "comments at the end": f"{TEXT}# end\n\n% of the log\n",
     "rows of empty cells at the end": f"{TEXT},,,\n;;;\n",
-    "a column of remarks": f"Samples,400,400,400\n{headed(HEADER + ',Comment')}",
     "UTF-16 without a mark": TEXT.encode("utf-16-le"),
     "UTF-16 of the other order": TEXT.encode("utf-16-be"),
 }
@@ -105,7 +108,7 @@ def interrupted(*others: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-HOLES = ("", "NaN", "NA", "n/a", "null", "None", "#N/A", "-")
+HOLES = ("", "NaN", "NA", "n/a", "null", "None", "#N/A", "-", "-1.#QNAN0")
 
 
 def with_holes(cell: str) -> str:
@@ -181,6 +184,11 @@ OTHERS: dict[str, str] = {
     "units in cells": TEXT.replace("\n1.0,", "\n1.0 s,"),
     "positions of several things": headed("time,robot_pos_estimate,tool_pos_estimate,tau"),
     "numbers of samples": headed(HEADER.replace("time", "sample")),
+    "names between labels": (
+        times_per_channel()
+        .replace("time,", "Name,")
+        .replace("torque\n", "torque\nUnit,deg,Unit,deg,Unit,Nm\nBased,Yes,Based,Yes,Based,Yes\n")
+    ),
     "a torque of the link": headed(
         "time,joint/link/position,joint/motor/position,joint/link/torque"
     ),
@@ -228,6 +236,7 @@ SINCE_1970 = 1_700_000_000_000_000_000 + 5_000_000 * EVERY
 BY_STEPS = {"sample_time": "1/200", **{name: name for name in NO_TIME}}
 IN_MEMORY: dict[str, tuple[dict[str, Any], Any]] = {
     "a counter that overflows": ({**NO_TIME, "time [ms]": WRAPPED}, None),
+    "one of microseconds": ({**NO_TIME, "time [us]": (2**32 - 10**6 + 1000 * TICKS) % 2**32}, None),
     "a signed one": ({**NO_TIME, "time [ms]": WRAPPED - 2**15}, None),
     "a clock that runs back": ({**NO_TIME, "time [ms]": -TICKS}, None),
     "few holes": (without_values(link_position=[0, 399], motor_torque=100), None),
@@ -260,6 +269,9 @@ IN_MEMORY: dict[str, tuple[dict[str, Any], Any]] = {
     "every sample five times": (some(EVERY // 5 * 5, time=COLUMNS["time"]), None),
     "whole nanoseconds": ({**COLUMNS, "time": SINCE_1970}, None),
     "whole milliseconds as seconds": ({**COLUMNS, "time": FLOORED}, None),
+    "steps of 45 ms": ({**COLUMNS, "time": 0.045 * EVERY}, None),
+    "steps of 55 ms": ({**COLUMNS, "time": 0.055 * EVERY}, None),
+    "steps of 100 ms, as they say": ({**NO_TIME, "time [s]": 0.1 * EVERY}, None),
     "whole milliseconds": ({**NO_TIME, "time [ms]": FLOORED}, None),
 }
 

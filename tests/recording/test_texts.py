@@ -229,7 +229,7 @@ def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
         assert len(streamed(path)) == 500
 
 
-@pytest.mark.parametrize("cell", ["1.#IND", "inf", "-1.#QNAN0", "?", "1,5", "1_000"])
+@pytest.mark.parametrize("cell", ["inf", "?", "1,5", "1_000"])
 def test_one_bad_cell(tmp_path: Path, cell: str) -> None:
     """Assert that a log refuses it with its line, and a stream loses that sample alone."""
     lines = [line.replace(",", ";") for line in TEXT.splitlines()]
@@ -278,6 +278,7 @@ def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
         ("s,V\n1,2\n3,4\n", ("s", "V"), 2),
         ("a;b,c\n1,5;2\n3,5;4\n", ("a", "b,c"), 2),
         ("t [s] q [N m] u\n1 2 3\n4 5 6\n", ("t [s]", "q [N m]", "u"), 2),
+        (" t [s]  link angle [deg]  u\n1 2 3\n4 5 6\n", ("t [s]", "link angle [deg]", "u"), 2),
         ("a,,c\n1,2,3\n", ("a", "unnamed 2", "c"), 2),
         ("# a, b\n# c d\n1,2\n3,4\n", ("a", "b"), 3),
         ("a,b\n\n1,2\n3,4\n", ("a", "b"), 3),

@@ -31,6 +31,7 @@ _DATES = {  # the years are those that 64 bits of nanoseconds hold
     r"(?:1[789]|2[01])\d\d-\d\d-\d\d": "%Y-%m-%d",
     r"(?:1[789]|2[01])\d\d/\d\d/\d\d": "%Y/%m/%d",
     r"\d\d?\.\d\d?\.(?:1[789]|2[01])\d\d": "%d.%m.%Y",
+    r"\d\d-[A-Z][a-z][a-z]-(?:1[789]|2[01])\d\d": "%d-%b-%Y",
 }
 _TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d+)?"
 _ZONE = r" ?(?:Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)"

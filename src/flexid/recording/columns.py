@@ -246,7 +246,7 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
         name = label.partition(" ")[0]
         for header in columns:
             words = words_of(split_header(header)[0])
-            if words is not None and name.rpartition("_")[2] in words.quantities:
+            if words is not None and words.quantities == (name.rpartition("_")[2],):
                 yield name, header
 
 

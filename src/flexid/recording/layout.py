@@ -113,6 +113,8 @@ def layout_of(file: str, text: bytes) -> Layout:
         return _layout(lines, header, None, header_separator(header.text), after)
     *above, first = lines
     separator, width = row
+    if separator == BLANK:
+        above = [_aligned(line, width) for line in above]
     if not split(first.text, separator)[-1]:
         above = [_ended(line, separator, width) for line in above]
     above = [_without_remarks(line, separator, width) for line in above]
@@ -126,6 +128,13 @@ def layout_of(file: str, text: bytes) -> Layout:
     return _layout(lines, header, units, separator, (first.number, first.begin))
 
 
+def _aligned(line: _Line, width: int) -> _Line:
+    """A line whose names have several words, where they stand two blanks or more apart."""
+    names = re.split(r"\s{2,}", line.bare.strip())
+    is_so = len(names) == width != len(line.cells(BLANK))
+    return replace(line, text=" ".join(f'"{name}"' for name in names)) if is_so else line
+
+
 def _ended(line: _Line, separator: str, width: int) -> _Line:
     """A line with a separator at its end, where the rows have one and it has not."""
     is_short = len(line.cells(separator)) == width - 1
@@ -133,9 +142,9 @@ def _ended(line: _Line, separator: str, width: int) -> _Line:
 
 
 def _without_remarks(line: _Line, separator: str, width: int) -> _Line:
-    """A line without the last name where that is of remarks, of which LabVIEW's rows have none."""
+    """A line without the last cell where that is of remarks, of which LabVIEW's rows have none."""
     cells = line.cells(separator)
-    has_one_more = len(cells) == width + 1 and cells[-1].casefold() == "comment"
+    has_one_more = len(cells) == width + 1 and cells[-1].casefold() in ("comment", "")
     return replace(line, text=line.text.rpartition(separator)[0]) if has_one_more else line
 
 
@@ -168,7 +177,7 @@ def _above(
         units = named.pop()
     named = [line for line in named if not any(map(is_number, cells[line.number]))] or named
     # A row of types or of groups has cells that are alike.
-    header = ([line for line in named if not _repeats(cells[line.number])] or named)[-1]
+    header = max(reversed(named), key=lambda line: len({*cells[line.number]}))
     if units is None:
         others = [line for line in fitting if line is not header]
         units = next((line for line in others if _is_units(cells[line.number])), None)
@@ -258,9 +267,10 @@ def _is_units(cells: list[str]) -> bool:
 def split(line: str, separator: str) -> list[str]:
     """Cells of one line, stripped; blanks within brackets separate nothing."""
     if separator == BLANK:
-        return re.findall(
+        cells = re.findall(
             r"[^\s\[(\"]+(?:\s{0,9}\[[^\[\]]{0,99}\]|\s{0,9}\([^()]{0,99}\))?|\"[^\"]*\"|\S+", line
         )
+        return [cell.strip('"') for cell in cells]
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
     except (csv.Error, StopIteration):
@@ -329,7 +339,7 @@ def _grouped(lines: list[_Line], header: _Line, names: list[str], separator: str
 def _with_unit(line: _Line, name: str, unit: str) -> str:
     """A name with the unit that stands below it."""
     unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", _LABEL.sub("", unit)).strip()
-    if unit in ("", "-"):
+    if unit in ("", "-") or "unit" in unit.lower():  # as Y_Unit_Label, of the row itself
         return name
     bare, own = split_header(name)
     if own is None:

@@ -259,6 +259,8 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
         named = unit_of_word(words.all[0])
         if named in _TIMES:
             return Usual("time", named)
+    if words.all == ("x", "value"):  # of LabVIEW
+        return Usual("time", unit)
     others = " ".join(word for word in words.others if word not in ignored)
     joint = _JOINT_NUMBER.fullmatch(others)
     if others and joint is None:

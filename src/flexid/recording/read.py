@@ -14,7 +14,7 @@ from flexid.recording.columns import read_channels
 from flexid.recording.one_clock import drop_holes
 from flexid.recording.outliers import mend
 from flexid.recording.recording import Log, Recording
-from flexid.recording.sampling import drop_repeats, even_grid, part_runs, to_grid
+from flexid.recording.sampling import count_on, drop_repeats, even_grid, part_runs, to_grid
 from flexid.recording.series import table_of_file
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.table import Table
@@ -36,6 +36,7 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     origins = {name: channel.origin for name, channel in channels.items()}
     log = Draft(table.file, channels, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
+    count_on(log)
     part_runs(log, table)
     drop_repeats(log, table)
     drop_holes(log)

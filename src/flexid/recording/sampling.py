@@ -27,6 +27,8 @@ _OF_STAMPS = (
 )
 ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
 _UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s, of times that are no seconds
+_COUNTERS = [(bits, unit) for bits in (16, 32) for unit in (1e-3, 1e-6)]  # of units in s
+_RARE = 0.05  # s between samples: what is logged at 10 kHz in ms reads as 0.1 s
 _MOST_ALIKE = 4.0  # samples to a digit: of more, the line is too free
 _BEGINS_AGAIN = 0.99  # of a run's duration, by which the next one begins before its end at least
 _BETWEEN_RUNS = 100  # sample times
@@ -38,6 +40,24 @@ class Grid(NamedTuple):
     sample_time: float  # common to all recordings, in s
     recordings: tuple[slice, ...]  # the samples of each
     resample: bool = False  # whether the time stamps are off the even grid by more than rounding
+
+
+def count_on(log: Draft) -> None:
+    """Make the time of a counter go on that overflows, as one of 32 bits does after 71 min."""
+    time = log.time
+    steps = np.diff(time)
+    if not np.any(steps < 0.0):
+        return
+    step = float(np.median(steps))
+    for bits, unit in _COUNTERS:
+        is_wrap = np.abs(steps + 2**bits * unit - step) <= GAP * step
+        if is_wrap.any():
+            log["time"] = time + 2**bits * unit * np.cumsum(np.concatenate(([False], is_wrap)))
+            log.warn(
+                "time",
+                f"it falls by the range of a counter of {bits} bits (at "
+                f"{log.at(np.flatnonzero(is_wrap) + 1)}), and was counted on there: check it",
+            )
 
 
 def part_runs(log: Draft, table: Table) -> None:
@@ -140,6 +160,13 @@ def even_grid(log: Draft) -> Grid:
     steps = np.diff(time)
     typical = float(np.median(steps))
     check_typical(log.file, log.channels["time"].place, typical, steps)
+    if typical > _RARE and not log.channels["time"].unit_stated:
+        log.warn(
+            "time",
+            f"it is read as seconds, which makes steps of {typical:.3g} s, more than most drives "
+            f"are logged at: if it is in another unit, write that, as in [ms]",
+            Rank.SCALE,
+        )
     is_gap = steps > GAP * typical
     off_whole = np.abs(steps / typical - np.rint(steps / typical)).max()
     is_whole = off_whole < EVEN and is_gap.mean() <= MOST_GAPS  # where samples are missing

@@ -25,7 +25,7 @@ DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eEdD][+-]?\d+)?$"
 THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
-HOLE = r"(?i)^\s*(?:[+-]?nan(?:\(ind\))?|n/?a|#n/?a|null|none|-+)?\s*$"
+HOLE = r"(?i)^\s*(?:[+-]?nan(?:\(ind\))?|[+-]?1\.#(?:qnan|ind)\d*|n/?a|#n/?a|null|none|-+)?\s*$"
 
 
 def is_number(cell: str) -> bool:
