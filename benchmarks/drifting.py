@@ -65,7 +65,7 @@ def errors(samples: Samples, truth: FloatArray, noise: float, seed: int, tau: fl
     """Relative errors of all coefficients over time."""
     generator = np.random.default_rng(seed)
     noisy = samples.positions + noise * generator.standard_normal(samples.positions.shape)
-    estimator = recursive_least_squares(JOINT, SAMPLE_TIME, memory_time=tau)
+    estimator = recursive_least_squares(JOINT, SAMPLE_TIME, memory=tau)
     packed = estimator.pack(Samples(noisy, None, samples.inputs, SAMPLE_TIME))
     found = estimator.replay(estimator.init(), packed).coefficients
     return found / truth - 1.0, found

@@ -57,7 +57,7 @@ def check_file(path: Path, wanted: str, refuse: Refuse) -> int:
             raise refuse(f"this is a link that leads back to itself: {remedy}") from None
         raise refuse(_not_opened(error, remedy)) from None
     if stat.S_ISDIR(status.st_mode):
-        raise refuse(f"this is a folder: {remedy} in it")
+        raise refuse(f"this is a folder: {remedy}")
     if not stat.S_ISREG(status.st_mode):  # opening a pipe would wait for its other end
         raise refuse("this is not a regular file: copy its content into one")
     return status.st_size
@@ -120,11 +120,15 @@ def write_document(path: Path, text: str, setting: str = "path") -> None:
     try:
         write_atomically(path, lambda place: place.write_text(text, encoding="utf-8"))
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        reason = getattr(error, "strerror", None) or "its name cannot be used"
-        raise SettingError(setting, f"{path} cannot be written ({reason})") from None
+        raise _not_written(setting, path, error) from None
 
 
-def check_name(directory: Path, setting: str = "--out") -> None:
+def _not_written(setting: str, path: Path, error: OSError | ValueError) -> SettingError:
+    reason = (getattr(error, "strerror", None) or "its name cannot be used").lower()
+    return SettingError(setting, f"{path} cannot be written ({reason}): name another place")
+
+
+def check_name(directory: Path, setting: str = "out") -> None:
     """Raise where a directory's name is not UTF-8: Polars can neither read nor write there."""
     try:
         str(directory).encode()
@@ -142,7 +146,7 @@ def output_directory(out: Path) -> Iterator[Path]:
         _sweep(out)
         staging = Path(tempfile.mkdtemp(prefix=f"{_staging()}{os.getpid()}-", dir=out))
     except OSError as error:
-        raise SettingError("--out", f"{out} cannot be written ({error.strerror})") from None
+        raise _not_written("out", out, error) from None
     try:
         yield staging
         _move_all(staging, out)
@@ -176,6 +180,6 @@ def _move_all(staging: Path, out: Path) -> None:
     files = list(staging.iterdir())
     for file in files:
         if (out / file.name).is_dir():  # before the first move, so that none is left half done
-            raise SettingError("--out", f"{out / file.name} is a directory: move it away")
+            raise SettingError("out", f"{out / file.name} is a directory: move it away")
     for file in files:
         os.replace(file, out / file.name)

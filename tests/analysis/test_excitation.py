@@ -38,6 +38,13 @@ def test_closed_form_of_two_regressors():
     assert measured.level == pytest.approx(np.linalg.eigvalsh(r.T @ r / 2)[0])
 
 
+def test_regressors_that_do_not_correlate_are_a_pair():
+    """Assert that where no two correlate at all, the pair that is named is still one of two."""
+    measured = excitation("row", ("a", "b"), np.eye(2))
+    assert measured.correlation == 0.0
+    assert measured.correlated == ("a", "b")
+
+
 def test_vanishing_regressor_has_no_excitation():
     """Assert that a regressor that is always zero gives an infinite condition number."""
     r = np.column_stack([np.ones(10), np.zeros(10)])

@@ -1,5 +1,6 @@
 """What a command refuses: exit status 2, one sentence that names the place, and nothing written."""
 
+import shlex
 import shutil
 from pathlib import Path
 
@@ -93,17 +94,27 @@ REFUSED = (
     ("identify good.csv --stream", "only a Parquet file can be streamed"),
     ("identify good.csv again.csv --stream", "only one log can be streamed"),
     ("reproduce --out good.csv", "--out"),
-    ("reproduce --out=", "its name is empty"),
+    ("reproduce --out=", "--out: its name is empty"),
+    ("identify --columns= good.csv", "--columns: its name is empty"),
+    ("identify ''", "LOG: its name is empty"),
+    ("export a.json --to mjcf --gain link=1 --out out", "--gain: is of an online estimator"),
+    ("export a.json --to c99 --gain link=1 --memory 5 --out out", "--memory: is of least squares"),
+    ("export a.json --to c99 --sample-time 2 --out out", "--sample-time: 2 s is outside"),
+    ("export a.json --to c99 --sample-time 0.001 --terms gravity --out out", "--terms: belongs"),
+    ("identify good.csv --terms auto,gravity", "'auto' is unknown: there are gravity"),
+    ("identify good.csv --validation-share 1", "must lie above 0 and up to 0.8, got 1.0"),
+    ("campaign tiny.toml --out out --workers 0", "--workers: must be at least 1, got 0"),
     ("simulate nowhere.toml", "nowhere.toml: there is no such file"),
     ("simulate huang2003.toml --set controller.kk=3", "did you mean controller.k"),
     ("simulate huang2003.toml --set controller.k", "path=number"),
     ("simulate huang2003.toml --set controller.k=nan", "finite number"),
     ("simulate huang2003.toml --set controller.k=1 --set controller.k=2", "twice"),
-    ("simulate huang2003.toml --out huang2003.toml", "--out"),
+    ("simulate huang2003.toml --out huang2003.toml", "cannot be written (file exists): name"),
     ("simulate huang2003.toml --csv", "nowhere to write"),
     ("studio missing.csv --no-browser --port 0", "missing.csv: there is no such file"),
     ("validate none.json good.csv", "none.json"),
     ("validate good.csv good.csv", "good.csv"),
+    ("validate a.json good.csv --min-fit nan", "--min-fit: must be 100 % or less, got nan"),
     ("watch", "SOURCE: is missing"),
     ("watch no.csv", "no such file"),
     ("watch udp://127.0.0.1", "is not an address"),
@@ -120,7 +131,7 @@ REFUSED = (
 def test_a_refusal_is_one_sentence(flexid, folder, monkeypatch, arguments, said):
     """Assert that what is wrong is named in one line, and that no file is left."""
     monkeypatch.chdir(folder)
-    outcome = flexid(*arguments.split())
+    outcome = flexid(*shlex.split(arguments))
     assert outcome.status == 2
     assert outcome.stdout == ""
     (line,) = outcome.stderr.splitlines()
@@ -141,6 +152,6 @@ def test_a_refusal_is_one_sentence(flexid, folder, monkeypatch, arguments, said)
 def test_what_is_missing_is_named_as_it_is_typed(flexid, folder, monkeypatch, arguments, said):
     """Assert that a usage error names what the command line lacks."""
     monkeypatch.chdir(folder)
-    outcome = flexid(*arguments.split())
+    outcome = flexid(*shlex.split(arguments))
     assert (outcome.status, outcome.stdout) == (2, "")
     assert said in outcome.stderr

@@ -110,4 +110,4 @@ def test_three_warnings_are_printed(count, rest, lines):
     assert len(printed) == lines
     assert printed[:3] == [f"warning: w{number}" for number in range(min(count, 3))]
     if lines == 4:
-        assert printed[-1] == "2 more: --explain"
+        assert printed[-1] == "2 more warnings: see --explain"

@@ -95,7 +95,7 @@ def test_the_gain_stays_bounded():
     twist = -TRUTH["theta1"] * np.sin(0.3) / TRUTH["theta2"]  # the link held at 0.3 rad
     still = np.tile([0.3, 0.3 - twist], (60_000, 1))
     torques = np.full((60_000, 1), -TRUTH["alpha1"] * twist / TRUTH["beta1"])
-    history, estimator = replayed(samples, memory_time=1.0)
+    history, estimator = replayed(samples, memory=1.0)
     packed = estimator.pack(Samples(still, None, torques, SAMPLE_TIME))
     state, _ = estimator.step(history.state, np.full(3, np.nan))
     after = estimator.replay(state, packed)
@@ -152,7 +152,7 @@ def test_a_payload_is_followed():
 
     The motor's coefficients, which did not change, stay within 1 % throughout.
     """
-    found = replayed(payload(), memory_time=2.0)[0].coefficients[CHANGE:]
+    found = replayed(payload(), memory=2.0)[0].coefficients[CHANGE:]
     errors = np.abs(found / [*LOADED.values()] - 1.0)
     link = errors[:, :2].max(axis=1)
     assert link[0] > 0.3

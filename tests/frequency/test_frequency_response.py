@@ -281,6 +281,7 @@ def test_other_logs_can_stand_beside(estimate, log):
     [
         ({"frequency": [1.0, 0.0]}, "Hz"),
         ({"frequency": [np.nan]}, "Hz"),
+        ({"frequency": []}, "one or more"),
         ({"position": np.inf}, "rad"),
         ({"level": 95}, "between 0 and 1"),
     ],

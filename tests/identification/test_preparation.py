@@ -100,7 +100,7 @@ def test_too_little_to_fit_or_to_test_on_is_refused():
     prepare([log(recording(FEWEST_TO_IDENTIFY))], SHARE)
     with pytest.raises(RecordingError, match=f"record {FEWEST_TO_IDENTIFY} or more without a gap"):
         prepare([log(recording(FEWEST_TO_IDENTIFY - 1))], SHARE)
-    with pytest.raises(SettingError, match="validation-share"):  # fewer than ten samples
+    with pytest.raises(SettingError, match="validation_share"):  # fewer than ten samples
         prepare([log(recording(300))], 0.01)
 
 

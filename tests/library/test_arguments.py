@@ -34,6 +34,9 @@ UNTAKEN = {
     "terms": (call("identify", "a.csv", terms=3), "an int.*gravity"),
     "delay": (call("identify", "a.csv", input_delay="late"), "'late'.*auto"),
     "columns": (call("identify", "a.csv", columns=["t"]), "a list.*path.*mapping"),
+    "empty path": (call("identify", ""), "logs is empty: give a path"),
+    "empty file": (call("load", ""), "path is empty: give a path"),
+    "thresholds": (call("identify", "a.csv", thresholds=3), "an int: give a flexid.Thresholds"),
     "stream": (call("identify", {"time": []}, stream=True), "path of one Parquet"),
     "load": (call("load", None), "None.*path"),
     "estimate": (call("validate", 3, "a.csv"), "an int.*JointEstimate.*path"),
@@ -66,7 +69,7 @@ def test_every_type_is_checked(name):
     """Assert that what a function declares is known to what checks arguments."""
     for parameter in inspect.signature(getattr(flexid, name)).parameters.values():
         kind = str(parameter.annotation).removesuffix(" | None")
-        known = kind in _CONVERTED or kind.startswith("Literal") or kind in ("bool", "Thresholds")
+        known = kind in _CONVERTED or kind.startswith("Literal") or kind == "bool"
         assert known or {*kind.split(" | ")} & {*_TYPES}, parameter
 
 

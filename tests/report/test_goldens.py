@@ -18,7 +18,13 @@ from flexid.identification.vocabulary.evidence import FreeRun, ModelError
 from flexid.report import campaign, validation, watch
 from flexid.report.comparison import comparison_summary
 from flexid.report.comparison import parts as comparison_parts
-from flexid.report.identification import answers, explanation, identification_parts
+from flexid.report.identification import (
+    answers,
+    estimates_table,
+    explanation,
+    identification_parts,
+    verdict_reasons,
+)
 from flexid.report.terminal import Part, as_text
 from flexid.stored_estimates.estimate_file import estimate_document
 from flexid.stored_estimates.validate_estimate import EstimateValidation
@@ -65,6 +71,29 @@ def negligible():
         validation=replace(result.validation, fit_percent=still),
     )
     return printed(*identification_parts(result))
+
+
+def streamed():
+    """Least squares, whose own values no table of least squares repeats; two share a reason."""
+    made = made_result()
+    choices = replace(made.choices, estimator="least-squares", term_evidence=())
+    known = made.coefficients["theta1"]
+    reasons = {"theta1": "is wide", "alpha1": "contradicts", "alpha2": "contradicts"}
+    doubtful = {n: replace(known, verdict="weak", reason=said) for n, said in reasons.items()}
+    return printed(*verdict_reasons(doubtful), *explanation(replace(made, choices=choices)))
+
+
+def narrow():
+    """Names that are broken after their underscores, so that intervals and units stay whole."""
+    (known,) = made_result().parameters.values()
+    table = {
+        name: replace(known, name=name, value=399.98, interval=(396.91, 403.13), unit="N m s/rad")
+        for name in ("viscous_friction_per_motor_inertia", "link_inertia")
+    }
+    return [
+        *as_text([estimates_table("At 76", table)], 76).splitlines(),
+        *as_text([estimates_table("At 40", table)], 40).splitlines(),
+    ]
 
 
 def verdicts(*of_parameters: str, coefficient: str = "determined", **more):
@@ -159,6 +188,10 @@ def validations():
         yield from printed(
             *validation.parts(replace(VALIDATED, fit_percent={"motor_position": fit}))
         )
+    for fit in (40.0, 60.0):
+        over = {**VALIDATED.horizons, 5.0: {"motor_position": fit}}
+        drifting = replace(VALIDATED, fit_percent={"motor_position": -700.0}, horizons=over)
+        yield [*validation.parts(drifting)][-2]
     charts = validation.charts(VALIDATED)
     page = validation.PRESENTER.page((VALIDATED,), charts, ("beware",), "flexid validate e.json")
     yield from page_lines(page)
@@ -181,8 +214,8 @@ def counts():
 
 
 ANSWERS = (
-    identification, exact_fit, document, negligible, trust_and_next_step, comparison, compared,
-    campaigns, validations, watched, counts,
+    identification, exact_fit, document, negligible, streamed, narrow, trust_and_next_step,
+    comparison, compared, campaigns, validations, watched, counts,
 )  # fmt: skip
 
 

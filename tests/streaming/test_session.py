@@ -152,13 +152,13 @@ def test_what_is_no_checkpoint(tmp_path: Path, edit: Callable[[str], str], words
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"sample_time": 0.0}, "sample time: 0 s is outside"),
-        ({"sample_time": 1e-320}, "sample time"),
-        ({"sample_time": np.nan}, "sample time"),
-        ({"sample_time": 0.51}, "sample time"),
-        ({"filter_rate": 0.0199}, "filter rate: 0.0199 1/s does not suit"),
-        ({"filter_rate": 1e-320}, "filter rate"),
-        ({"filter_rate": 63.0}, "filter rate"),
+        ({"sample_time": 0.0}, "sample_time: 0 s is outside"),
+        ({"sample_time": 1e-320}, "sample_time"),
+        ({"sample_time": np.nan}, "sample_time"),
+        ({"sample_time": 0.51}, "sample_time"),
+        ({"filter_rate": 0.0199}, "filter_rate: 0.0199 1/s does not suit"),
+        ({"filter_rate": 1e-320}, "filter_rate"),
+        ({"filter_rate": 63.0}, "filter_rate"),
     ],
 )
 def test_clocks_that_no_drive_has(options: dict, words: str):

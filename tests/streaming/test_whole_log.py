@@ -188,7 +188,7 @@ def test_dry_friction_is_covered(write: Write):
 def test_what_cannot_be_streamed(write: Write, tmp_path: Path):
     """Assert that each is refused in a sentence, a row with its number."""
     slow = Settings(terms=("gravity",), hold="linear", filter_rate=0.01)
-    with pytest.raises(SettingError, match=r"filter rate: .* does not suit samples"):
+    with pytest.raises(SettingError, match=r"filter_rate: .* does not suit samples"):
         identify_stream(write(), settings=slow)
     jitter = TIME.copy()
     jitter[30_000] += 5e-5

@@ -108,7 +108,7 @@ def _largest_correlation(
     covariance = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
     deviation = np.sqrt(np.diag(covariance))
     correlation = np.abs(covariance / np.outer(deviation, deviation))
-    np.fill_diagonal(correlation, 0.0)
+    np.fill_diagonal(correlation, -1.0)  # below that of any two
     i, j = sorted(divmod(int(np.argmax(correlation)), len(coefficients)))
     return float(correlation[i, j]), (coefficients[i], coefficients[j])
 

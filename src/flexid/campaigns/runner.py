@@ -50,7 +50,7 @@ def run_campaign(
     row is the same as without the interrupt, on any machine.
     """
     if workers is not None and workers < 1:
-        raise SettingError("workers", f"{workers!r} must be at least 1")
+        raise SettingError("workers", f"must be at least 1, got {workers}")
     variation = experiment.variation
     if variation is None:
         raise ExperimentError(
@@ -154,7 +154,7 @@ def _connect(scheduler: str) -> "Client":
         from distributed import Client
     except ImportError:
         raise CampaignError(
-            "--scheduler", "needs the package distributed: pip install 'flexid[dask]'"
+            "scheduler", "needs the package distributed: pip install 'flexid[dask]'"
         ) from None
     # What goes wrong is said in one sentence; the package would add a traceback
     for name in ("distributed", "distributed.client"):

@@ -129,7 +129,7 @@ def _settled(directory: Path, wanted: Manifest) -> Manifest:
 
 def find_store(directory: Path) -> Store:
     """Open the directory of a campaign for reading, while it runs or later."""
-    check_name(directory, "--summary")
+    check_name(directory, "summary")
     manifest = _read_manifest(directory)
     if manifest is None:
         raise CampaignError(

@@ -46,7 +46,7 @@ def identify(command: Command, options: Options, flags: Options) -> None:
     if given or flags["explain"]:
         name = (given or ["explain"])[0].replace("_", "-")
         raise SettingError(name, "is for one joint, and --model names an arm: leave it out")
-    logs = options["logs"]
+    logs, columns = options["logs"], options.get("columns")
     if len(logs) > 1:
         raise SettingError("LOG", f"an arm takes one log, and {len(logs)} were given: give one")
     from flexid.library.identify import identify_arm
@@ -54,7 +54,9 @@ def identify(command: Command, options: Options, flags: Options) -> None:
     show(
         replace(command, more="--json"),
         flags,
-        lambda progress: identify_arm(logs[0], Path(model), options.get("columns"), progress),
+        lambda progress: identify_arm(
+            Path(logs[0]), Path(model), columns and Path(columns), progress
+        ),
     )
 
 
@@ -97,7 +99,7 @@ def simulate(command: Command, options: Options, flags: Options) -> None:
 def campaign(command: Command, options: Options, flags: Options) -> None:
     """Run a campaign and say how its runs ended; or summarise one, into its directory."""
     if "summary" in options:
-        present(command, options, {**flags, "out": options["summary"]})
+        present(command, options, {**flags, "out": Path(options["summary"])})
         return
     out = options.get("out")
     try:

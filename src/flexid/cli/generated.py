@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flexid.cli.options import ARGUMENTS, FLAGS, OPTIONS, Option, sentences
+from flexid.cli.options import ARGUMENTS, FLAGS, NAMED, OPTIONS, Option, sentences
 from flexid.errors import SettingError
 
 if TYPE_CHECKING:
@@ -118,7 +118,8 @@ def print_warnings(warnings: Sequence[str], errors: "Console", rest: str = "") -
     for warning in shown:
         errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
     if len(shown) < len(warnings):
-        more = f"{len(warnings) - len(shown)} more: {rest}"
+        count = len(warnings) - len(shown)
+        more = f"{count} more warning{'s' if count > 1 else ''}: see {rest}"
         errors.print(more, style="yellow", markup=False, soft_wrap=True)
 
 
@@ -219,24 +220,23 @@ def _calling(command: Command, flagged: Sequence[str]) -> Callable[..., None]:
 
     def call(**given: Any) -> None:
         flags = {name: given.pop(name) for name in flagged}
-        out = flags.get("out")
+        if flags.get("out") is not None:
+            flags["out"] = Path(flags["out"])
         try:
-            if out is not None:
-                flags["out"] = OPTIONS["out"].convert("--out", out)
             command.run(command, _converted(command, given), flags)
         except SettingError as error:
-            raise _as_typed(error, command) from None
+            raise _as_typed(error, command, flagged) from None
 
     return call
 
 
-def _as_typed(error: SettingError, command: Command) -> SettingError:
+def _as_typed(error: SettingError, command: Command, flagged: Sequence[str]) -> SettingError:
     """The same error, with the name of an argument or an option as it is typed."""
-    parameter = _parameters(command).get(error.setting.replace("-", "_"))
-    if parameter is None:
+    parameter = _parameters(command).get(error.setting)
+    if parameter is None and error.setting not in flagged:
         return error
-    named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    typed = f"--{parameter.name.replace('_', '-')}" if named else parameter.name.upper()
+    named = parameter is None or parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    typed = f"--{error.setting.replace('_', '-')}" if named else error.setting.upper()
     return SettingError(typed, error.reason)
 
 
@@ -299,7 +299,7 @@ def _option_of(parameter: inspect.Parameter) -> Option:
     if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
         flag = isinstance(parameter.default, bool)
         return OPTIONS.get(parameter.name, Option(bool if flag else str))
-    return ARGUMENTS.get(parameter.name, Option(str, parameter.name.upper()))
+    return ARGUMENTS.get(parameter.name, Option(NAMED, parameter.name.upper()))
 
 
 def _from_library(command: Command, documented: str) -> Iterator[click.Parameter]:

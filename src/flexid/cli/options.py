@@ -5,8 +5,9 @@ Names, defaults and words of the help are those of the library's functions; see 
 
 import re
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar
+
+import click
 
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
@@ -18,21 +19,31 @@ _Value = TypeVar("_Value")
 _UNCERTAIN = re.compile(r"(.+?)(?:±|\+/?-)(.+)")
 
 
+class _Named(click.ParamType[str]):
+    """A file, a folder or a source; not an empty text, which Python takes for where one is."""
+
+    name = "path"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: Any) -> str:  # noqa: ARG002
+        """The name as it is typed."""
+        if not value.strip():
+            assert param is not None
+            typed = param.opts[0] if isinstance(param, click.Option) else f"{param.metavar}"
+            raise SettingError(typed, "its name is empty: give one")
+        return value
+
+
+NAMED = _Named()
+
+
 class Option(NamedTuple):
     """How the value of a parameter of the library is written on the command line."""
 
-    kind: Callable[[str], Any]  # what the text is parsed as
+    kind: Callable[[str], Any] | click.ParamType  # what the text is parsed as
     metavar: str | None = None  # None: the choices that the parameter's documentation lists
     convert: Callable[[str, Any], Any] = lambda _name, value: value  # to what the library takes
     note: str = ""  # in the help, after the words of the library
     several: bool = False  # whether it may be given more than once
-
-
-def parse_directory(option: str, text: str) -> Path:
-    """A directory to write into; a `SettingError` if its name is empty."""
-    if not text.strip():
-        raise SettingError(option, "its name is empty: name a directory, e.g. results")
-    return Path(text)
 
 
 def parse_number(option: str, text: str) -> float | Literal["auto"]:
@@ -43,6 +54,13 @@ def parse_number(option: str, text: str) -> float | Literal["auto"]:
         return float(text)
     except ValueError:
         raise SettingError(option, f"{text!r} is neither a number nor auto") from None
+
+
+def parse_percent(text: str) -> float:
+    """A fit in per cent, which is 100 at most."""
+    if not float(text) <= 100.0:
+        raise SettingError("--min-fit", f"must be 100 % or less, got {text}")
+    return float(text)
 
 
 def _uncertain(text: str) -> float | tuple[float, float]:
@@ -95,7 +113,7 @@ def _pairs(metavar: str, parse: Callable[[str, Any], Any], note: str = "") -> Op
     return Option(str, metavar, parse, f"{note} May be repeated.".strip(), several=True)
 
 
-_FILE = Option(Path, "FILE")
+_FILE = Option(NAMED, "FILE")
 _SECONDS = Option(float, "SECONDS")
 _DELAY = Option(str, "SECONDS", parse_number)
 _NUMBER = Option(int, "NUMBER")
@@ -103,11 +121,11 @@ _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
 _RIGID_NAMES = ", ".join(name for name in RIGID_TERMS if name not in TERMS)
 
 ARGUMENTS = {
-    "log": Option(Path, "LOG"),
+    "log": Option(NAMED, "LOG"),
     "logs": Option(
-        Path, "LOG", note=f"Files: {kinds()}; - for CSV from standard input.", several=True
+        NAMED, "LOG", note=f"Files: {kinds()}; - for CSV from standard input.", several=True
     ),
-    "what": Option(str, "ESTIMATE|MODEL"),
+    "what": Option(NAMED, "ESTIMATE|MODEL"),
 }
 """What stands without a name, by parameter of the library, but for texts."""
 
@@ -121,7 +139,7 @@ OPTIONS = {
     "columns": _FILE,
     "coulomb_velocity": Option(str, "RAD/S", parse_number),
     "duration": _SECONDS,
-    "estimate": Option(Path, "FILE"),
+    "estimate": _FILE,
     "every": _SECONDS,
     "filter_rate": Option(str, "1/S", parse_number),
     "gain": _pairs("NAME=VALUE", parse_values),
@@ -137,14 +155,14 @@ OPTIONS = {
     "link_delay": _DELAY,
     "log": _FILE,
     "memory": _SECONDS,
-    "out": Option(str, "DIR", parse_directory),
+    "out": Option(NAMED, "DIR"),
     "port": _NUMBER,
     "sample_time": _SECONDS,
     "scheduler": Option(str, "ADDRESS"),
     "seed": _NUMBER,
     "segment_duration": _DELAY,
     "set": _pairs("PATH=VALUE", parse_values, "Such as controller.k=30."),
-    "summary": Option(Path, "DIR"),
+    "summary": Option(NAMED, "DIR"),
     "terms": Option(
         str, "NAMES", note=f"Names between commas: {_NAMES}; of a rigid joint {_RIGID_NAMES}."
     ),
@@ -158,7 +176,9 @@ FLAGS = {
     "explain": Option(bool, note="Show the evidence for every choice."),
     "csv": Option(bool, note="Write the time series as CSV, too; needs --out."),
     "min_fit": Option(
-        float, "PERCENT", note="Exit with status 1 where the free run explains less of a channel."
+        parse_percent,
+        "PERCENT",
+        note="Exit with status 1 where the free run explains less of a channel.",
     ),
     "json": Option(bool, note="Print JSON instead of tables."),
 }

@@ -82,10 +82,10 @@ class OnlineEstimator:
         for name, value in (values or {}).items():
             if name not in names:
                 raise SettingError(
-                    "initial estimates", f"{name!r} is not a coefficient: give {', '.join(names)}"
+                    "values", f"{name!r} is not a coefficient: give {', '.join(names)}"
                 )
             if not np.isfinite(value):
-                raise SettingError("initial estimates", f"must be finite, got {value} for {name!r}")
+                raise SettingError("values", f"must be finite, got {value} for {name!r}")
             start[names.index(name)] = value
         state = self._first_state.copy()
         state[self._coefficients] = start
@@ -159,12 +159,12 @@ def packed(samples: Samples) -> FloatArray:
 def checked_sample_time(sample_time: float) -> float:
     """The sample time, if it is one; else a `SettingError`."""
     if not (np.isfinite(sample_time) and sample_time > 0.0):
-        raise SettingError("sample time", f"must be above 0 s, got {sample_time}")
+        raise SettingError("sample_time", f"must be above 0 s, got {sample_time}")
     return float(sample_time)
 
 
-def fading_factor(memory_time: float, sample_time: float) -> float:
+def fading_factor(memory: float, sample_time: float) -> float:
     """Factor by which a weight fades per sample: exp(-h/τ), 1 for an infinite memory."""
-    if not memory_time > 10.0 * sample_time:
-        raise SettingError("memory time", f"must be longer than ten samples, got {memory_time} s")
-    return float(np.exp(-sample_time / memory_time))
+    if not memory > 10.0 * sample_time:
+        raise SettingError("memory", f"must be longer than ten samples, got {memory} s")
+    return float(np.exp(-sample_time / memory))

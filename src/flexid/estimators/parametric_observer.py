@@ -40,7 +40,7 @@ class ParametricObserver(OnlineEstimator):
 
 
 def parametric_observer(
-    system: ParametricSystem, gains: Mapping[str, float], sample_time: float, hold: Hold = "linear"
+    system: ParametricSystem, gain: Mapping[str, float], sample_time: float, hold: Hold = "linear"
 ) -> ParametricObserver:
     """Build the observer of a model.
 
@@ -48,7 +48,7 @@ def parametric_observer(
     ----------
     system : ParametricSystem
         The model; its constants have the values declared in it.
-    gains : mapping of str to float
+    gain : mapping of str to float
         A gain for each coefficient, or one for all coefficients of a row under the row's name: the
         paper's c1 and c2 are ``{"link": c1, "motor": c2}``.
     sample_time : float
@@ -67,7 +67,7 @@ def parametric_observer(
     """
     h = checked_sample_time(sample_time)
     diagonal = np.array(
-        [_gain(gains, row.name, name) for row in system.rows for name in row.coefficients]
+        [_checked(gain, row.name, name) for row in system.rows for name in row.coefficients]
     )
     constants = list(system.constants.values())
     settings = np.array([h, float(hold == "zero"), *diagonal, *constants])
@@ -93,13 +93,13 @@ def suggest_gains(
     }
 
 
-def _gain(gains: Mapping[str, float], row: str, coefficient: str) -> float:
-    gain = gains.get(coefficient, gains.get(row))
-    if gain is None:
-        raise SettingError("gains", f"give one for {coefficient!r}, or for its row {row!r}")
-    if not (np.isfinite(gain) and gain >= 0.0):
-        raise SettingError("gains", f"must be 0 or more, got {gain} for {coefficient!r}")
-    return float(gain)
+def _checked(gain: Mapping[str, float], row: str, coefficient: str) -> float:
+    own = gain.get(coefficient, gain.get(row))
+    if own is None:
+        raise SettingError("gain", f"give one for {coefficient!r}, or for its row {row!r}")
+    if not (np.isfinite(own) and own >= 0.0):
+        raise SettingError("gain", f"must be 0 or more, got {own} for {coefficient!r}")
+    return float(own)
 
 
 def _kernel(system: ParametricSystem) -> ModuleType:

@@ -86,7 +86,7 @@ class RecursiveLeastSquares(OnlineEstimator):
 
         The residuals are filtered noise, and correlated. So the scores are summed over blocks that
         are long enough to be independent of one another; blocks grow with the record, so that there
-        are always between 20 and 40, or eight per memory time.
+        are always between 20 and 40, or eight per memory.
         """
         at = self._sizes
         kept, clock, _, span, _, past_gone = state[at.counts : at.power]
@@ -143,7 +143,7 @@ def recursive_least_squares(
     sample_time: float,
     filter_rate: float = 20.0,
     hold: Hold = "linear",
-    memory_time: float = np.inf,
+    memory: float = np.inf,
 ) -> RecursiveLeastSquares:
     """Recursive least squares on positions through the filter λ²/(s + λ)².
 
@@ -162,7 +162,7 @@ def recursive_least_squares(
         λ in 1/s.
     hold : {"linear", "zero"}, optional
         Whether the inputs run linearly between samples or are constant until the next one.
-    memory_time : float, optional
+    memory : float, optional
         Time in s after which a sample weighs 1/e as much; infinite: nothing is forgotten.
 
     Returns
@@ -176,17 +176,17 @@ def recursive_least_squares(
     """
     h = checked_sample_time(sample_time)
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
-        raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
+        raise SettingError("filter_rate", f"must be above 0 1/s, got {filter_rate}")
     per_constant = 1.0 / (filter_rate * h)
     plain, half = signals(system), 0
     if plain.VELOCITY_NEEDED:
         half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
     pole = np.exp(-1.0 / per_constant)
     shortest_block = _INDEPENDENCE * per_constant
-    memory, fewest = np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)
-    fading = fading_factor(memory_time, h)
-    longest_block = max(shortest_block, memory_time / h / _BLOCKS_PER_MEMORY)
-    law = [fading, longest_block, memory, fewest]
+    vanished, fewest = np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)
+    fading = fading_factor(memory, h)
+    longest_block = max(shortest_block, memory / h / _BLOCKS_PER_MEMORY)
+    law = [fading, longest_block, vanished, fewest]
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     factors = np.empty((plain.N_SIGNALS, len(system.rows)))
     plain.velocity_factors(constants, factors)

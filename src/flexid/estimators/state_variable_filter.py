@@ -41,7 +41,7 @@ def check_filter_rate(
     least, most = SLOWEST / (slowest * sample_time), FASTEST / (fastest * sample_time)
     if not least <= filter_rate <= most:
         raise SettingError(
-            "filter rate",
+            "filter_rate",
             f"{filter_rate:g} 1/s does not suit samples every {sample_time:g} s: give {least:.3g} "
             f"to {most:.3g} 1/s",
         )
@@ -87,7 +87,7 @@ def filtered_least_squares(
         is nonlinear in velocities meets a recording without velocities and is not fixed at 0.
     """
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
-        raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
+        raise SettingError("filter_rate", f"must be above 0 1/s, got {filter_rate}")
     unknowns = unknowns_of(system, len(recordings), unknowns)
     usable = [place for place, recording in enumerate(recordings) if len(recording) > 4]
     used = [recordings[place] for place in usable]

@@ -137,7 +137,7 @@ def _with_terms(
     return ParametricSystem(joint.smooth.name, tuple(rows), inputs, used)
 
 
-_MEMORY_TIME = 60.0  # s; a drive runs for years, and sums in float do not grow for ever
+_MEMORY = 60.0  # s; a drive runs for years, and sums in float do not grow for ever
 
 
 @dataclass(frozen=True)
@@ -147,14 +147,14 @@ class EstimatorSettings:
     sample_time: float  # s
     hold: "Hold" = "zero"  # the input between samples
     # by coefficient or row: the paper's observer, whose samples hold measured velocities
-    gains: Mapping[str, float] = field(default_factory=dict)
+    gain: Mapping[str, float] = field(default_factory=dict)
     filter_rate: float = 20.0  # 1/s, of the filter that positions pass
-    memory_time: float = _MEMORY_TIME  # s, after which a sample weighs 1/e as much
+    memory: float = _MEMORY  # s, after which a sample weighs 1/e as much
     start: Mapping[str, float] = field(default_factory=dict)  # 0 where no value is given
 
     def __post_init__(self) -> None:
         check_sample_time(self.sample_time)
-        if not self.gains:
+        if not self.gain:
             check_filter_rate(self.filter_rate, self.sample_time)
 
     def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":
@@ -162,17 +162,17 @@ class EstimatorSettings:
         from flexid.estimators.parametric_observer import parametric_observer
         from flexid.estimators.recursive_least_squares import recursive_least_squares
 
-        h, hold, memory = self.sample_time, self.hold, self.memory_time
-        if self.gains:
-            return parametric_observer(system, self.gains, h, hold)
+        h, hold, memory = self.sample_time, self.hold, self.memory
+        if self.gain:
+            return parametric_observer(system, self.gain, h, hold)
         return recursive_least_squares(system, h, self.filter_rate, hold, memory)
 
     @property
     def summary(self) -> str:
         """What is estimated from what, in a line."""
-        if self.gains:
+        if self.gain:
             return "Constant gain, from positions, velocities and inputs."
-        memory = "" if self.memory_time == inf else f", memory {self.memory_time:g} s"
+        memory = "" if self.memory == inf else f", memory {self.memory:g} s"
         return (
             f"Least-squares gain{memory}, from positions and inputs through a filter of "
             f"{self.filter_rate:g} 1/s."
@@ -200,9 +200,7 @@ def export_to(target: str, request: ExportRequest, directory: Path) -> tuple[str
     """Write the files of a target into an empty directory; return what they do not hold."""
     chosen = TARGETS[target]
     if request.settings is None and chosen.estimator == "needed":
-        raise SettingError("sample-time", "is missing: give the seconds between samples, or a log")
-    if request.settings is not None and chosen.estimator == "none":
-        raise SettingError(target, "has no estimator: leave out the options of one")
+        raise SettingError("sample_time", "is missing: give the seconds between samples, or a log")
     module = import_module(f"flexid.exports.{target}")
     return tuple(vars(module)[f"write_{target}"](request, directory))
 

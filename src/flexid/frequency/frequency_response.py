@@ -218,8 +218,8 @@ def frequency_response(
     measured = spectral_estimates(recordings, result)
     chosen = _chosen(characteristic, recordings) if frequency is None else frequency
     hertz = np.atleast_1d(np.asarray(chosen, dtype=np.float64))
-    if hertz.ndim != 1 or not (np.isfinite(hertz) & (hertz > 0.0)).all():
-        raise SettingError("frequency", "has values that are not above 0: give it in Hz")
+    if hertz.ndim != 1 or not hertz.size or not (np.isfinite(hertz) & (hertz > 0.0)).all():
+        raise SettingError("frequency", "must be numbers of Hz above 0, one or more")
     omega = 2.0 * np.pi * hertz
     bands = response_band(joint, omega, level)
     positions = joint.positions(omega)

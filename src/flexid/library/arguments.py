@@ -94,6 +94,8 @@ def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
 def _check(value: Any, types: Any, wanted: str, part: str = "") -> None:
     if isinstance(value, bool) or not isinstance(value, types):
         raise _UnfitError(f"is {kind_of(value)}: give {wanted}", part)
+    if value == "" and "path" in wanted:  # which Python takes for where one is
+        raise _UnfitError(f"is empty: give {wanted}", part)
 
 
 def kind_of(value: object) -> str:
@@ -276,7 +278,7 @@ def _log(value: Any) -> Any:
     from flexid.recording.recording import Log, Recording
 
     known = (*_PATH, Mapping, Log, Recording)
-    if not isinstance(value, known) and not is_frame(value):
+    if not is_frame(value):
         _check(value, known, _LOG)
     return value
 
@@ -304,6 +306,7 @@ _TYPES: Mapping[str, tuple[Any, str]] = {
     "FilePath": (_PATH, "a path"),
     "Mapping[str, Any]": (Mapping, "the content of an estimate.json"),
     "Progress": (Callable, "a function, such as print"),
+    "Thresholds": ((), "a flexid.Thresholds"),
     "float": (Real, "a number"),
     "int": (int, "a whole number"),
     "str": (str, "text"),

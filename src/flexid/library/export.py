@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
@@ -107,7 +107,7 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
         return flexible_joint(PAPER_TERMS if terms is None else tuple(terms), known=known)
     if terms is not None or unknown_input_gain:
         raise SettingError(
-            "unknown-input-gain" if terms is None else "terms",
+            "unknown_input_gain" if terms is None else "terms",
             f"belongs to {_SHIPPED}; a model states its own terms",
         )
     if isinstance(model, ParametricSystem):
@@ -180,27 +180,34 @@ def export(
 
     if to not in TARGETS:
         raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), TARGETS)}")
-    given: dict[str, Any] = {
-        "hold": hold,
-        "gains": gain,
-        "filter_rate": filter_rate,
-        "memory_time": memory,
-    }
-    given = {name: value for name, value in given.items() if value is not None}
+    settings = {"hold": hold, "gain": gain, "filter_rate": filter_rate, "memory": memory}
+    given = {name: value for name, value in settings.items() if value is not None}
+    sampled = {"sample_time": sample_time, "log": log}
+    _check_options(to, [*given, *(name for name, value in sampled.items() if value is not None)])
     meant = what_is_meant(what, terms, with_memory=TARGETS[to].with_memory, arms=True)
     if isinstance(meant, ExportRequest):
         samples = None if log is None else _longest(log, columns, meant)
-        settings = estimator_settings(meant, samples, sample_time, given)
-        write = partial(export_to, to, replace(meant, settings=settings, samples=samples))
+        estimator = estimator_settings(meant, samples, sample_time, given)
+        write = partial(export_to, to, replace(meant, settings=estimator, samples=samples))
     else:
-        options = (*given.values(), sample_time, terms, log)
-        if to == "mjcf" and any(option is not None for option in options):
-            raise SettingError(to, "of an arm takes no options but --out: leave the others out")
         write = partial(export_arm, to, meant)
     with output_directory(Path(out)) as directory:
         warnings = write(directory)
         names = sorted(path.name for path in directory.iterdir())
     return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
+
+
+def _check_options(to: str, given: Sequence[str]) -> None:
+    """Refuse options of an estimator that the target does not have, or that exclude each other."""
+    from flexid.exports.request import TARGETS
+
+    if given and TARGETS[to].estimator == "none":
+        raise SettingError(given[0], f"is of an online estimator, and {to} has none: leave it out")
+    of_least_squares = [name for name in ("filter_rate", "memory") if name in given]
+    if "gain" in given and of_least_squares:
+        raise SettingError(
+            of_least_squares[0], "is of least squares, and a gain is given: leave one out"
+        )
 
 
 def what_is_meant(
@@ -214,6 +221,8 @@ def what_is_meant(
     path = Path(what) if isinstance(what, str | PathLike) and what != _SHIPPED else None
     stored = path is not None and (path.suffix.lower() == ".json" or path.is_dir())
     if isinstance(what, JointEstimate) or stored:
+        if terms is not None:
+            raise SettingError("terms", f"belongs to {_SHIPPED}; an estimate has its own terms")
         found = estimated(what)
         if arms and found.result.model == "arm":
             return found.result
@@ -233,14 +242,14 @@ def estimator_settings(
     if sample_time is None and samples is None:
         if given:
             raise SettingError(
-                "sample-time", "is missing: give the seconds between samples, or a log"
+                "sample_time", "is missing: give the seconds between samples, or a log"
             )
         return None
     if sample_time is None or samples is None:
         h = samples.sample_time if sample_time is None else sample_time  # type: ignore[union-attr]
     elif abs(sample_time - samples.sample_time) > 1e-6 * samples.sample_time:
         raise SettingError(
-            "sample-time",
+            "sample_time",
             f"is {sample_time:g} s and the log's is {samples.sample_time:g} s: leave one out",
         )
     else:

@@ -67,7 +67,7 @@ def identify(
         ``"motor_position [deg]"``, ``"motor_torque [N m]"``.
     columns : path or mapping, optional
         A column map, which renames, scales and combines raw columns: a TOML file. Or what it would
-        hold, ``{"motor_position": {"column": pot_V, "scale": 35.32, "unit": "deg"}}``.
+        hold, ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
     known : mapping of str to float or (float, float), optional
         Physical parameters or coefficients that are known, with their standard deviation if they
         have one. For example ``{"motor_inertia": (0.3, 0.01)}``.

@@ -46,7 +46,7 @@ def read_log(log: OneLog, *, columns: Columns | None = None) -> Log:
         ``"motor_position [deg]"``, ``"motor_torque [N m]"``; without a unit they are in SI.
     columns : path or mapping, optional
         A column map for raw sensor columns: a TOML file, or what it would hold, such as
-        ``{"motor_position": {"column": pot_V, "scale": 35.32, "unit": "deg"}}``.
+        ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def samples(log: OneLog, *, columns: Columns | None = None) -> tuple[Samples, ..
         As `read_log` takes it. With one encoder the samples are those of a rigid joint.
     columns : path or mapping, optional
         A column map for raw sensor columns: a TOML file, or what it would hold, such as
-        ``{"motor_position": {"column": pot_V, "scale": 35.32, "unit": "deg"}}``.
+        ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
 
     Returns
     -------

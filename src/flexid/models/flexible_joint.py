@@ -107,7 +107,7 @@ def flexible_joint(
 
     Parameters
     ----------
-    terms : collection of str, optional
+    terms : str or collection of str, optional
         Names out of `TERMS` and `SHAPE_TERMS`; their order does not matter.
     known : mapping of str to float, optional
         Coefficients whose value is known, for example ``{"beta1": 1 / 0.3}``; they move from the
@@ -129,6 +129,7 @@ def flexible_joint(
     """
     known = dict(known or {})
     every = TERMS | SHAPE_TERMS
+    terms = (terms,) if isinstance(terms, str) else terms
     check_terms(terms, every)
     chosen = [TERMS["gravity"]] * ("gravity" in terms) + [_COMPLIANCE]
     chosen += [term for name, term in every.items() if name in terms and name != "gravity"]

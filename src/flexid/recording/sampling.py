@@ -283,7 +283,7 @@ def check_sample_time(sample_time: float) -> None:
     """Raise a `SettingError` unless a drive may be sampled so, in s."""
     if not is_sample_time(sample_time):
         raise SettingError(
-            "sample time",
+            "sample_time",
             f"{sample_time:g} s is outside {SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s: "
             f"check the unit",
         )

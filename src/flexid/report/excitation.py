@@ -9,7 +9,7 @@ from rich.text import Text
 from flexid.experiment_design.advice import Addition, Advice
 from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.report.identification import excitation_lines, verdict_reasons
+from flexid.report.identification import excitation_lines, negligible_line, verdict_reasons
 from flexid.report.page import Presenter, logs_of
 from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, numbers, value_texts
 
@@ -21,6 +21,7 @@ def parts(report: ExcitationReport) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     yield _table(report.coefficients)
     yield from verdict_reasons(report.coefficients)
+    yield from negligible_line(report.coefficients.values())
     yield ""
     yield from excitation_lines(report.identification.excitation)
     noise = ", ".join(f"{name} {std:.3g} rad" for name, std in report.noise.items())
@@ -34,7 +35,7 @@ def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
     columns = (
         Column("name"),
         *numbers("value"),
-        Column("unit"),
+        Column("unit", whole=True),
         *numbers("±", "factor"),
         Column("partner"),
         Column("verdict"),

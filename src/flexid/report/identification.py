@@ -14,6 +14,7 @@ from flexid.identification.vocabulary.evidence import (
     ModelError,
     Validation,
     ValueEstimate,
+    Verdict,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.parameter_kinds import ANGLES
@@ -38,8 +39,7 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield estimates_table(PARAMETERS, result.parameters)
     yield estimates_table(COEFFICIENTS, result.coefficients)
     yield from verdict_reasons(result.coefficients)
-    if small := negligible(result.parameters.values()):
-        yield f"  Negligible, and zero within the interval: {', '.join(small)}"
+    yield from negligible_line(result.parameters.values())
     yield ""
     yield from excitation_lines(result.excitation)
     yield from residual_lines(result)
@@ -51,22 +51,27 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield from result.summary
 
 
-def negligible(parameters: Iterable[ValueEstimate]) -> list[str]:
-    """Names of parameters that are determined to be so small that they may be zero."""
-    return [
+def negligible_line(estimates: Iterable[ValueEstimate]) -> Iterator[str]:
+    """What is determined to be so small that it may be zero, in a line."""
+    small = [
         found.name
-        for found in parameters
+        for found in estimates
         if found.verdict == "determined"
         and found.interval[0] < 0.0 < found.interval[1]
         and found.name not in ANGLES
     ]
+    if small:
+        yield f"  Negligible, and zero within the interval: {', '.join(small)}"
 
 
 def verdict_reasons(estimates: Mapping[str, Any]) -> Iterator[Text]:
-    """Why values are not determined, a line each."""
+    """Why values are not determined, a line for each reason."""
+    names: dict[tuple[str, Verdict], list[str]] = {}
     for name, e in estimates.items():
         if e.verdict != "determined":
-            yield Text(f"  {name}: {e.reason}", style=VERDICT_STYLES[e.verdict])
+            names.setdefault((e.reason, e.verdict), []).append(name)
+    for (reason, verdict), alike in names.items():
+        yield Text(f"  {', '.join(alike)}: {reason}", style=VERDICT_STYLES[verdict])
 
 
 def excitation_lines(rows: Mapping[str, Excitation]) -> Iterator[str]:
@@ -139,7 +144,12 @@ def estimates_table(
     more: Mapping[Column, Callable[[str], Text | str]] = MappingProxyType({}),
 ) -> Table:
     """Values by name, with intervals and verdicts; more columns with what they say of a name."""
-    usual = (Column("name"), *numbers("value", "95 % interval"), Column("unit"), Column("verdict"))
+    usual = (
+        Column("name"),
+        *numbers("value", "95 % interval"),
+        Column("unit", whole=True),
+        Column("verdict"),
+    )
     table = Table(title, (*usual, *more))
     for name, e in estimates.items():
         value, interval = value_texts(e.value, *e.interval)
@@ -183,7 +193,8 @@ def explanation(result: Identification) -> Iterator[Part]:
     yield ""
     if result.disturbances is not None:
         yield from _disturbances(result.disturbances)
-    yield _least_squares(result)
+    if choices.estimator != "least-squares":
+        yield _least_squares(result)
 
 
 def _terms(choices: Choices) -> Table:
@@ -242,7 +253,8 @@ def _least_squares(result: Identification) -> Table:
     table = Table(f"Least squares for comparison, filter rate {rate:.6g} 1/s", columns)
     for name, value in result.least_squares.items():
         estimate = result.coefficients[name]
-        table.add(name, value_texts(estimate.value, *estimate.interval)[0], number(value, 6))
+        shown = (value_texts(each, *estimate.interval)[0] for each in (estimate.value, value))
+        table.add(name, *shown)
     return table
 
 

@@ -54,7 +54,7 @@ def run_lines(run: Run, measures: Measures) -> Iterator[str]:
 def estimates_table(experiment: Experiment, run: Run, measures: Measures) -> Table:
     """Where the observer's estimates begin and end."""
     headings = ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %")
-    columns = (Column("coefficient"), *numbers(*headings), Column("unit"))
+    columns = (Column("coefficient"), *numbers(*headings), Column("unit", whole=True))
     table = Table("Estimates of the observer", columns)
     for place, (name, error) in enumerate(measures.final_errors.items()):
         true, settled = experiment.loop.coefficients[name], measures.settling_times[name]

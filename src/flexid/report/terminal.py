@@ -1,6 +1,7 @@
 """How answers are printed: sentences, and tables that never cut a number."""
 
 import io
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +21,6 @@ WIDEST = 100
 """Columns that an answer takes at most; longer lines are hard to read."""
 
 _BETWEEN = 2  # blanks between two columns
-_NARROWEST = 16  # columns of a name that is broken
 _EMPTY = Text()
 
 
@@ -29,6 +29,7 @@ class Column(NamedTuple):
 
     heading: str
     right: bool = False  # as numbers stand
+    whole: bool = False  # its cells are never broken, as units are not
 
 
 def numbers(*headings: str) -> tuple[Column, ...]:
@@ -38,7 +39,7 @@ def numbers(*headings: str) -> tuple[Column, ...]:
 
 @dataclass
 class Table:
-    """A table; where it would be too wide, words of its cells are put below each other."""
+    """A table; where it would be too wide, words and parts of names are put below each other."""
 
     title: str
     columns: Sequence[Column]  # the first one names the rows
@@ -63,32 +64,42 @@ class Table:
         for column, own in zip(self.columns, widths, strict=True):
             justify = "right" if column.right else "left"
             grid.add_column(column.heading, justify=justify, width=own, overflow="fold")
-        for row in self.rows:
-            grid.add_row(*row)
+        for name, *cells in self.rows:
+            grid.add_row(_broken(name, widths[0]), *cells)
         grid.width = sum(widths) + _BETWEEN * (len(widths) - 1)
         return grid
 
     def _widths(self, width: int) -> list[int]:
-        """The width of each column: words keep together, and names give way at last."""
-        widths, least = [], []
+        """The width of each column: texts give way first, then names, and numbers at last."""
+        widths, slack = [], []
         for place, column in enumerate(self.columns):
             texts = [column.heading, *(row[place].plain for row in self.rows)]
+            parts = texts if column.whole else [p for t in texts for p in _parts(t, name=not place)]
             widths.append(max(map(cell_len, texts)))
-            least.append(
-                max((cell_len(word) for text in texts for word in text.split()), default=0)
-            )
-        slack = [whole - word for whole, word in zip(widths, least, strict=True)]
-        numbers_last = sorted(
-            range(len(widths)), key=lambda place: (self.columns[place].right, -slack[place])
-        )
-        rooms = [(slack[place], place) for place in numbers_last]
-        rooms.append((max(0, least[0] - _NARROWEST), 0))
+            slack.append(widths[-1] - max(map(cell_len, parts), default=0))
         over = sum(widths) + _BETWEEN * (len(widths) - 1) - width
-        for room, place in rooms:
-            taken = min(room, max(over, 0))
+        for place in sorted(
+            range(len(widths)), key=lambda p: (self.columns[p].right, not p, -slack[p])
+        ):
+            taken = min(slack[place], max(over, 0))
             widths[place] -= taken
             over -= taken
         return widths
+
+
+def _parts(text: str, *, name: bool) -> list[str]:
+    """What of a text keeps together: words, and of a name what underscores divide."""
+    return [part.rstrip() for part in re.split(r"(?<=[ _])" if name else r"(?<= )", text)]
+
+
+def _broken(name: Text, width: int) -> Text:
+    """A name in lines of some width, broken after its underscores."""
+    lines = [""]
+    for part in re.split(r"(?<=[ _])", name.plain):
+        if cell_len(lines[-1] + part.rstrip()) > width and lines[-1]:
+            lines.append("")
+        lines[-1] += part
+    return Text("\n".join(lines), name.style) if len(lines) > 1 else name
 
 
 Part = Table | Text | str

@@ -7,6 +7,7 @@ from typing import Any
 
 from flexid.arrays import plain
 from flexid.identification.judgement.compliance import WEAK_FIT
+from flexid.identification.structure.validation import HORIZONS
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.report.chart import Chart
 from flexid.report.page import Presenter, logs_of
@@ -22,14 +23,27 @@ def parts(result: EstimateValidation) -> Iterator[Part]:
     moving = {channel: fit for channel, fit in result.fit_percent.items() if not isnan(fit)}
     worst = min(moving, key=lambda channel: moving[channel], default="")
     if worst and not moving[worst] >= WEAK_FIT:
-        yield (
-            f"The estimate does not describe this drive: the free run explains "
-            f"{moving[worst]:.3g} % of {worst}. Identify these logs, and compare both estimates."
-        )
+        yield _poor_free_run(result, worst)
     count = len(result.runs)
     yield (
         f"{count} recording{'s' if count > 1 else ''} of {_drive(result)}. Each "
         f"prediction starts from the state that the half second before it shows."
+    )
+
+
+def _poor_free_run(result: EstimateValidation, worst: str) -> str:
+    """What a free run says that loses a channel: nothing of the drive, if it is only too long."""
+    fit, longest = result.fit_percent[worst], HORIZONS[-1]
+    lost = f"{fit:.3g} % of {worst}" if isfinite(fit) else f"nothing of {worst}"
+    predicted = result.horizons.get(longest, {}).values()
+    if predicted and not any(found < WEAK_FIT for found in predicted):
+        return (
+            f"The free run explains {lost}, since small errors add up over the log: judge the "
+            f"estimate by its predictions over {longest:g} s."
+        )
+    return (
+        f"The estimate does not describe this drive: the free run explains {lost}. Identify these "
+        f"logs, and compare both estimates."
     )
 
 

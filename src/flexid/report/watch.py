@@ -9,7 +9,7 @@ from rich.text import Text
 
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.parameter_kinds import ANGLES, difference
-from flexid.report.identification import PARAMETERS, estimates_table, negligible
+from flexid.report.identification import PARAMETERS, estimates_table, negligible_line
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, laid_out, numbers
 from flexid.streaming.health import Health
@@ -32,8 +32,7 @@ def parts(session: Session) -> Iterator[Part]:
     )
     yield ""
     yield estimates_table(PARAMETERS, session.parameters, _columns(session))
-    if small := negligible(session.parameters.values()):
-        yield f"Negligible even at the ends of the interval: {', '.join(small)}"
+    yield from negligible_line(session.parameters.values())
     conditions = ", ".join(
         f"{name} {found.condition_number:.3g}" for name, found in session.excitation.items()
     )

@@ -151,7 +151,11 @@ def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
     given = replace(options, **close)
     if session.options != given:
         was, now = session.options.document, given.document
-        names = ", ".join(f"{name} {was[name]!r}" for name in was if was[name] != now[name])
+        names = ", ".join(
+            f"{name} {', '.join(was[name]) if name == 'terms' else was[name]}"
+            for name in was
+            if was[name] != now[name]
+        )
         raise SettingError(
             "checkpoint", f"{checkpoint} was saved with {names}: choose the same, or another file"
         )

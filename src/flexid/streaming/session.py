@@ -19,7 +19,7 @@ from flexid.streaming.learner import Departure, Findings, Learner, States, findi
 from flexid.streaming.options import WatchOptions
 
 CAUSES = {
-    "no_number": "a value is not a number",
+    "no_number": "a value is no number or too large",
     "repeated": "they are repeated",
     "late": "they are late",
     "outliers": "a position jumps",

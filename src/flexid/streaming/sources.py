@@ -198,8 +198,10 @@ class SerialPort:
         try:
             self._port = serial.Serial(address, int(rates[0]), timeout=WAIT)
         except (serial.SerialException, ValueError, OSError) as error:
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number).lower() if number else str(error)
             raise RecordingError(
-                self.name, "", f"the port cannot be opened ({error}): check its name and rights"
+                self.name, "", f"the port cannot be opened ({reason}): check its name and rights"
             ) from None
         self._lost = serial.SerialException
 

@@ -200,7 +200,7 @@ def _held_out_start(recording: Recording, share: float) -> int:
         )
     if len(recording) - start < _FEWEST_HELD_OUT_SAMPLES:
         raise SettingError(
-            "validation-share",
+            "validation_share",
             f"{share:g} keeps only {len(recording) - start} samples of {recording.source} out, "
             f"fewer than {_FEWEST_HELD_OUT_SAMPLES}: raise it, or record longer",
         )

@@ -71,30 +71,30 @@ class Settings:
         if self.terms != "auto":
             for term in self.terms:
                 if term not in _TERMS:
-                    known = ("auto", *_TERMS)
-                    raise SettingError("terms", f"{term!r} is unknown{did_you_mean(term, known)}")
+                    raise SettingError("terms", f"{term!r} is unknown{did_you_mean(term, _TERMS)}")
         for name, value in self.known.items():
             _check_known(name, value, self.known_deviations.get(name, 0.0))
         for name, (lower, upper) in self.bounds.items():
             _check_bounds(name, lower, upper)
         _check_choice("hold", self.hold, ("auto", "zero", "linear", "cubic"))
         smooth = self.coulomb_velocity
-        _check_positive("coulomb-velocity", smooth, "rad/s")
+        _check_positive("coulomb_velocity", smooth, "rad/s")
         if smooth != "auto" and not _SLOWEST <= smooth <= FASTEST_JOINT:
             raise SettingError(
-                "coulomb-velocity",
+                "coulomb_velocity",
                 f"{smooth:g} rad/s is outside {_SLOWEST:g} to {FASTEST_JOINT:g} rad/s: give a "
                 f"velocity within, or auto for dry friction",
             )
-        _check_positive("filter-rate", self.filter_rate, "1/s")
-        _check_positive("segment-duration", self.segment_duration, "s")
+        _check_positive("filter_rate", self.filter_rate, "1/s")
+        _check_positive("segment_duration", self.segment_duration, "s")
         for name in ("input_delay", "link_delay"):
             delay = getattr(self, name)
             if delay != "auto" and not isfinite(delay):
-                raise SettingError(name.replace("_", "-"), "give a number of seconds, or auto")
+                raise SettingError(name, f"{delay} is no number of seconds: give one, or auto")
         if not 0 < self.validation_share <= _LARGEST_SHARE:
             raise SettingError(
-                "validation-share", f"give a share of the log between 0 and {_LARGEST_SHARE}"
+                "validation_share",
+                f"must lie above 0 and up to {_LARGEST_SHARE}, got {self.validation_share}",
             )
 
     @property
@@ -125,7 +125,7 @@ def check_for(joint: Joint, settings: Settings) -> None:
         for setting in ("hold", "input_delay"):
             if getattr(settings, setting) != "auto":
                 raise SettingError(
-                    setting.replace("_", "-"),
+                    setting,
                     "the log has no input that it could be true of: leave it",
                 )
 
@@ -139,7 +139,7 @@ def check_against(
     length = settings.segment_duration
     if length != "auto" and length < FEWEST_SAMPLES * sample_time:
         raise SettingError(
-            "segment-duration",
+            "segment_duration",
             f"{length:g} s is less than {FEWEST_SAMPLES} samples of this log: give "
             f"{FEWEST_SAMPLES * sample_time:.3g} s or more",
         )
@@ -150,7 +150,7 @@ def check_against(
         delay = getattr(settings, name)
         if delay != "auto" and abs(delay) > _LARGEST_DELAY * shortest:
             raise SettingError(
-                name.replace("_", "-"),
+                name,
                 f"{delay:g} s is more than a tenth of the log, {shortest:.4g} s: give seconds",
             )
 
@@ -164,7 +164,7 @@ def _check_positive(setting: str, value: float | str, unit: str) -> None:
     if isinstance(value, str):
         _check_choice(setting, value, ("auto",))
     elif not (isfinite(value) and value > 0):
-        raise SettingError(setting, f"give a positive number in {unit}, or auto")
+        raise SettingError(setting, f"must be a positive number in {unit} or auto, got {value}")
 
 
 def _check_known(name: str, value: float, deviation: float) -> None:

@@ -162,7 +162,7 @@ def job_of(
     job = Job(joint, recordings, known, settings, progress, thresholds)
     if settings.coulomb_velocity != "auto" and (dry := sorted(job.kept & joint.shapes)):
         raise SettingError(
-            "coulomb-velocity",
+            "coulomb_velocity",
             f"{joint.of_coefficient(dry[0])} goes with dry friction only: leave one of them",
         )
     return job
