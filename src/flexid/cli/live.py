@@ -1,7 +1,6 @@
 """Commands that go on until they are ended: `flexid watch` and `flexid studio`."""
 
 import json
-import os
 import signal
 import time
 from collections.abc import Iterator
@@ -81,7 +80,7 @@ def _interruptions() -> Iterator[list[int]]:
 
 
 def _follow(
-    watched: "Watch", checkpoint: Path | None, asked: list[int], errors: "Console", *, as_json: bool
+    watched: "Watch", checkpoint: str | None, asked: list[int], errors: "Console", *, as_json: bool
 ) -> None:
     """Follow the stream until it ends, or an interruption; show what is known meanwhile."""
     from rich.live import Live
@@ -113,7 +112,7 @@ def _follow(
                 break
 
 
-def _end(watched: "Watch", checkpoint: Path | None, *, as_json: bool) -> None:
+def _end(watched: "Watch", checkpoint: str | None, *, as_json: bool) -> None:
     """Save, then print the last report: a reader that has gone must not cost the checkpoint."""
     from flexid.report.terminal import print_parts
 
@@ -127,7 +126,7 @@ def _end(watched: "Watch", checkpoint: Path | None, *, as_json: bool) -> None:
             print_parts(watched._parts())
 
 
-def studio(log: Path | None = None, *, port: int = 8765, browser: bool = True) -> None:
+def studio(log: str | None = None, *, port: int = 8765, browser: bool = True) -> None:
     """Serve a page in which logs are checked and identified.
 
     Drop a log, say which column is what, see what it can tell before anything is run, identify,
@@ -142,9 +141,10 @@ def studio(log: Path | None = None, *, port: int = 8765, browser: bool = True) -
     browser : bool, optional
         Open the page in a browser.
     """
-    if log is not None and not os.path.exists(log):
+    path = None if log is None else Path(log)
+    if path is not None and not path.exists():
         raise RecordingError(
-            shown(log), "", "there is no such file: check the spelling, or give the path of a log"
+            shown(path), "", "there is no such file: check the spelling, or give the path of a log"
         )
     from flexid.studio import need_packages
 
@@ -158,4 +158,4 @@ def studio(log: Path | None = None, *, port: int = 8765, browser: bool = True) -
 
             webbrowser.open(address)
 
-    serve(log, port, announce)
+    serve(path, port, announce)
