@@ -199,7 +199,8 @@ def split_header(header: str) -> tuple[str, str | None]:
     match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|\{([^{}]*)\}|<([^<>]*)>)", header)
     if match is not None:
         unit = next(group for group in match.groups()[1:] if group is not None).strip()
-        words = words_of(unit)  # which may say the side of the joint, or how it was measured
+        # Words may say the side of the joint, or how it was measured; [m] is no motor's.
+        words = words_of(unit) if len(unit) > 1 else None
         is_side = words is not None and words.all and not (words.others or words.quantities)
         if re.fullmatch(r"[\d:, ]+", unit) or is_side:
             return header, None

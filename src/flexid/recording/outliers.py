@@ -255,10 +255,14 @@ def _around(
     steps: FloatArray, firsts: NDArray[np.int64], lost: int
 ) -> tuple[FloatArray, FloatArray]:
     """The steps on either side of one that covers so many lost samples, a constant; that step."""
-    offsets = [*range(-_NEAR, 0), *range(lost + 1, lost + 1 + _NEAR)]
-    neighbours = [steps[firsts + offset] for offset in offsets]
-    own = steps[firsts[:, None] + np.arange(lost + 1)].sum(axis=1)
-    return np.column_stack((*neighbours, np.ones(len(firsts)))), own
+    offsets, channels = [*range(-_NEAR, 0), *range(lost + 1, lost + 1 + _NEAR)], steps.shape[1]
+    neighbours = np.ones((len(firsts), len(offsets) * channels + 1))
+    for place, offset in enumerate(offsets):
+        neighbours[:, place * channels : (place + 1) * channels] = steps[firsts + offset]
+    own = steps[firsts]
+    for offset in range(1, lost + 1):
+        own += steps[firsts + offset]
+    return neighbours, own
 
 
 _OFF = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0  # what a cubic through the others leaves over

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import io
 import os
 import re
 import sys
@@ -38,6 +37,7 @@ _PACKED = {
     b"\x28\xb5\x2f\xfd": "zstd",
     b"7z\xbc\xaf": "7z",
 }
+_CLOSED_QUOTE = "text follows a quotation mark within a cell: remove one"
 _OPEN_QUOTE = "a quotation mark opens on this line and does not close on it: remove it"
 _OTHERS = {  # what else flexid reads, and where it belongs
     ".toml": "this is a TOML file, not a log: a column map is given with --columns",
@@ -77,18 +77,18 @@ def read_text(file: str, raw: bytes) -> Table:
     if not body:
         reason = "no samples follow the header: export the log again"
         raise RecordingError(file, f"line {layout.header_line}", reason)
-    layout, body = _without_cut_row(layout, text, body)
+    check_cells(file, body.count(b"\n") + 1, len(layout.names))
     header = text.split(b"\n", layout.header_line)[layout.header_line - 1].strip()
-    if b"\n" + header in body:
-        layout, body = _samples(layout, body, header)
-    try:
-        frame = _frame(file, layout, body)
-    except RecordingError:
-        layout, body = _samples(layout, body, header)
-        if not layout.left_out:
-            raise
-        frame = _frame(file, layout, body)
-    return replace(layout.table(file, frame), warnings=tuple(_warnings(file, layout)))
+    frame = None if b'"' in body or b"\n" + header in body else _frame(layout, body)
+    if frame is None or frame[layout.names[-1]].null_count():  # as of a row that is too short
+        is_cut = not text.endswith(b"\n")
+        layout, body = _samples(file, layout, body, header.decode(errors="replace"), is_cut=is_cut)
+        frame = _frame(layout, body)
+    if frame is None:
+        reason = f"the rows below {layout.names[0]!r} do not form a table: export the log as CSV"
+        raise RecordingError(file, "", reason)
+    table = layout.table(file, layout.without_twins(file, frame))
+    return replace(table, warnings=tuple(_warnings(file, layout)))
 
 
 def _warnings(file: str, layout: Layout) -> Iterator[str]:
@@ -103,59 +103,83 @@ def _warnings(file: str, layout: Layout) -> Iterator[str]:
         yield f"{file}: {lines} left out, as {why}"
 
 
-def _without_cut_row(layout: Layout, text: bytes, body: bytes) -> tuple[Layout, bytes]:
-    """Rows without the last one where the file ends in it, as where its logger was killed."""
-    start = body.rfind(b"\n") + 1
-    cells = split(body[start:].decode("utf-8", errors="replace"), layout.separator)
-    if not start or text.endswith(b"\n") or len(cells) >= len(layout.names):
-        return layout, body
-    number = layout.first_line + body.count(b"\n")
-    why = "a last row that is not complete"
-    return replace(layout, left_out={number: why}), body[: start - 1]
+def _samples(
+    file: str, layout: Layout, body: bytes, header: str, *, is_cut: bool
+) -> tuple[Layout, bytes]:
+    """Rows without the lines between them that hold no sample; raise at one of another length.
 
-
-def _samples(layout: Layout, body: bytes, header: bytes) -> tuple[Layout, bytes]:
-    """Rows without the lines between them that are blank, a comment, or the header once more."""
-    separator = layout.separator.encode()
-    kept: list[bytes] = []
+    Where a file was cut its last row may be half a sample.
+    """
+    kept: list[str] = []
     left_out: dict[int, str] = {}
-    for number, line in enumerate(body.split(b"\n"), layout.first_line):
-        bare = line.strip()
-        is_row = line.count(separator) == len(layout.names) - 1 and separator != b" "
-        if not bare:
-            left_out[number] = "blank"
-        elif bare == header:
-            left_out[number] = "the column names once more"
-        elif bare.startswith(_COMMENTS) and not is_row:
-            left_out[number] = "a comment"
-        else:
+
+    def lines() -> Iterator[str]:
+        text = body.decode("utf-8", errors="replace")
+        for number, line in enumerate(text.split("\n"), layout.first_line):
+            bare = line.strip()
+            if not bare or bare == header or bare.startswith(COMMENTS):
+                why = _no_sample(layout, header, line)
+                if why:
+                    left_out[number] = why
+                    continue
             kept.append(line)
-    return replace(layout, left_out={**left_out, **layout.left_out}), b"\n".join(kept)
+            yield " ".join(line.split()) if layout.separator == BLANK else line
+
+    done, fault, width = 0, "", len(layout.names)
+    try:
+        for row in csv.reader(lines(), delimiter=layout.separator, strict=True):
+            if len(kept) > done + 1:
+                fault = _OPEN_QUOTE
+            elif len(row) != width:
+                names = f"let the names in line {layout.header_line} be as many"
+                fault = (
+                    f"the row has {len(row)} cells where the header has {width}: "
+                    f"{'complete or remove it' if done else names}; numbers with decimal commas "
+                    f"need another separator"
+                )
+            if fault:
+                break
+            done += 1
+    except csv.Error as error:
+        # The end of the file, or of the longest cell, is reached within a quotation.
+        is_open = "expected after" not in str(error)
+        fault = _OPEN_QUOTE if is_open else _CLOSED_QUOTE
+    if fault:
+        number = line_of(layout.first_line, done, left_out)
+        is_half = is_cut and number == layout.first_line + body.count(b"\n")
+        if not done or not is_half or len(split(kept[done], layout.separator)) >= width:
+            raise RecordingError(file, f"line {number}", fault)
+        left_out[number] = "a last row that is not complete"
+        kept.pop()
+    return replace(layout, left_out=left_out), "\n".join(kept).encode()
 
 
-def _frame(file: str, layout: Layout, body: bytes) -> polars.DataFrame:
-    """Cells of rows; raise where these are no table."""
+def _no_sample(layout: Layout, header: str, line: str) -> str:
+    """Why a line that is blank, the header or marked holds no sample, unless it is a row."""
+    bare = line.strip()
+    if not bare or bare == header:
+        return "the column names once more" if bare else "blank"
+    is_row = layout.separator != BLANK and len(split(line, layout.separator)) == len(layout.names)
+    return "" if is_row else "a comment"
+
+
+def _one_blank(text: bytes) -> bytes:
+    """Lines with one blank between two cells and none around them."""
+    return re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", text))
+
+
+def _frame(layout: Layout, body: bytes) -> polars.DataFrame | None:
+    """Cells of rows, where these are a table."""
     import polars as pl
 
-    if layout.separator == BLANK:
-        body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", body))
-    names = layout.names
-    check_cells(file, body.count(b"\n") + 1, len(names))
     try:
-        frame = pl.read_csv(
-            body, separator=layout.separator, has_header=False, infer_schema=False,
-            schema=dict.fromkeys(names, pl.String),
+        return pl.read_csv(
+            _one_blank(body) if layout.separator == BLANK else body,
+            separator=layout.separator, has_header=False, infer_schema=False,
+            schema=dict.fromkeys(layout.names, pl.String),
         )  # fmt: skip
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        fault = _ragged_row(file, layout, body) or RecordingError(
-            file, "", f"the rows below {names[0]!r} do not form a table: export the log as CSV"
-        )
-        raise fault from error
-    if b'"' in body or frame[names[-1]].null_count():
-        fault = _ragged_row(file, layout, body)
-        if fault is not None:
-            raise fault
-    return layout.without_twins(file, frame)
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException):
+        return None
 
 
 def _rows(text: bytes) -> bytes:
@@ -218,40 +242,3 @@ def _utf_16(raw: bytes) -> str:
     if first + second < 0.9 or min(first, second) > 0.0:
         return ""
     return "utf-16-be" if first else "utf-16-le"
-
-
-def _ragged_row(file: str, layout: Layout, body: bytes) -> RecordingError | None:
-    """The first row whose number of cells differs from the header's, if there is one."""
-    lines = io.TextIOWrapper(io.BytesIO(body), encoding="utf-8", errors="replace", newline="")
-    reader = csv.reader(lines, delimiter=layout.separator, strict=True)
-    first, left_out = layout.first_line, layout.left_out
-    index, before = 0, 0
-    try:
-        for row in reader:
-            line = line_of(first, index, left_out)
-            fault = _OPEN_QUOTE if reader.line_num > before + 1 else _fault(layout, line, row)
-            if fault:
-                return RecordingError(file, f"line {line}", fault)
-            index, before = index + 1, reader.line_num
-    except csv.Error as error:
-        # The end of the file, or of the longest cell, is reached within a quotation.
-        fault = _OPEN_QUOTE
-        if "expected after" in str(error):
-            fault = "text follows a quotation mark within a cell: remove one"
-        return RecordingError(file, f"line {line_of(first, index, left_out)}", fault)
-    return None
-
-
-def _fault(layout: Layout, line: int, row: list[str]) -> str:
-    """What is wrong with a row, if anything is."""
-    if not row:
-        return "the line is blank: remove it"
-    if len(row) == len(layout.names):
-        return ""
-    remedy = "complete or remove it"
-    if line == layout.first_line:
-        remedy = f"let the names in line {layout.header_line} be as many"
-    return (
-        f"the row has {len(row)} cells where the header has {len(layout.names)}: {remedy}; numbers "
-        f"with decimal commas need another separator"
-    )
