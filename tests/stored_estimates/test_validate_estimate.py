@@ -110,9 +110,10 @@ def test_a_wrong_stiffness_predicts_less(log):
 def test_an_estimate_of_another_drive_is_said(log):
     """Assert that a free run that explains next to nothing is named with its channel."""
     found = validate_estimate(stored(), [log])
-    poor = replace(found, fit_percent={**found.fit_percent, "deflection": 12.3})
+    fits = {**found.fit_percent, "deflection": 12.3}
+    poor = replace(found, fit_percent=fits, horizons={5.0: fits})
     said = " ".join(map(str, parts(poor)))
-    assert "the free run explains 12.3 % of deflection" in said
+    assert "does not describe this drive: the free run explains 12.3 % of deflection" in said
     assert "does not describe" not in " ".join(map(str, parts(found)))
 
 

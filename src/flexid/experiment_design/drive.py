@@ -326,7 +326,7 @@ def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
     believed = content["parameters"]
     shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
     missing = [n for n in estimate.parameters if n in Parameters.model_fields and n not in believed]
-    warnings = []
+    warnings, guessed = [], []
     if shapes:
         warnings.append(f"a design does not model {', '.join(shapes)}, so its predictions omit it")
     if missing:
@@ -342,10 +342,12 @@ def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
             continue
         believed[name] = parameter.value
         if parameter.verdict == "undetermined":
-            warnings.append(
-                f"{name} is undetermined there, so the design rests on a guess: check its largest "
-                f"deviations"
-            )
+            guessed.append(name)
+    if guessed:
+        warnings.append(
+            f"what it has of {', '.join(guessed)} is undetermined, so the design rests on a guess: "
+            f"check its largest deviations"
+        )
 
     def refuse(key: str, _: str) -> Exception:
         reason = f"is {believed[key]}, which no drive has: identify a log that determines it"

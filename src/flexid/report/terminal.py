@@ -70,7 +70,7 @@ class Table:
         return grid
 
     def _widths(self, width: int) -> list[int]:
-        """The width of each column: texts give way first, then names, and numbers at last."""
+        """The width of each column: what has most room gives way first, and numbers at last."""
         widths, slack = [], []
         for place, column in enumerate(self.columns):
             texts = [column.heading, *(row[place].plain for row in self.rows)]
@@ -78,9 +78,7 @@ class Table:
             widths.append(max(map(cell_len, texts)))
             slack.append(widths[-1] - max(map(cell_len, parts), default=0))
         over = sum(widths) + _BETWEEN * (len(widths) - 1) - width
-        for place in sorted(
-            range(len(widths)), key=lambda p: (self.columns[p].right, not p, -slack[p])
-        ):
+        for place in sorted(range(len(widths)), key=lambda p: (self.columns[p].right, -slack[p])):
             taken = min(slack[place], max(over, 0))
             widths[place] -= taken
             over -= taken
@@ -164,6 +162,8 @@ def format_with_interval(value: float, lower: float, upper: float) -> tuple[str,
     else:
         largest = max(map(abs, numbers))
         place = max(floor(log10(width)) - 1, floor(log10(largest)) - _MOST + 1)
+        if lower < 0.0 < upper and abs(value) < 0.5 * 10.0**place:
+            numbers = (0.0, lower, upper)  # its own digits would say what the log does not
         first, second, third = _rounded(numbers, place)
     return first, second, third
 
@@ -172,7 +172,7 @@ def _rounded(numbers: Sequence[float], place: int) -> tuple[str, ...]:
     """Numbers rounded to a power of ten: as usual, or all scientific where that is shorter."""
     scientific = tuple(_scientific(x, place) for x in numbers)
     usual = tuple(
-        f"{x:.{max(0, -_own_place(x, place))}f}" if place <= 0 or x == 0.0 else f"{float(text):.0f}"
+        f"{x:.{-own}f}" if (own := _own_place(x, place)) <= 0 else f"{float(text):.0f}"
         for x, text in zip(numbers, scientific, strict=True)
     )
     return min(usual, scientific, key=lambda texts: max(map(len, texts)))

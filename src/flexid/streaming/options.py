@@ -230,7 +230,9 @@ def check_comparable(result: Identification) -> None:
             f"remembers nothing: identify with --terms {left or 'none'}, and take that estimate",
         )
     if not _reference(result):
-        raise SettingError("estimate", "determines nothing that a stream could be compared with")
+        raise SettingError(
+            "estimate", "determines nothing that a stream could be compared with: give another"
+        )
     unknown = [name for name, value in given_values(result).items() if not isfinite(value)]
     if unknown:
         raise SettingError(
