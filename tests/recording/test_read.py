@@ -20,6 +20,7 @@ from joint_log import (
 )
 from numpy.typing import NDArray
 
+import flexid
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording import Log, read_log
@@ -90,7 +91,7 @@ def test_xarray() -> None:
     degrees = np.degrees(columns["link_position"])
     channels["link_position"] = ("time", degrees, {"units": "deg"})
     data = xarray.Dataset(channels, coords={"time": columns["time"], "rig": 7})
-    assert_equal_logs(read_columns(data), read_columns(columns), rtol=1e-12)
+    assert_equal_logs(flexid.read_log(data), read_columns(columns), rtol=1e-12)
 
 
 def rows(kept: NDArray[Any]) -> dict[str, FloatArray]:

@@ -94,7 +94,7 @@ def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
 def _check(value: Any, types: Any, wanted: str, part: str = "") -> None:
     if isinstance(value, bool) or not isinstance(value, types):
         raise _UnfitError(f"is {kind_of(value)}: give {wanted}", part)
-    if value == "" and "path" in wanted:  # which Python takes for where one is
+    if isinstance(value, str) and not value and "path" in wanted:  # Python takes it for its folder
         raise _UnfitError(f"is empty: give {wanted}", part)
 
 

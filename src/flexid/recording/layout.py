@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -72,6 +72,7 @@ class _Line:
     begin: int  # of the line, in bytes
     end: int  # behind its line feed
     text: str
+    cells: tuple[str, ...] = ()  # once the separator is known
 
     @property
     def is_comment(self) -> bool:
@@ -82,17 +83,27 @@ class _Line:
         """The line without what makes it a comment, as which NumPy writes a header."""
         return self.text.lstrip(" #%/") if self.is_comment else self.text
 
+    @property
+    def label(self) -> str:
+        """The first of the labels with which all cells below the names begin, as of Simulink."""
+        found = [_LABEL.match(cell) for cell in self.cells if cell]
+        return found[0][1].lower() if found and found[0] and all(found) else ""
+
+    def parted(self, separator: str, width: int, *, is_ended: bool) -> _Line:
+        """The line with its cells, `width` of them where it may be the names of as many columns."""
+        cells = split(self.bare, separator)
+        aligned = re.split(r"\s{2,}", self.bare.strip())
+        if separator == BLANK and len(aligned) == width != len(cells):  # names of several words
+            cells = aligned
+        if is_ended and len(cells) == width - 1:  # rows have a separator at their end
+            cells.append("")
+        if len(cells) == width + 1 and cells[-1].casefold() in ("comment", ""):  # as of LabVIEW
+            cells.pop()
+        return replace(self, cells=tuple(cells))
+
     def refusal(self, reason: str) -> RecordingError:
         """The error by which a text is refused for this line."""
         return RecordingError(self.file, f"line {self.number}", reason)
-
-    def cells(self, separator: str) -> list[str]:
-        return split(self.bare, separator)
-
-    def label(self, separator: str) -> str:
-        """The first of the labels with which all cells below the names begin, as of Simulink."""
-        found = [_LABEL.match(cell) for cell in self.cells(separator) if cell]
-        return found[0][1].lower() if found and found[0] and all(found) else ""
 
 
 def layout_of(file: str, text: bytes) -> Layout:
@@ -108,84 +119,42 @@ def layout_of(file: str, text: bytes) -> Layout:
             file, "line 1", "there is nothing but comments: write the column names below them"
         )
     if row is None:  # no row of numbers: the first line is taken for the header, and rows follow
-        header = plain[0]
-        after = (header.number + 1, header.end)
-        return _layout(lines, header, None, header_separator(header.text), after)
-    *above, first = lines
+        separator = header_separator(plain[0].text)
+        header = plain[0].parted(separator, 0, is_ended=False)
+        return _layout([], header, None, separator, (header.number + 1, header.end))
     separator, width = row
-    if separator == BLANK:
-        above = [_aligned(line, width) for line in above]
-    if not split(first.text, separator)[-1]:
-        above = [_ended(line, separator, width) for line in above]
-    above = [_without_remarks(line, separator, width) for line in above]
-    header, units = _above(above, first, separator, width)
-    below = [line for line in (*above, first) if line.number > header.number and line is not units]
-    below = [line for line in below if not (line.is_comment or line.label(separator))]
-    if len(header.cells(separator)) == width:
-        # A row before the first may have another length, and is refused later.
-        below = [line for line in below if _is_row(split(line.text, separator))]
-    first = below[0]
-    return _layout(lines, header, units, separator, (first.number, first.begin))
+    is_ended = not split(lines[-1].text, separator)[-1]
+    lines = [line.parted(separator, width, is_ended=is_ended) for line in lines]
+    header, units = _above(lines[:-1], lines[-1], width)
+    below = [line for line in lines if line.number > header.number and line is not units]
+    below = [line for line in below if not (line.is_comment or line.label)]
+    if len(header.cells) == width:  # a row before the first may have another length
+        below = [line for line in below if _is_row(line.cells)]
+    return _layout(lines, header, units, separator, (below[0].number, below[0].begin))
 
 
-def _aligned(line: _Line, width: int) -> _Line:
-    """A line whose names have several words, where they stand two blanks or more apart."""
-    names = re.split(r"\s{2,}", line.bare.strip())
-    is_so = len(names) == width != len(line.cells(BLANK))
-    return replace(line, text=" ".join(f'"{name}"' for name in names)) if is_so else line
-
-
-def _ended(line: _Line, separator: str, width: int) -> _Line:
-    """A line with a separator at its end, where the rows have one and it has not."""
-    is_short = len(line.cells(separator)) == width - 1
-    return replace(line, text=line.text + separator) if is_short else line
-
-
-def _without_remarks(line: _Line, separator: str, width: int) -> _Line:
-    """A line without the last cell where that is of remarks, of which LabVIEW's rows have none."""
-    cells = line.cells(separator)
-    has_one_more = len(cells) == width + 1 and cells[-1].casefold() in ("comment", "")
-    return replace(line, text=line.text.rpartition(separator)[0]) if has_one_more else line
-
-
-def _above(
-    above: list[_Line], first: _Line, separator: str, width: int
-) -> tuple[_Line, _Line | None]:
+def _above(above: list[_Line], first: _Line, width: int) -> tuple[_Line, _Line | None]:
     """The lines of the names and of the units, if there is one, above the first row."""
-    cells = {line.number: line.cells(separator) for line in above}
-    fitting = [
-        line
-        for line in above
-        if len(cells[line.number]) == width and not _is_row(cells[line.number])
-    ]
+    fitting = [line for line in above if len(line.cells) == width and not _is_row(line.cells)]
     named = [line for line in fitting if not line.is_comment] or fitting
     if not named:  # the rows differ in length from any header, and are refused for that
         named = [line for line in above if not line.is_comment]
         if not named:
             raise first.refusal(_NO_HEADER)
         _check_quotes(named[0])
-        several = [
-            line
-            for line in named
-            if len(cells[line.number]) > 1 and not _is_row(cells[line.number])
-        ]
-        return several[-1] if several else named[0], None
-    labels = {line.number: line.label(separator) for line in named}
-    units = next((line for line in named if labels[line.number].startswith("unit")), None)
-    named = [line for line in named if not labels[line.number]] or named
-    if len(named) > 1 and units is None and _is_units(cells[named[-1].number]):
+        several = [line for line in named if len(line.cells) > 1 and not _is_row(line.cells)]
+        return (several or named[:1])[-1], None
+    units = next((line for line in named if line.label.startswith("unit")), None)
+    named = [line for line in named if not line.label] or named
+    if len(named) > 1 and units is None and _is_units(named[-1].cells):
         units = named.pop()
-    named = [line for line in named if not any(map(is_number, cells[line.number]))] or named
+    named = [line for line in named if not any(map(is_number, line.cells))] or named
     # A row of types or of groups has cells that are alike.
-    header = max(reversed(named), key=lambda line: len({*cells[line.number]}))
+    header = max(reversed(named), key=lambda line: len({*line.cells}))
     if units is None:
-        others = [line for line in fitting if line is not header]
-        units = next((line for line in others if _is_units(cells[line.number])), None)
+        others = (line for line in fitting if line is not header)
+        units = next((line for line in others if _is_units(line.cells)), None)
     return header, units
-
-
-def _repeats(cells: list[str]) -> bool:
-    return len({*cells}) < len(cells)
 
 
 def _check_quotes(header: _Line) -> None:
@@ -246,13 +215,13 @@ def _head(file: str, text: bytes) -> Iterator[_Line]:
         position = end
 
 
-def _is_row(cells: list[str], *, all_of_them: bool = False) -> bool:
+def _is_row(cells: Sequence[str], *, all_of_them: bool = False) -> bool:
     """Whether most cells, two or more in all, are numbers or time stamps."""
     count = sum(is_number(cell) or is_stamp(cell) for cell in cells)
     return len(cells) >= 2 and (count == len(cells) if all_of_them else 2 * count > len(cells))
 
 
-def _is_units(cells: list[str]) -> bool:
+def _is_units(cells: Sequence[str]) -> bool:
     """Whether at least half of the cells that are not empty are units."""
     filled = [cell for cell in cells if cell]
     usual = [
@@ -292,17 +261,16 @@ def _layout(
 ) -> Layout:
     """The layout with these parts, whose names are checked."""
     _check_quotes(header)
-    names = header.cells(separator)
-    if not names:  # the csv module gives up
+    if not header.cells:  # the csv module gives up
         raise header.refusal("the header cannot be read: write shorter column names")
-    names = [name or f"unnamed {number}" for number, name in enumerate(names, start=1)]
+    names = [name or f"unnamed {number}" for number, name in enumerate(header.cells, start=1)]
     if all(map(is_number, names)):
         raise header.refusal(_NO_HEADER)
     if units is not None:
-        below = zip(names, units.cells(separator), strict=True)
+        below = zip(names, units.cells, strict=True)
         names = [_with_unit(units, name, unit) for name, unit in below]
     if len({*names}) < len(names):
-        names = _grouped(lines, header, names, separator)
+        names = _grouped(lines, header, names)
     twins = tuple(
         (name, f"{name} #{place}")
         for place, name in enumerate(names, start=1)
@@ -316,15 +284,15 @@ def _layout(
         (header.number, first_row[0], f"the numbers begin in line {first_row[0]}"),
     ):
         own = [line for line in lines if begin < line.number < end and line is not units]
-        unread = [x.number for x in own if not (x.is_comment or x.label(separator))]
+        unread = [x.number for x in own if not (x.is_comment or x.label)]
         if unread:
             skipped[unread[0], unread[-1]] = why
     return Layout(tuple(names), separator, header.number, *first_row, skipped, twins=twins)
 
 
-def _grouped(lines: list[_Line], header: _Line, names: list[str], separator: str) -> list[str]:
+def _grouped(lines: list[_Line], header: _Line, names: list[str]) -> list[str]:
     """Names that repeat, each behind that of its group, where a line above names all of these."""
-    above = [line.cells(separator) for line in lines if line.number < header.number]
+    above = [line.cells for line in lines if line.number < header.number]
     fitting = [cells for cells in above if len(cells) == len(names) and not _is_row(cells)]
     if not fitting:
         return names
@@ -333,7 +301,7 @@ def _grouped(lines: list[_Line], header: _Line, names: list[str], separator: str
         group = cell or group
         groups.append(group)
     found = [f"{group} {name}".strip() for group, name in zip(groups, names, strict=True)]
-    return names if _repeats(found) else found
+    return names if len({*found}) < len(found) else found
 
 
 def _with_unit(line: _Line, name: str, unit: str) -> str:
