@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.report import markdown
 from benchmarks.size import sized
 from flexid.control.laws import pd_gravity
-from flexid.control.references import sinusoid
+from flexid.control.loop import sinusoid
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples

@@ -25,7 +25,7 @@ from flexid.identification.structure.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.figure import BLUE, GREY, ORANGE, STYLE, draw, new_figure, save
 from flexid.report.identification import explanation, format_fits, identification_parts
-from flexid.report.identification_charts import fit_chart
+from flexid.report.response_charts import fit_chart
 from flexid.report.terminal import print_parts
 
 ROOT = Path(__file__).parents[2]

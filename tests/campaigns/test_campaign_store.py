@@ -15,11 +15,10 @@ from filelock import FileLock
 from tests.campaigns.tiny import EXPERIMENT, made_manifest, rows_of, same_bits, write_experiment
 
 from flexid.campaigns import run_campaign
-from flexid.campaigns.plan import make_plan
 from flexid.campaigns.store import find_store, open_store
 from flexid.errors import CampaignError, SettingError
 from flexid.experiments import read_experiment
-from flexid.experiments.variation import Variation
+from flexid.experiments.variation import Variation, make_plan
 
 INPUTS = {"controller.k": tuple(map(float, range(10, 17)))}
 PLAN = make_plan(Variation(kind="grid", runs=7, vary=INPUTS), sampled=False)

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 from flexid.campaigns import rows as rows_module
-from flexid.campaigns.plan import SEED, make_plan
 from flexid.campaigns.rows import Stopped, part_rows
 from flexid.experiments import read_experiment
-from flexid.experiments.variation import Distribution, Variation
+from flexid.experiments.variation import SEED, Distribution, Variation, make_plan
 
 UNIFORM = Distribution(uniform=[10.0, 50.0])
 LOG_UNIFORM = Distribution(log_uniform=[1e-6, 1e-2])

@@ -5,11 +5,10 @@ import polars as pl
 import pytest
 from tests.campaigns.tiny import made_manifest
 
-from flexid.campaigns.plan import Plan, make_plan
 from flexid.campaigns.store import open_store
 from flexid.campaigns.summary import rank_correlations, summarise
 from flexid.errors import CampaignError
-from flexid.experiments.variation import Distribution, Variation
+from flexid.experiments.variation import Distribution, Plan, Variation, make_plan
 
 
 def test_rank_correlation_follows_any_monotonic_law():

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from flexid.campaigns.plan import Plan
 from flexid.campaigns.store import Manifest
+from flexid.experiments.variation import Plan
 
 HERE = Path(__file__).parent
 EXPERIMENT = (HERE / "tiny.toml").read_text()

@@ -119,6 +119,8 @@ REFUSED = (
     ("watch no.csv", "no such file"),
     ("watch udp://127.0.0.1", "is not an address"),
     ("watch good.csv --terms magic", "'magic' is unknown"),
+    ("watch good.csv --stop-at-end --model rigid --terms joint_damping", "rigid joint; it has"),
+    ("watch good.csv --stop-at-end --model link --terms motor_drag", "no term of the link joint"),
     ("watch good.csv --hold cubic", "must be auto, linear or zero, got 'cubic'"),
     ("watch good.csv --sample-time 0", "0 s is outside 1e-06 to 0.5 s"),
     ("watch good.csv --filter-rate 1e6", "give 0.04 to 125 1/s"),

@@ -9,8 +9,7 @@ import sympy as sp
 from scipy.linalg import expm
 
 from flexid.control.laws import Controller, computed_torque, pd_gravity, robust_law
-from flexid.control.loop import LoopDeclaration
-from flexid.control.references import Multisine, constant, sinusoid
+from flexid.control.loop import LoopDeclaration, Multisine, constant, sinusoid
 from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row

@@ -8,8 +8,7 @@ import sympy as sp
 from systems import THREE_ROWS
 
 from flexid.control.laws import REFERENCE_NAMES, Controller, pd_gravity, robust_law
-from flexid.control.loop import LoopDeclaration
-from flexid.control.references import Multisine, sinusoid
+from flexid.control.loop import LoopDeclaration, Multisine, sinusoid
 from flexid.derivation.closed_loop import compose_loop
 from flexid.derivation.observer import derive_observer
 from flexid.derivation.symbolic import symbol

@@ -4,8 +4,7 @@ import ast
 from pathlib import Path
 
 from flexid.control.laws import pd_gravity
-from flexid.control.loop import LoopDeclaration
-from flexid.control.references import sinusoid
+from flexid.control.loop import LoopDeclaration, sinusoid
 from flexid.derivation.closed_loop import compose_loop, lane_loop_source, stiff_loop_source
 from flexid.derivation.model_functions import compiled_signals
 from flexid.derivation.sampled_loop import sampled_loop_source

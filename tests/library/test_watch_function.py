@@ -92,9 +92,10 @@ def test_checkpoint(samples, tmp_path):
         ).feed(**channels(samples, slice(10)))
 
 
-def test_one_encoder(samples):
-    """Assert that a drive with one encoder is watched as a rigid joint."""
-    watch = flexid.watch(sample_time=1e-3, terms="motor_viscous")
+@pytest.mark.parametrize("terms", ["motor_viscous", "viscous"])
+def test_one_encoder(samples, terms):
+    """Assert that a drive with one encoder is watched as a rigid joint, by either name of terms."""
+    watch = flexid.watch(sample_time=1e-3, terms=terms)
     given = channels(samples, slice(3000))
     del given["link_position"]
     watch.feed(**given)

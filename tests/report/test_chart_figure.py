@@ -18,8 +18,7 @@ from flexid.report.chart import (
     kept_samples,
     whole_decades,
 )
-from flexid.report.figure import COLOURS, draw, drawn_once
-from flexid.report.svg import chart_html
+from flexid.report.figure import COLOURS, chart_html, draw, drawn_once
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([2.0, np.nan, 4.0])

@@ -106,9 +106,8 @@ def verdicts(*of_parameters: str, coefficient: str = "determined", **more):
     }
     last = replace(made.coefficients["alpha_coulomb"], verdict=coefficient)
     coefficients = {**made.coefficients, last.name: last}
-    return replace(
-        made, parameters=parameters, coefficients=coefficients, **{"warnings": (), **more}
-    )
+    others = {"warnings": (), "disturbances": None, **more}
+    return replace(made, parameters=parameters, coefficients=coefficients, **others)
 
 
 def trust_and_next_step():
@@ -125,6 +124,7 @@ def trust_and_next_step():
         verdicts("undetermined"),
         verdicts("determined", validation=diverging),
         verdicts("weak", model_error=ModelError(2.0, 0.9, 0.5)),
+        verdicts("weak", disturbances=made_result().disturbances),
         verdicts("weak", excitation={"motor": clear, "link": confounded}),
         verdicts("weak", excitation={"motor": clear}),
     ):

@@ -22,11 +22,10 @@ from flexid.library.simulate import CampaignResult
 from flexid.report import simulated_run
 from flexid.report.campaign import charts as campaign_charts
 from flexid.report.chart import Band, Level, Line, Panel, Points
-from flexid.report.identification_charts import identification_charts
 from flexid.report.page import page_html
 from flexid.report.reproduction import parts
 from flexid.report.reproduction_charts import error_chart, reproduction_charts, theorem_chart
-from flexid.report.response_charts import residual_chart
+from flexid.report.response_charts import identification_charts, residual_chart
 from flexid.report.simulated_run import motion_chart, observer_chart
 from flexid.report.terminal import print_parts
 from flexid.simulation.closed_loop import Run

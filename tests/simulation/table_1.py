@@ -1,7 +1,7 @@
 """The closed loop of Huang (2003), Table I."""
 
 from flexid.control.laws import Controller, robust_law
-from flexid.control.references import sinusoid
+from flexid.control.loop import sinusoid
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.closed_loop import ClosedLoop
 

@@ -11,7 +11,7 @@ import pytest
 from table_1 import table_1
 
 from flexid.control.laws import Controller, pd_gravity
-from flexid.control.references import Multisine, constant
+from flexid.control.loop import Multisine, constant
 from flexid.errors import SimulationError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row

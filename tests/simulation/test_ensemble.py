@@ -8,7 +8,7 @@ from table_1 import table_1
 
 from flexid.analysis.excitation import excitation
 from flexid.control.laws import pd_gravity
-from flexid.control.references import sinusoid
+from flexid.control.loop import sinusoid
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.ensemble import (
     STATUS,

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 import flexid
-from flexid.campaigns.plan import Plan, make_plan
 from flexid.campaigns.rows import part_rows
 from flexid.campaigns.store import Manifest, Store, open_store
 from flexid.errors import CampaignError, ExperimentError, SettingError
 from flexid.estimators.threads import cores
 from flexid.experiments import Experiment
-from flexid.experiments.variation import Variation
+from flexid.experiments.variation import Plan, Variation, make_plan
 from flexid.simulation.closed_loop import SIDE_BY_SIDE
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ def _connect(scheduler: str) -> "Client":
     try:
         from distributed import Client
     except ImportError:
-        raise CampaignError(
+        raise SettingError(
             "scheduler", "needs the package distributed: pip install 'flexid[dask]'"
         ) from None
     # What goes wrong is said in one sentence; the package would add a traceback

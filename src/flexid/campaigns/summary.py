@@ -9,10 +9,10 @@ import numpy as np
 import polars as pl
 
 from flexid.arrays import FloatArray
-from flexid.campaigns.plan import SEED as SAMPLING_SEED
 from flexid.campaigns.rows import ERROR, FINISHED, REACHED, STATUS
 from flexid.campaigns.store import Manifest, Store, find_store
 from flexid.errors import CampaignError
+from flexid.experiments.variation import SEED as SAMPLING_SEED
 
 _FEWEST_RUNS = 10  # fewest runs from which a correlation is computed
 

@@ -11,7 +11,6 @@ import click
 
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
-from flexid.models.rigid_joint import RIGID_TERMS
 from flexid.readers.formats import kinds
 
 _Value = TypeVar("_Value")
@@ -118,7 +117,6 @@ _SECONDS = Option(float, "SECONDS")
 _DELAY = Option(str, "SECONDS", parse_number)
 _NUMBER = Option(int, "NUMBER")
 _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
-_RIGID_NAMES = ", ".join(name for name in RIGID_TERMS if name not in TERMS)
 
 ARGUMENTS = {
     "log": Option(NAMED, "LOG"),
@@ -163,9 +161,7 @@ OPTIONS = {
     "segment_duration": _DELAY,
     "set": _pairs("PATH=VALUE", parse_values, "Such as controller.k=30."),
     "summary": Option(NAMED, "DIR"),
-    "terms": Option(
-        str, "NAMES", note=f"Names between commas: {_NAMES}; of a rigid joint {_RIGID_NAMES}."
-    ),
+    "terms": Option(str, "NAMES", note=f"Names between commas: {_NAMES}."),
     "validation_share": Option(float, "SHARE"),
     "workers": _NUMBER,
 }

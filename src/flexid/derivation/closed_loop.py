@@ -19,8 +19,7 @@ from textwrap import indent
 import sympy as sp
 
 from flexid.control.laws import REFERENCE_NAMES
-from flexid.control.loop import LoopDeclaration
-from flexid.control.references import Multisine
+from flexid.control.loop import LoopDeclaration, Multisine
 from flexid.derivation.observer import check_acceleration_free
 from flexid.derivation.source import IMPORTS, assignments, function
 from flexid.derivation.symbolic import SymbolicSystem, symbol, symbolic_system, to_sympy

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from flexid.control.laws import COEFFICIENTS, Controller, computed_torque, pd_gravity, robust_law
-from flexid.control.references import Multisine, constant, sinusoid
+from flexid.control.loop import Multisine, constant, sinusoid
 from flexid.errors import (
     AccelerationError,
     ExperimentError,

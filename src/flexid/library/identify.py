@@ -78,7 +78,8 @@ def identify(
         Model of the joint: flexible; link, the link alone, driven by the measured motor position,
         without the input; or rigid, from the motor's encoder alone.
     terms : iterable of str, optional
-        Terms of the model besides the joint spring. See `flexid.TERMS` and `flexid.SHAPE_TERMS`.
+        Terms of the model besides the joint spring. A rigid joint has gravity, gravity_cosine,
+        viscous, viscous_asymmetry, coulomb and offset. See `flexid.TERMS` and `flexid.SHAPE_TERMS`.
     hold : {"auto", "zero", "linear", "cubic"}, optional
         The input between samples: held, on straight lines, or smooth.
     input_delay : float, optional

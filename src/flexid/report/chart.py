@@ -1,8 +1,7 @@
 """What a figure shows: a chart is a grid of panels, and a panel a stack of marks over two axes.
 
-`flexid.report.figure` draws a chart for files and notebooks, `flexid.report.svg` the
-same drawing for a page and the studio. A line of a million samples has no more pixels than others,
-so marks are thinned to fewer samples with the same look.
+`flexid.report.figure` draws a chart. A line of a million samples has no more pixels than others, so
+marks are thinned to fewer samples with the same look.
 """
 
 from collections.abc import Sequence

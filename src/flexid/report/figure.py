@@ -1,19 +1,27 @@
-"""A chart drawn with Matplotlib, in one look for all figures."""
+"""A chart drawn with Matplotlib, in one look for all figures: as a file, or as SVG in a page.
+
+A drawing in a page has the page's colours, by day and by night. A page with a strict policy allows
+no style of an element, so that what Matplotlib writes there becomes attributes; numbers lose digits
+that nobody could see.
+"""
 
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from html import escape
 from pathlib import Path
 from textwrap import fill
-from typing import Literal
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.ticker import (
@@ -254,3 +262,41 @@ def _labels(chart: Chart) -> list[str]:
         if len(labels) > 1:
             found |= labels
     return list(found)
+
+
+_SHADES = {shade: f"var(--chart-{name})" for name, shade in COLOURS.items()}
+_SHADES |= {GRID: "var(--chart-grid)", "#ffffff": "none"}
+_LEFT_OUT = re.compile(
+    r"<metadata>.*?</metadata>|<style.*?</style>"
+    r'|(?<=<g) id="[^"]*"|(?<=<svg)[^>]*?(?= viewBox)|xlink:(?=href)|(?<=>)\s+(?=<)',
+    re.DOTALL,
+)
+_ATTRIBUTE = re.compile(r' (d|style|x|y|transform)="([^"]*)"')
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{2,}")
+
+
+def chart_html(chart: Chart) -> str:
+    """The drawing without the chart's title, in which text is text."""
+    figure = drawn_once(chart)
+    canvas, (heading, *_) = figure.canvas, figure.texts
+    heading.set_visible(False)
+    own: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": chart.name}
+    with mpl.rc_context({**STYLE, **own}), io.StringIO() as file:
+        FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})  # savefig draws twice
+        text = file.getvalue()
+    heading.set_visible(True)
+    figure.set_canvas(canvas)
+    text = _LEFT_OUT.sub("", text[text.index("<svg") :])
+    text = _ATTRIBUTE.sub(_compact, text)
+    title = escape(chart.title)
+    return f'<div class="chart" role="img" tabindex="0" aria-label="{title}">{text}</div>'
+
+
+def _compact(attribute: re.Match[str]) -> str:
+    name, value = attribute.groups()
+    if name != "style":
+        return f' {name}="{_LONG_NUMBER.sub(lambda one: f"{float(one[0]):.2f}", value)}"'
+    pairs = (part.split(":", 1) for part in value.split(";") if ":" in part)
+    named = {name.strip(): value.strip() for name, value in pairs}
+    named.pop("font-family", None)
+    return "".join(f' {name}="{_SHADES.get(value, value)}"' for name, value in named.items())

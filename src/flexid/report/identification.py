@@ -315,7 +315,7 @@ def _next_step(result: Identification, lacking: Sequence[ValueEstimate]) -> Answ
         return Answer(question, "Test it on another log", "", [test])
     worst = min(lacking, key=lambda e: e.verdict)  # undetermined before weak
     word = "Record another motion"
-    if result.model_error.share > 0.0:
+    if result.model_error.share > 0.0 or result.disturbances is not None:
         word = "Look for what the model lacks"
     said = f"{worst.name}: {worst.reason}. Whether another motion would help, says"
     return Answer(question, word, "", [said, Command("flexid excitation LOG.csv")])
@@ -323,7 +323,7 @@ def _next_step(result: Identification, lacking: Sequence[ValueEstimate]) -> Answ
 
 def charts(result: Identification) -> Sequence[Chart]:
     """All that the result has the data for."""
-    from flexid.report.identification_charts import identification_charts
+    from flexid.report.response_charts import identification_charts
 
     return identification_charts(result)
 

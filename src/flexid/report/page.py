@@ -160,7 +160,7 @@ def page_environment(folder: Path = _HERE) -> Environment:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
-    from flexid.report.svg import chart_html
+    from flexid.report.figure import chart_html
 
     environment = Environment(
         loader=FileSystemLoader(folder),

@@ -1,4 +1,4 @@
-"""Motion over time and over frequency: logs, free runs beside them, and Bode plots."""
+"""Motion over time and over frequency: free runs beside logs, residuals, and Bode plots."""
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
@@ -6,7 +6,13 @@ from math import isfinite
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.frequency.frequency_response import Frequency, FrequencyResponse, Response
+from flexid.frequency.frequency_response import (
+    Frequency,
+    FrequencyResponse,
+    Response,
+    frequency_response,
+)
+from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.recording.recording import Log
 from flexid.report.chart import (
@@ -295,3 +301,20 @@ def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
 def _with_interval(found: Frequency) -> str:
     shown, low, high = format_with_interval(found.value, *found.interval)
     return f"{found.name} {shown} [{low}, {high}] Hz"
+
+
+def identification_charts(result: Identification) -> Sequence[Chart]:
+    """All that the result has the data for: a loaded one has no time series."""
+    bode = bode_chart(frequency_response(result, result.recordings))
+    if not result.validation.runs:
+        return (bode,)
+    return fit_chart(result), residual_chart(result.validation), bode
+
+
+def fit_chart(result: Identification) -> Chart:
+    """Free run of the model over the held-out data, channel by channel, and its residual."""
+    deviation = result.compliance.deflection_noise
+    flexible = result.model == "flexible"  # a link's deflection has no noise of the motor's encoder
+    noise = {"deflection": deviation} if flexible and 0.0 < deviation < np.inf else {}
+    title = "Free run of the model over data kept out of the fit"
+    return free_run_chart("fit", title, result.validation, noise)

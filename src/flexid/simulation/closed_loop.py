@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 import flexid
 from flexid.arrays import FloatArray
 from flexid.control.laws import Controller
-from flexid.control.loop import LoopDeclaration
-from flexid.control.references import Multisine
+from flexid.control.loop import LoopDeclaration, Multisine
 from flexid.errors import SettingError, SimulationError, did_you_mean
 from flexid.kernels.store import load_kernel
 from flexid.kernels.templates.run_status import BOUND

@@ -23,7 +23,7 @@ from flexid.models.arm_file import refuse_arm_file
 from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, SQUARES, TERMS, flexible_joint
 from flexid.models.parameter_kinds import ANGLES
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.rigid_joint import rigid_joint, rigid_terms, row_alone
+from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row_alone
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.channel import INPUTS, Channel
 from flexid.recording.sampling import check_sample_time
@@ -259,6 +259,8 @@ def options_of_stream(
     """What a user chooses, by the names of the fields; None and "auto": as in the estimate."""
     check_sample_time(sample_time)
     chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
+    if "terms" in chosen:
+        chosen["terms"] = _named(chosen["terms"], channels.kind)
     follows: dict[str, Any] = {"terms": USUAL_TERMS, "filter_rate": FILTER_RATE}
     given: dict[str, float] = {}
     if estimate is not None:
@@ -279,6 +281,21 @@ def options_of_stream(
         "known": {**given, **chosen.get("known", {})},
     }
     return WatchOptions(**{**follows, "filter_rate": rate, **chosen, **shown})
+
+
+def _named(terms: Sequence[str], kind: Kind) -> tuple[str, ...]:
+    """Terms that a user names, as a stream has them; refuse what its joint does not have."""
+    check_terms(terms, USABLE_TERMS | RIGID_TERMS)
+    known = [n for n, term in USABLE_TERMS.items() if kind == "flexible" or term.link]
+    if kind == "rigid":
+        known = [n for n in RIGID_TERMS if rigid_terms(stream_terms((n,), kind))]
+    for term in terms:
+        named = rigid_terms(stream_terms((term,), kind)) if kind == "rigid" else (term,)
+        if not {*named} & {*known}:
+            raise SettingError(
+                "terms", f"{term!r} is no term of the {kind} joint; it has {', '.join(known)}"
+            )
+    return stream_terms(terms, kind)
 
 
 def _check_alike(estimate: Identification, channels: StreamChannels) -> None:

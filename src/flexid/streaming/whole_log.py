@@ -45,7 +45,7 @@ from flexid.recording.series import names_of, tables_of
 from flexid.recording.velocities import with_velocities
 from flexid.streaming.incoming import Replay
 from flexid.streaming.learner import findings, regressor_sizes
-from flexid.streaming.options import WatchOptions, options_of_stream, stream_terms
+from flexid.streaming.options import WatchOptions, options_of_stream
 from flexid.streaming.session import Session
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _options(replay: Replay, log: Log, head: Identification, settings: Settings)
     terms = _usual_terms(head)
     said = stated(replace(settings, terms=terms), joint, channels.input_unit)
     chosen: dict[str, Any] = {
-        "terms": stream_terms(terms, channels.kind),
+        "terms": terms,
         "known": settings.known,
         "known_deviations": settings.known_deviations,
         "filter_rate": settings.filter_rate,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexid.analysis.excitation import Excitation, excitation
 from flexid.analysis.lyapunov import LyapunovMonitor, monitor_run, row_histories
 from flexid.control.laws import robust_law
-from flexid.control.references import Multisine
+from flexid.control.loop import Multisine
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.physical import joint_coefficients
 from flexid.simulation.closed_loop import ClosedLoop, Run, loop_kernel, simulate

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexid.control.references import Multisine
+from flexid.control.loop import Multisine
 from flexid.errors import FlexidError, SettingError, SimulationError
 from flexid.report.reproduction_charts import SYMBOLS, Played, play_chart
 from flexid.studies.readings import (
