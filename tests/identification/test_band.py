@@ -83,6 +83,10 @@ def test_slow_and_short_logs_keep_enough_samples():
     assert thinning(slow, START) == 1
     assert thinned(slow, 1, held=True) is slow
     assert thinning(log_of(sine(3.0, 1000.0, 2.0), 1000.0), {"theta2": 1.0}) == 10
+    # A short recording limits it by its own halves alone.
+    long, short = (log_of(sine(3.0, 1000.0, length), 1000.0) for length in (20.0, 0.4))
+    both = replace(long, samples=(*long.samples, *short.samples))
+    assert (thinning(long, {"theta2": 1.0}), thinning(both, {"theta2": 1.0})) == (100, 10)
 
 
 def test_a_held_input_is_the_mean_of_before_and_after():

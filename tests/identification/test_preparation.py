@@ -95,6 +95,15 @@ def test_short_recordings_cost_one_warning_for_a_log():
     assert "40 samples from 0 s on are too few" in warnings[1]
 
 
+def test_the_shortest_recordings_of_a_log_are_left_out():
+    """Assert that those go that hold up to 3 % of a log, however short another log is."""
+    parts = [recording(count) for count in (100, 4000, 85, 135, 6000)]
+    split, (warning,) = prepare([log(*parts), log(recording(90))], SHARE)
+    assert [len(own) for own in split.recorded] == [4000, 135, 6000, 90]
+    assert "the 100 samples" in warning
+    assert "the 85 samples" in warning
+
+
 def test_too_little_to_fit_or_to_test_on_is_refused():
     """Assert that a log too short to fit is refused, with the length that the reader names."""
     prepare([log(recording(FEWEST_TO_IDENTIFY))], SHARE)

@@ -77,6 +77,17 @@ def test_fit_is_one_minus_error_over_spread(recording):
     assert len(twice.runs) == 2
 
 
+def test_a_short_recording_keeps_no_other_from_a_horizon(recording):
+    """Assert that what one recording is too short for is predicted in the other as it is alone."""
+    alone = predicted(data(recording), beta1=3.2)
+    short = recording.window(0, 900)
+    found = predicted(data(short, recording), (600, START), beta1=3.2)
+    assert list(found.horizons) == list(alone.horizons)
+    assert found.horizons[1.0]["deflection"] == pytest.approx(
+        alone.horizons[1.0]["deflection"], abs=1.0
+    )
+
+
 def test_wrong_models_predict_worse(recording):
     """Assert that a soft spring shows in the deflection, a wrong friction over a long horizon.
 

@@ -62,7 +62,7 @@ class Job:
         found = resonances(structure.joint.balance, {**structure.fixed, **start})
         slowest = SPRING_SHARE * float(np.exp(np.mean(np.log(found))))
         sample_time = max(recording.sample_time for recording in data.samples)
-        factor = factor_of(float(found.max()), sample_time, min(map(len, data.samples)))
+        factor = factor_of(float(found.max()), sample_time, [*map(len, data.samples)])
         return cls(structure, data, slowest, factor)
 
     @property

@@ -18,7 +18,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.segments import Segments
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-from flexid.recording.shift import SETTLING, later
+from flexid.recording.shift import later, rate_of_later
 
 _OFFSETS: FloatArray = np.arange(-2.0, 4.0)  # samples that a cubic about an interval touches
 _NODES = (0.5 * (1.0 - 0.6**0.5), 0.5, 0.5 * (1.0 + 0.6**0.5))  # Gauss and Legendre, degree five
@@ -101,7 +101,6 @@ INPUT = "input_delay"
 DELAY = "_delay"
 """What the name of a row's delay ends with."""
 
-_SMALL = 1e-3  # of a sample, by which a delay differs where a derivative is by differences
 _ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to
 
 
@@ -146,35 +145,33 @@ class ChannelTiming:
 
         White noise stays white, so that no delay makes residuals smaller than another.
         """
-        late = np.array([delays[name] for name in self.output_delays])
         outputs = self.segments.outputs.copy()
-        for a in np.flatnonzero(late).tolist():
-            reference = self._reference_of(a)
+        for a, name in enumerate(self.output_delays):
+            if delays[name] == 0.0:
+                continue
+            still = self._reference_of(a)
             for part, sample_time in self.segments.by_recording():
-                column = self.segments.outputs[part, a]
-                still = np.zeros_like(column) if reference is None else reference[part]
-                column = column - still
-                before = 2.0 * column[0] - column[SETTLING:0:-1]  # turned round about its ends
-                after = 2.0 * column[-1] - column[-2 : -SETTLING - 2 : -1]
-                padded = np.concatenate((before, column, after))
-                moved = later(padded, -late[a] / sample_time)
-                outputs[part, a] = moved[len(before) : len(before) + len(column)] + still
+                column = later(outputs[part, a] - still[part], -delays[name] / sample_time)
+                outputs[part, a] = column + still[part]
         return outputs
 
     def rates_on_time(self, delays: Mapping[str, float]) -> FloatArray:
-        """Derivatives of `on_time` by each output's own delay."""
-        step = _SMALL * float(self.segments.sample_times.min())
-        sooner, later = (
-            self.on_time({name: delay + sign * step for name, delay in delays.items()})
-            for sign in (-1.0, 1.0)
-        )
-        return (later - sooner) / (2.0 * step)
+        """Derivatives of `on_time` by each output's own delay, of those that are sought."""
+        rates = np.zeros_like(self.segments.outputs)
+        for a, name in enumerate(self.output_delays):
+            if name not in self.timing.sought:
+                continue
+            moving = self.segments.outputs[:, a] - self._reference_of(a)
+            for part, sample_time in self.segments.by_recording():
+                rate = rate_of_later(moving[part], -delays[name] / sample_time)
+                rates[part, a] = -rate / sample_time
+        return rates
 
-    def _reference_of(self, output: int) -> FloatArray | None:
+    def _reference_of(self, output: int) -> FloatArray:
         """What an output was measured relative to, shape (n_samples,), as far as delays go."""
         place = int(self.reference[output])
         if place == _ABSOLUTE:
-            return None
+            return np.zeros(len(self.segments.outputs))
         if place < _ABSOLUTE:
             return self.segments.inputs[:, _FIRST_INPUT - place]
         return self.segments.outputs[:, place // 2]  # outputs are positions in the rows' order

@@ -1,64 +1,70 @@
 """Channels shifted in time by any part of a sample, without colouring their noise.
 
 Interpolation averages neighbouring samples: half-way between two samples it takes the fast half of
-the noise away, and whatever judges residuals by the noise of the encoder is misled. An all-pass
-filter delays without attenuating anything. The one whose delay is flattest at low frequency
-(Thiran, IEEE Trans. Circuit Theory 18, 1971) delays a joint's motion by just what is wanted and
-leaves white noise white.
+the noise away, and whatever judges residuals by the noise of the encoder is misled. A shift of the
+phase alone delays without attenuating anything: a joint's motion by just what is wanted, and white
+noise stays white. It depends smoothly on the delay, so that a fit may seek it.
 """
 
-from functools import lru_cache
-from math import comb
+from math import ceil
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 
-ORDER = 3
-SETTLING = 32  # samples at the beginning that the all-pass filter spoils: its poles lie within 0.54
-_LASTING = 80  # samples, after which the response is below 1e-16
+_SIZES = (8, 9, 10, 12, 15)  # times a power of two: lengths that are transformed quickly
+_EDGE = 32  # samples at either end in which what was turned round about it shows
 
 
 def later(values: FloatArray, samples: float) -> FloatArray:
     """A channel later by so many samples of either sign, shape (n,); see `spoilt`."""
-    whole = round(samples)
-    fraction = samples - whole
-    if fraction == 0.0:
-        return _rolled(values, whole)
-    # From the channel's first value on, not from zero, so that little is left to settle.
-    first = values[0]
-    delayed = first + np.convolve(values - first, _response(fraction))[: len(values)]
-    return _rolled(delayed, whole - ORDER)
+    if samples == 0.0 or len(values) < 2:
+        return values.copy()
+    own = _turned_round(values)
+    moved = np.fft.irfft(own.spectrum * np.exp(-1j * samples * own.turns), own.period)
+    places = np.arange(len(values)) - samples
+    return moved[: len(values)] + own.first + own.slope * places
 
 
-@lru_cache(maxsize=64)  # most passes over a log take the delay of the one before
-def _response(fraction: float) -> FloatArray:
-    """Impulse response of Thiran's all-pass filter, shape (_LASTING,).
+def rate_of_later(values: FloatArray, samples: float) -> FloatArray:
+    """Derivative of `later` by the number of samples, shape (n,)."""
+    if len(values) < 2:
+        return np.zeros_like(values)
+    own = _turned_round(values)
+    turned = -1j * own.turns * np.exp(-1j * samples * own.turns)
+    return np.fft.irfft(own.spectrum * turned, own.period)[: len(values)] - own.slope
 
-    Its delay exceeds `ORDER` samples by a fraction from -0.5 to 0.5; the numerator is the
-    denominator reversed. Thiran (1971), eq. (16):
-    a_k = (-1)^k C(N, k) prod_n (D - N + n) / (D - N + k + n).
-    """
-    delay, n = ORDER + fraction, np.arange(ORDER + 1)
-    products = [np.prod((delay - ORDER + n) / (delay - ORDER + k + n)) for k in n[1:]]
-    denominator = [1.0, *((-1) ** k * comb(ORDER, k) * p for k, p in enumerate(products, 1))]
-    response = np.zeros(_LASTING)  # by hand: SciPy's package loads slowly
-    response[: ORDER + 1] = denominator[::-1]
-    for i in range(1, _LASTING):
-        back = response[max(i - ORDER, 0) : i][::-1]
-        response[i] -= denominator[1 : 1 + len(back)] @ back
-    return response
+
+class _TurnedRound(NamedTuple):
+    """A channel less the line between its ends, turned round about both of them: it is periodic."""
+
+    spectrum: NDArray[np.complex128]  # (period / 2 + 1,)
+    turns: FloatArray  # the same: rad per sample
+    period: int
+    first: float  # where the line begins
+    slope: float  # of the line, per sample
+
+
+def _turned_round(values: FloatArray) -> _TurnedRound:
+    more = _quick(len(values) - 1) - (len(values) - 1)
+    whole = np.concatenate((values, 2.0 * values[-1] - values[-2 : -2 - more : -1]))
+    half = len(whole) - 1
+    slope = float(whole[-1] - whole[0]) / half
+    left = whole - (whole[0] + slope * np.arange(half + 1))
+    spectrum = np.fft.rfft(np.concatenate((left, -left[-2:0:-1])))
+    turns = np.pi * np.arange(half + 1) / half
+    return _TurnedRound(spectrum, turns, 2 * half, float(whole[0]), slope)
+
+
+def _quick(length: int) -> int:
+    """The next length that is transformed quickly."""
+    power = max(0, length.bit_length() - 4)
+    return min(s << p for s in _SIZES for p in (power, power + 1) if s << p >= length)
 
 
 def spoilt(samples: float) -> tuple[int, int]:
     """How many entries at the beginning and at the end `later` cannot know."""
-    whole = round(samples)
-    if samples == whole:
-        return max(whole, 0), max(-whole, 0)
-    return max(whole - ORDER + SETTLING, 0), max(ORDER - whole, 0)
-
-
-def _rolled(values: FloatArray, whole: int) -> FloatArray:
-    """Shift by whole samples; the ends repeat the outermost value."""
-    places = np.clip(np.arange(len(values)) - whole, 0, len(values) - 1)
-    return values[places]
+    edge = 0 if samples == round(samples) else _EDGE
+    return max(ceil(samples), 0) + edge, max(ceil(-samples), 0) + edge

@@ -29,7 +29,6 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.final_fits import (
-    FILTER_RATE,
     FinalFits,
     final_fits,
     hidden_covariance,
@@ -43,6 +42,7 @@ from flexid.identification.full_model.fits_by_length import (
 )
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
+from flexid.identification.full_model.starting import suited_rate
 from flexid.identification.structure.elimination import Choice, core_deviations
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
 from flexid.identification.structure.link_delay import skew
@@ -245,6 +245,8 @@ def _fits(found: Disturbed, job: Job) -> FinalFits:
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
     choice = Choice(full.structure, fitted.structure, fitted, found.terms, (), by_length)
     rate = job.settings.filter_rate
+    if isinstance(rate, str):
+        rate = suited_rate(fitted.by_name, fitted.data)
     nothing = ModelError(0.0, 0.0, 0.0)
     return FinalFits(
         choice,
@@ -255,5 +257,5 @@ def _fits(found: Disturbed, job: Job) -> FinalFits:
         nothing,
         frozenset(),
         full,
-        FILTER_RATE if isinstance(rate, str) else rate,
+        rate,
     )

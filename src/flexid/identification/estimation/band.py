@@ -21,7 +21,7 @@ from flexid.estimators.gauss_newton import NEGLIGIBLE, Minimum, minimise
 from flexid.estimators.innovations import STEPS, fit_innovations, predicting
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import RESTING, Point, SegmentedMotion
-from flexid.estimators.segments import Segments, divide, first_states
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.full_model.fitting import USUAL, Steps, motion_at
 from flexid.identification.full_model.model import Data, Fitted, M, Structure
@@ -54,18 +54,22 @@ def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PER
         fastest = _fastest(data) * _RIGID_PER_PERIOD / PER_PERIOD
     if fastest <= 0.0:
         return 1
-    return factor_of(fastest, sample_time, min(map(len, data.samples)), per_period)
+    return factor_of(fastest, sample_time, [*map(len, data.samples)], per_period)
 
 
 def factor_of(
     fastest: float,  # in rad/s
     sample_time: float,
-    length: int,
+    recorded: Sequence[int],
     per_period: float = PER_PERIOD,
 ) -> int:
-    """Every how many samples suffice for an angular frequency; some are left at least."""
+    """Every how many samples suffice for an angular frequency; some are left at least.
+
+    They are counted over all recordings, so that a short one makes the band no wider than it must
+    be: as many as either half of it needs to be a segment.
+    """
     wanted = int(2.0 * np.pi / (fastest * per_period * sample_time))
-    return max(1, min(wanted, length // _FEWEST))
+    return max(1, min(wanted, sum(recorded) // _FEWEST, min(recorded) // (2 * FEWEST_SAMPLES)))
 
 
 def slowest_disturbance(data: Data, *, rigid: bool) -> float:

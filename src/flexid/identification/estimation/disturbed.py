@@ -44,7 +44,12 @@ from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.measured_input import pulled
 from flexid.identification.full_model.fitting import lengths, within_bounds
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
-from flexid.identification.full_model.starting import least_squares_start, no_start, starts
+from flexid.identification.full_model.starting import (
+    least_squares_start,
+    no_start,
+    starts,
+    suited_rate,
+)
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import (
     CHANCE,
@@ -75,7 +80,6 @@ _OF_LINK = {"theta2": "alpha1", "theta_cubic": "alpha_cubic", "theta_backlash": 
 _LEAST_STIFFER = 0.02
 _WIDTHS = 5  # of play, until it is as wide as its gap
 _BANDS = (0.5, 2.0)  # of the usual number of samples per period
-_RATE = 20.0  # 1/s, of the filter that shows how much each term moves its row
 _SKEWED = 0.5  # share of the deflection's variance that a delay explains, to begin with it
 
 
@@ -272,7 +276,8 @@ def disturbed_estimate(
 
 
 def _squares(fitted: Fitted) -> LeastSquaresFit:
-    return least_squares_start(fitted.structure, fitted.data, _RATE)[1]
+    rate = suited_rate(fitted.by_name, fitted.data)
+    return least_squares_start(fitted.structure, fitted.data, rate)[1]
 
 
 def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:

@@ -22,7 +22,7 @@ from flexid.identification.estimation.model_error import (
 from flexid.identification.full_model.fits_by_length import hold_covariance
 from flexid.identification.full_model.fitting import expanded, fit_like, fit_to, lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
-from flexid.identification.full_model.starting import first_fits, least_squares_start
+from flexid.identification.full_model.starting import first_fits, least_squares_start, suited_rate
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.elimination import Choice
@@ -33,7 +33,6 @@ from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.recording.velocities import with_velocities
 
-FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
 _NOISE_SEED = 1  # of what is added to see how much of a regressor is noise
 
 
@@ -123,7 +122,8 @@ def final_fits(
     reported, lengths_fitted, retreat = _reported(choice, whole)
     choice = _as_reported(choice, reported)
     error = error_of(reported, lengths_fitted, thresholds)
-    rate = FILTER_RATE if isinstance(filter_rate, str) else filter_rate
+    suited = suited_rate(reported.by_name, whole)
+    rate = suited if isinstance(filter_rate, str) else filter_rate
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
     return FinalFits(

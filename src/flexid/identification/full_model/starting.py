@@ -22,7 +22,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.segments import Segments, first_states
-from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.state_variable_filter import FASTEST, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import (
     USUAL,
@@ -44,7 +44,8 @@ _DIRECTED = 0.99  # of a filtered direction, from which on a side has kept movin
 _FEWEST_EACH = 10  # samples for each coefficient
 _DAMPINGS = ("alpha_damping", "theta_damping")
 _COMPARED = 50  # segments over which starts are compared
-_FILTER_RATE = 20.0  # 1/s
+_FILTER_RATE = 20.0  # 1/s, of least squares that shows what each term does to its row
+_PASSED = 1.0 / 3.0  # of the resonance, from which on such a filter hides none of a joint's motion
 
 FIRST_ITERATIONS = 8
 """Steps that a fit from afar may take, those that halve the sum of squares not counted."""
@@ -156,6 +157,13 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
         # One spring acts on both rows, and the link's, of positions alone, knows its shape best.
         found["alpha_cubic"] = found["theta_cubic"] * found["alpha1"] / found["theta2"]
     return found
+
+
+def suited_rate(values: Mapping[str, float], data: Data) -> float:
+    """Rate in 1/s of a filter that passes the motion of a joint with such coefficients."""
+    springs = sum(abs(values.get(name, 0.0)) for name in ("theta2", "alpha1"))
+    fastest = FASTEST / max(samples.sample_time for samples in data.samples)
+    return min(max(_FILTER_RATE, _PASSED * springs**0.5), fastest)
 
 
 def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:

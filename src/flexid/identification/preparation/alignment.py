@@ -45,7 +45,7 @@ def aligned(recording: Recording, alignment: Alignment) -> Recording:
     """Return the recording with all channels on the motor encoder's clock.
 
     Returns shorter by the samples at both ends that not all channels cover. The link's
-    position, and its velocity if it was logged, pass an all-pass filter, which leaves white
+    position, and its velocity if it was logged, are shifted in phase alone, which leaves white
     noise white (`flexid.recording.shift`). The input becomes its mean over each sample's hold,
     or its value on the straight line between two samples.
     """

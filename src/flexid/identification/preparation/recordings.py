@@ -6,6 +6,8 @@ from functools import cached_property
 from math import ceil
 from typing import Any, Protocol
 
+import numpy as np
+
 from flexid.errors import RecordingError, SettingError
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
@@ -15,6 +17,9 @@ from flexid.recording.velocities import is_noise, with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
 _FEWEST_HELD_OUT_SAMPLES = 10
+# Of a log's samples: recordings that hold no more tell little, but the shortest of all limits the
+# band of a fit and the delays that it may find.
+_SHORTEST = 0.03
 
 
 @dataclass(frozen=True)
@@ -180,12 +185,18 @@ def _check_encoders(logs: Sequence[Log]) -> None:
 def _long_enough(
     recordings: Sequence[tuple[int, Recording]], share: float
 ) -> list[tuple[int, Recording]]:
-    """Those, with their logs, that leave enough to fit."""
-    return [
+    """Those, with their logs, that leave enough to fit, but for the shortest of each log."""
+    enough = [
         (group, recording)
         for group, recording in recordings
         if round(len(recording) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES
     ]
+    left_out = []
+    for log in {group for group, _ in enough}:
+        own = sorted((r for group, r in enough if group == log), key=len)
+        held = np.cumsum([*map(len, own)])
+        left_out += own[: np.searchsorted(held, _SHORTEST * held[-1], side="right")]
+    return [(group, r) for group, r in enough if not any(r is other for other in left_out)]
 
 
 def _held_out_start(recording: Recording, share: float) -> int:

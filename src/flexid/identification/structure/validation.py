@@ -124,7 +124,7 @@ def validate_with(
             _origins(len(recording), start, recording.sample_time, horizon, warm_up)
             for recording, start in zip(samples, starts, strict=True)
         ]
-        if all(origins):
+        if any(origins):
             begin = follow if follow and horizon <= warm_up else from_fitted_states
             predicted = _predictions(*rest, origins, horizon, warm_up, begin)
             fits[horizon] = percent_explained(joint, predicted, spreads)
@@ -169,7 +169,7 @@ def _predictions(
     firsts, warm, total, sources = [], [], [], []
     for recording, (samples, own) in enumerate(zip(recordings, origins, strict=True)):
         offset = int(whole.recording_starts[recording])
-        for origin in own:
+        for origin in own or [len(samples)]:  # of one that is too short nothing is predicted
             first = max(0, origin - _samples_of(warm_up, samples.sample_time))
             last = len(samples)
             if np.isfinite(horizon):
