@@ -27,7 +27,8 @@ _OF_STAMPS = (
 )
 ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
 _UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s, of times that are no seconds
-_COUNTERS = [(bits, unit) for bits in (16, 32) for unit in (1e-3, 1e-6)]  # of units in s
+_OVERFLOWS = (2**32 * 1e-3, 2**32 * 1e-6)
+"""s, by which a counter of ms or µs falls; by 2**16 ms a buffer of so many samples falls, too."""
 _RARE = 0.05  # s between samples: what is logged at 10 kHz in ms reads as 0.1 s
 _MOST_ALIKE = 4.0  # samples to a digit: of more, the line is too free
 _BEGINS_AGAIN = 0.99  # of a run's duration, by which the next one begins before its end at least
@@ -43,19 +44,19 @@ class Grid(NamedTuple):
 
 
 def count_on(log: Draft) -> None:
-    """Make the time of a counter go on that overflows, as one of 32 bits does after 71 min."""
+    """Make the time of a counter go on that overflows, as one of 32 bits does in 71 min or 50 d."""
     time = log.time
     steps = np.diff(time)
     if not np.any(steps < 0.0):
         return
     step = float(np.median(steps))
-    for bits, unit in _COUNTERS:
-        is_wrap = np.abs(steps + 2**bits * unit - step) <= GAP * step
+    for period in _OVERFLOWS:
+        is_wrap = np.abs(steps + period - step) <= GAP * step
         if is_wrap.any():
-            log["time"] = time + 2**bits * unit * np.cumsum(np.concatenate(([False], is_wrap)))
+            log["time"] = time + period * np.cumsum(np.concatenate(([False], is_wrap)))
             log.warn(
                 "time",
-                f"it falls by the range of a counter of {bits} bits (at "
+                f"it falls by {period:.6g} s, as a counter of 32 bits does that overflows (at "
                 f"{log.at(np.flatnonzero(is_wrap) + 1)}), and was counted on there: check it",
             )
 
