@@ -1,18 +1,14 @@
-"""What a file holds before its columns are known, and what a log shows at a glance."""
+"""What a file holds before its columns are known."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars as pl
-import pytest
 from joint_log import written
 from log_files import hdf5
 
-from flexid.recording.overview import overview, survey
-from flexid.recording.recording import Log, Recording
+from flexid.recording.overview import overview
 
 
 def rows(cells: str) -> str:
@@ -46,46 +42,3 @@ def test_what_files_hold(tmp_path: Path, golden: Any) -> None:
         unclear = one.unclear.partition(";")[0]
         found[name] = f"{one.rows} rows; {'; '.join(columns)}; {one.channels}; {unclear}"
     golden(found)
-
-
-RATE = 200.0  # Hz
-NOISE = 1e-4  # rad
-
-
-def log(**changes: object) -> Log:
-    """Return 20 s in which a motor goes to and fro at 0.5 Hz, and the link a little less."""
-    random = np.random.default_rng(1)
-    time = np.arange(4000) / RATE
-    motor = np.sin(np.pi * time)
-    recording = Recording(
-        sample_time=1 / RATE,
-        start_time=0.0,
-        link_position=0.9 * motor + NOISE * random.standard_normal(len(time)),
-        motor_position=motor + NOISE * random.standard_normal(len(time)),
-        input=3.0 * np.sin(2 * np.pi * 2.0 * time),
-        input_unit="N m",
-    )
-    return Log((replace(recording, **changes),), (), "log", "")  # type: ignore[arg-type]
-
-
-def test_figures_of_a_known_motion():
-    """Assert that rate, duration, reversals and deflection are those of the motion."""
-    found = survey(log())
-    assert found.model == "flexible"
-    assert (found.samples, found.recordings) == (4000, 1)
-    assert found.duration == pytest.approx(20.0)
-    assert found.reversals == 20
-    truth = 0.1 / np.sqrt(2) / (NOISE * np.sqrt(2))
-    assert found.deflection_over_noise == pytest.approx(truth, rel=0.2)
-
-
-def test_model_and_recordings():
-    """Assert that what is missing says what can be asked for, and that gaps are counted."""
-    assert survey(log(input=None, input_unit="")).model == "link"
-    rigid = survey(log(link_position=None))
-    assert rigid.model == "rigid"
-    assert np.isnan(rigid.deflection_over_noise)
-    base = log().recordings[0]
-    found = survey(Log((base.window(0, 1000), base.window(2000, 4000)), (), "log", ""))
-    assert (found.recordings, found.samples) == (2, 3000)
-    assert found.duration == pytest.approx(15.0)

@@ -103,7 +103,7 @@ def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tm
     page.keyboard.press("Tab")
     page.wait_for_selector("text=100 Hz")
     checked = page.inner_text("#check")
-    assert "Turns back" in checked
+    assert "Gaps" in checked
     assert "scale.time=10" in page.url
     assert "chosen below" in page.inner_text("#columns-state")
     page.select_option("[name='unit.motor_position']", "rad")

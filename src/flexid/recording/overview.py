@@ -1,4 +1,4 @@
-"""What a file holds before its columns are known, and what a log shows at a glance."""
+"""What a file holds before its columns are known."""
 
 from __future__ import annotations
 
@@ -6,18 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flexid.errors import RecordingError
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.columns import recipes_of
 from flexid.recording.names import cut, split_header, usual_channel
-from flexid.recording.recording import Log, Recording
 from flexid.recording.series import TIME, names_of
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
-from flexid.recording.velocities import position_noise, velocity
 
 if TYPE_CHECKING:
     import polars
@@ -93,51 +89,3 @@ def _overview(table: Table, rows: int, cells: dict[str, tuple[str, ...]]) -> Fil
         for header, one in usual.items():
             channels.setdefault(one.channel, header)
     return FileOverview(table.file, table.sha256, rows, tuple(columns), channels, unclear)
-
-
-_TURNING = 0.02  # of the largest velocity, from which on the motor moves
-
-
-@dataclass(frozen=True)
-class LogSurvey:
-    """What a log shows at a glance."""
-
-    model: str  # "flexible", "link" or "rigid": what can be identified of it
-    sample_time: float  # s
-    duration: float  # s, without gaps
-    samples: int
-    recordings: int  # between gaps
-    reversals: int  # how often the motor turns back
-    deflection_over_noise: float  # RMS about the mean, over the encoders' noise; NaN with one
-
-
-def survey(log: Log) -> LogSurvey:
-    """What a log shows at a glance."""
-    longest = max(log.recordings, key=len)
-    samples = sum(map(len, log.recordings))
-    model = "link" if longest.input is None else "flexible"
-    return LogSurvey(
-        model if longest.link_position is not None else "rigid",
-        longest.sample_time,
-        samples * longest.sample_time,
-        samples,
-        len(log.recordings),
-        _reversals(log.recordings),
-        _deflection_over_noise(longest),
-    )
-
-
-def _reversals(recordings: tuple[Recording, ...]) -> int:
-    """How often the motor turns back."""
-    velocities = [velocity(r.motor_position, r.sample_time) for r in recordings]
-    slow = _TURNING * max(float(np.abs(v).max()) for v in velocities)
-    moving = [np.sign(v[np.abs(v) > slow]) for v in velocities]
-    return sum(int(np.count_nonzero(np.diff(signs))) for signs in moving)
-
-
-def _deflection_over_noise(recording: Recording) -> float:
-    if recording.link_position is None:
-        return float("nan")
-    noise = position_noise(recording.deflection)
-    moved = float(recording.deflection.std())
-    return moved / noise if noise > 0.0 else float("inf")

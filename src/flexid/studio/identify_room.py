@@ -166,7 +166,7 @@ class IdentifyRoom:
             "columns-state", "columns_state.html", found=self._overview,
             by_name=not self._choices.sources, open_question="",
         )  # fmt: skip
-        await window.show("check", "check.html", survey=found.survey, found=found)
+        await window.show("check", "check.html", found=found)
         await window.show("check-charts", "drawn.html", figure=found.figure)
         await window.show(
             "run", "run.html", choices=self._choices, models=MODELS, holds=HOLDS, found=found

@@ -23,7 +23,7 @@ from anyio import BrokenWorkerProcess, CapacityLimiter, to_process
 from flexid.errors import FlexidError
 
 if TYPE_CHECKING:
-    from flexid.recording.overview import FileOverview, LogSurvey
+    from flexid.recording.overview import FileOverview
     from flexid.studio.choices import Choices
 
 
@@ -85,7 +85,8 @@ REPORT = "report.html"
 class Checked:
     """A log, read and looked at."""
 
-    survey: LogSurvey  # what it shows at a glance
+    model: str  # "flexible", "link" or "rigid": what can be identified of it
+    facts: dict[str, str]  # what it shows at a glance
     warnings: tuple[str, ...]  # what was mended, or looks odd
     figure: str  # its channels over time, as HTML
     kinds_of: dict[str, str]  # by term, the kinds of joint that have it
@@ -101,7 +102,6 @@ def look(name: str) -> FileOverview:
 def check(name: str, choices: Choices) -> Checked:
     """Read a log as it would be identified, and say what it shows."""
     from flexid.identification.preparation.joint import Kind, joint_of
-    from flexid.recording.overview import survey
     from flexid.recording.read import read_log
     from flexid.report.response_charts import log_chart
     from flexid.studio.choices import ALL_TERMS
@@ -113,7 +113,17 @@ def check(name: str, choices: Choices) -> Checked:
         for term in ALL_TERMS
     }
     figure = fragment("figure.html", chart=log_chart(log))
-    return Checked(survey(log), log.warnings, figure, kinds_of)
+    longest, samples = max(log.recordings, key=len), sum(map(len, log.recordings))
+    model = "link" if longest.input is None else "flexible"
+    facts = {
+        "Duration": f"{samples * longest.sample_time:.4g} s",
+        "Rate": f"{1.0 / longest.sample_time:.4g} Hz",
+        "Samples": str(samples),
+        "Gaps": str(len(log.recordings) - 1),
+    }
+    return Checked(
+        "rigid" if longest.link_position is None else model, facts, log.warnings, figure, kinds_of
+    )
 
 
 def identify(name: str, choices: Choices, into: str) -> float:
