@@ -92,6 +92,7 @@ READ: dict[str, str | bytes] = {
     "parts of a unit": headed(PARTS, HUNDREDTHS),
     "German": GERMAN.replace(",", ";").replace(".", ","),
     "a stamp in two columns": with_stamps(),
+    "durations of MATLAB": "\n".join([HEADER, *(o.replace(",", " sec,", 1) for o in LINES)]),
     "a time for each channel": times_per_channel(),
     "comments at the end": f"{TEXT}# end\n\n% of the log\n",
     "rows of empty cells at the end": f"{TEXT},,,\n;;;\n",

@@ -24,6 +24,7 @@ DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?$"
 DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eEdD][+-]?\d+)?$"
 THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
+_SECONDS = r"^(\S+) sec$"  # as MATLAB writes a duration
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 HOLE = r"(?i)^\s*(?:[+-]?nan(?:\(ind\))?|[+-]?1\.#(?:qnan|ind)\d*|n/?a|#n/?a|null|none|-+)?\s*$"
 
@@ -115,7 +116,7 @@ class Table:
         column = column.str.strip_chars() if is_text else column
         numbers = column.cast(pl.Float64, strict=False)
         if is_text and numbers.null_count() > column.null_count():
-            column = column.str.replace(_FORTRAN, "${1}e$2")
+            column = column.str.replace(_FORTRAN, "${1}e$2").str.replace(_SECONDS, "$1")
             if self.has_decimal_commas:
                 column = column.str.replace(",", ".", literal=True)
             numbers = column.cast(pl.Float64, strict=False)
