@@ -13,9 +13,13 @@ from flexid.errors import SettingError
 from flexid.identification.judgement.estimates import verdict
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.identification.vocabulary.evidence import (
+    Disturbances,
+    ModelError,
+    ParameterEstimate,
+)
 from flexid.identification.vocabulary.intervals import interval, logarithmic_interval
-from made_estimates import NOTHING, TRUE, drawn, estimate_of, wishart, with_parameter
+from made_estimates import NOTHING, TRUE, drawn, estimate_of, exact, wishart, with_parameter
 
 
 def number(value, std, freedom=np.inf, *, unit="N m", name="gravity_torque", logarithmic=False):
@@ -355,6 +359,20 @@ def test_doubts_are_said():
     assert "both rest on what was said of motor_inertia" in knowledge
     assert unnamed.startswith("B does not say which logs")
     assert passed == "B: the joint hardly moves"
+
+
+@pytest.mark.parametrize(
+    "unexplained",
+    [
+        {"model_error": ModelError(2.0, 0.9, 0.5)},
+        {"disturbances": Disturbances({"link": 0.3, "motor": 0.1}, 1e-3)},
+    ],
+)
+def test_what_no_term_describes_may_look_like_a_change(unexplained):
+    """Assert that an estimate with a model error or with disturbances is named, and no other."""
+    a, b = exact(TRUE, "a"), replace(exact(TRUE, "b"), **unexplained)
+    (said,) = compare_estimates(a, b).warnings
+    assert said.startswith("in B the residuals hold something that no term describes")
 
 
 def test_an_estimate_and_itself_are_refused():

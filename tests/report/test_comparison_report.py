@@ -28,9 +28,16 @@ def test_a_bound_promises_no_less_than_the_interval(comparison):
     """Assert that rounding makes no bound smaller than it is."""
     for d in comparison.parameters.values():
         if d.outcome == "no change":
-            stated = float(re.findall(r"[\d.e+-]*\d", outcome_text(d))[0])
+            stated = float(re.findall(r"[\d.e+-]*\d", outcome_text(d).plain)[0])
             largest = d.largest_percent if np.isfinite(d.largest_percent) else d.largest
             assert largest <= stated < 1.2 * largest
+
+
+def test_where_the_whole_value_may_hide_nothing_is_told(comparison):
+    """Assert that an interval beyond the value's own size is no agreement, and one within is."""
+    d = replace(comparison.parameters["joint_stiffness"], outcome="no change")
+    assert outcome_text(replace(d, percent_interval=(-700.0, 101.0))).plain == "cannot tell"
+    assert outcome_text(replace(d, percent_interval=(-99.0, 5.0))).plain == "same to 99 %"
 
 
 def test_what_may_hide_is_rounded_up(comparison):

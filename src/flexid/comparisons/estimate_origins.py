@@ -136,9 +136,8 @@ _JOINTS = {
 
 
 def _is_unexplained(estimate: Either) -> bool:
-    if estimate.model == "arm":
-        return estimate.disturbances is not None
-    return estimate.model_error.share > 0.0
+    erring = estimate.model != "arm" and estimate.model_error.share > 0.0
+    return erring or estimate.disturbances is not None
 
 
 def _named_logs(provenance: Mapping[str, Any]) -> set[_Log]:

@@ -10,6 +10,7 @@ from flexid.arrays import plain
 from flexid.comparisons.comparison import Comparison
 from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.intervals import CONFIDENCE
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.identification import COEFFICIENTS, PARAMETERS
 from flexid.report.page import Presenter
 from flexid.report.terminal import (
@@ -18,6 +19,7 @@ from flexid.report.terminal import (
     Table,
     format_with_interval,
     listed,
+    number,
     numbers,
     value_texts,
 )
@@ -64,8 +66,7 @@ def differences_table(title: str, differences: Mapping[str, Difference]) -> Tabl
             relative = isfinite(d.percent)
             shown = (d.percent, *d.percent_interval) if relative else (d.value, *d.interval)
             interval = f"{value_texts(*shown)[1]} {'%' if relative else d.unit}"
-        outcome = Text(outcome_text(d), OUTCOME_COLOURS[d.outcome])
-        table.add(d.name, a, b, interval, outcome)
+        table.add(d.name, a, b, interval, outcome_text(d))
     return table
 
 
@@ -87,9 +88,13 @@ def settings_table(comparison: Comparison) -> Table:
     return table
 
 
-def outcome_text(d: Difference) -> str:
-    """The verdict in words."""
-    return f"same to {largest(d)}" if d.outcome == "no change" else d.outcome
+def outcome_text(d: Difference) -> Text:
+    """The verdict in words; where a change as large as the value may hide, none can be given."""
+    if d.outcome != "no change":
+        return Text(d.outcome, OUTCOME_COLOURS[d.outcome])
+    if d.largest_percent > 100.0 * THRESHOLDS.weak_width:
+        return Text("cannot tell", OUTCOME_COLOURS["not determined"])
+    return Text(f"same to {largest(d)}", OUTCOME_COLOURS["no change"])
 
 
 def shortened(text: str) -> str:
@@ -119,12 +124,12 @@ def largest(d: Difference) -> str:
     return f"{_rounded_up(d.largest)} {d.unit}"
 
 
-def _rounded_up(number: float) -> str:
+def _rounded_up(value: float) -> str:
     """Two digits, which promise no less than the number."""
-    if not isfinite(number):
+    if not isfinite(value):
         return "any"
-    shown = f"{number:.2g}"
-    return shown if float(shown) >= number else f"{number * 1.05:.2g}"
+    shown = number(value, 2)
+    return shown if float(shown) >= value else number(1.05 * value, 2)
 
 
 def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:

@@ -156,7 +156,7 @@ def format_with_interval(value: float, lower: float, upper: float) -> tuple[str,
     numbers = (value, lower, upper)
     width = upper - lower
     if isnan(width) or not isfinite(value) or width < 0.0 or width == inf:
-        first, second, third = ("–" if isnan(x) else f"{x:.1g}" for x in numbers)
+        first, second, third = ("–" if isnan(x) else number(x, 1) for x in numbers)
     elif width == 0.0:
         first, second, third = (f"{x:.6g}" for x in numbers)
     else:
