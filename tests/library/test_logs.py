@@ -147,3 +147,13 @@ def test_a_map_for_what_was_read_is_refused(arrays, tmp_path):
     log = flexid.read_log(arrays)
     with pytest.raises(SettingError, match="columns"):
         flexid.read_log(log, columns=tmp_path / "map.toml")
+
+
+@pytest.mark.parametrize(("most", "said"), [(199, ["200 samples take minutes"]), (200, [])])
+def test_many_samples_are_said_to_take_long(arrays, monkeypatch, caplog, most, said):
+    """Assert that a log of more samples is announced at once, and no shorter one."""
+    monkeypatch.setattr("flexid.library.identify._MANY", most)
+    monkeypatch.setattr("flexid.identification.identify.identify", lambda *_: None)
+    caplog.set_level("INFO", "flexid")
+    flexid.identify(arrays)
+    assert [message.partition(":")[0] for message in caplog.messages] == said

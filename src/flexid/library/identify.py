@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
     from flexid.stored_estimates.estimate_file import StoredEstimate
+
+_MANY = 300_000  # samples, which take about a minute
+_LOG = logging.getLogger(__name__)
 
 
 @entrance
@@ -129,8 +133,13 @@ def identify(
         if thresholds is not None:
             raise SettingError("thresholds", "are not for a stream: leave them out")
         return JointEstimate(_streamed(logs, columns, settings, progress))
-    found = run(all_logs(logs, columns), settings, progress, thresholds or THRESHOLDS)
-    return JointEstimate(found)
+    read = all_logs(logs, columns)
+    count = sum(len(recording) for log in read for recording in log.recordings)
+    if count > _MANY:
+        _LOG.info(
+            "%d samples take minutes: a Parquet file is identified in one pass with --stream", count
+        )
+    return JointEstimate(run(read, settings, progress, thresholds or THRESHOLDS))
 
 
 def _streamed(logs: Any, columns: Any, settings: Settings, progress: Progress) -> Any:

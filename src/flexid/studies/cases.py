@@ -133,8 +133,6 @@ _SMALL_AMPLITUDE = 0.1  # amplitude in rad at which one sinusoid leaves f nearly
 
 _STANDSTILL = 1.0  # constant reference in rad
 
-_TOLERANCE = 1e-8
-
 
 @dataclass(frozen=True, eq=False)
 class TheoremCase:
@@ -191,7 +189,7 @@ def theorem_case(
     loop = table1_loop(
         (1, 2, 3), reference=sine(amplitude, offset), initial_state=(offset, 0.0, held, 0.0)
     )
-    run = simulate(loop, duration, duration / 15_000, _TOLERANCE)
+    run = simulate(loop, duration, duration / 15_000, TOLERANCE)
     half = run.between(0.5 * duration, duration)
     return TheoremCase(
         name,
