@@ -113,10 +113,10 @@ class Table:
             cells = [_plain(cell, self.mark) for cell in column]
             numbers = pl.Series(cells, dtype=pl.String).cast(pl.Float64, strict=False)
             return np.require(numbers.to_numpy(), np.float64, "W")
-        column = column.str.strip_chars() if is_text else column
         numbers = column.cast(pl.Float64, strict=False)
         if is_text and numbers.null_count() > column.null_count():
-            column = column.str.replace(_FORTRAN, "${1}e$2").str.replace(_SECONDS, "$1")
+            column = column.str.strip_chars().str.replace(_FORTRAN, "${1}e$2")
+            column = column.str.replace(_SECONDS, "$1")
             if self.has_decimal_commas:
                 column = column.str.replace(",", ".", literal=True)
             numbers = column.cast(pl.Float64, strict=False)
