@@ -84,6 +84,8 @@ def _add_variable(found: Arrays, path: str, value: Any) -> None:
     names = array.dtype.names
     if type(value).__name__ in _OBJECTS:
         found.others[path] = "an object: save its Time and Data as arrays"
+    elif array.dtype.kind == "U" and array.size == 1:  # as Simulink labels a signal
+        found.others[path] = f"text {array.item()[:60]!r}"
     elif names is None and array.dtype != object:
         found.add(path, array.shape, array.dtype, array.__getitem__)
     elif array.size > WIDEST:

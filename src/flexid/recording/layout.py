@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
 from flexid.recording.clock import is_stamp
-from flexid.recording.names import split_header
+from flexid.recording.names import cut, split_header
 from flexid.recording.table import Table, is_number
 from flexid.recording.units import is_usual
 
@@ -266,6 +266,9 @@ def _layout(
     names = [name or f"unnamed {number}" for number, name in enumerate(header.cells, start=1)]
     if all(map(is_number, names)):
         raise header.refusal(_NO_HEADER)
+    if all(":" in name and is_number(name.partition(":")[2]) for name in names):
+        reason = f"each cell has a name, as {cut(names[0])!r}: write the names in one line above"
+        raise header.refusal(f"{reason}, and numbers alone below it")
     if units is not None:
         below = zip(names, units.cells, strict=True)
         names = [_with_unit(units, name, unit) for name, unit in below]
