@@ -52,7 +52,7 @@ def test_a_drive_that_has_departed_is_said_to():
     health, reason = session.health
     assert health is Health.INCONSISTENT
     assert reason.startswith("joint_stiffness is ")
-    assert reason.endswith("N m/rad (-20%), and 125 in the estimate")
+    assert reason.endswith("N m/rad (-20 %), and 125 in the estimate")
 
 
 def estimated(value: float, half: float) -> dict[str, ParameterEstimate]:

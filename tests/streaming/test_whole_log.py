@@ -110,7 +110,7 @@ def test_the_evidence_of_a_stream(write: Write, monkeypatch: pytest.MonkeyPatch)
     assert not result.warnings
     assert "60000 samples (60 s) were fitted in one pass" in result.summary[-1]
     assert len(result.provenance["inputs"][0]["sha256"]) == 64
-    assert steps[-1] == "100% of 0.06 million samples"
+    assert steps[-1] == "100 % of 0.06 million samples"
     monkeypatch.setattr(incoming, "BLOCK", 25_000)
     again = identify_stream(path)
     np.testing.assert_array_equal(again.fit.values, result.fit.values)

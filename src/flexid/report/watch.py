@@ -57,7 +57,11 @@ def _columns(session: Session) -> dict[Column, Callable[[str], Text | str]]:
             return ""
         was, now = reference[name][0], found[name].value
         angle = name in ANGLES
-        shown = f"{difference(name, was, now):+.3g} rad" if angle else f"{now / was - 1.0:+.1%}"
+        shown = (
+            f"{difference(name, was, now):+.3g} rad"
+            if angle
+            else f"{100 * (now / was - 1.0):+.1f} %"
+        )
         return Text(shown, "red" if name in gone else "")
 
     def estimate(name: str) -> str:

@@ -114,8 +114,8 @@ def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
     if evidence.bad_share > limits.bad_share:
         return Judgement(
             Health.SENSOR_FAULT,
-            f"{evidence.bad_share:.0%} of the latest samples cannot be used, most of them since "
-            f"{evidence.bad_cause}: check the sensors and the line",
+            f"{100 * evidence.bad_share:.0f} % of the latest samples cannot be used, most of them "
+            f"since {evidence.bad_cause}: check the sensors and the line",
         )
     negative = [width for width in evidence.widths if width.value + width.half_width < 0.0]
     if evidence.determined and negative:
@@ -141,8 +141,9 @@ def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
     if patient and _relative_disagreement(apart) > limits.disagreement:
         return Judgement(
             Health.INCONSISTENT,
-            f"slow and fast motion disagree on {apart.name} by {_relative_disagreement(apart):.0%}:"
-            f" the model leaves something out, or a channel is late or has the wrong sign",
+            f"slow and fast motion disagree on {apart.name} by "
+            f"{100 * _relative_disagreement(apart):.0f} %: the model leaves something out, "
+            f"or a channel is late or has the wrong sign",
         )
     if patient and evidence.contradicted:
         return Judgement(Health.INCONSISTENT, evidence.contradicted)
@@ -169,5 +170,5 @@ def _relative_disagreement(width: Width) -> float:
 
 def _percent(share: float) -> str:
     if share < 0.01:
-        return f"{100 * share:.2g}%"
-    return f"{share:.0%}" if share < 10.0 else "no bounds"
+        return f"{100 * share:.2g} %"
+    return f"{100 * share:.0f} %" if share < 10.0 else "no bounds"

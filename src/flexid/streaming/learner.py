@@ -133,7 +133,7 @@ class Departure:
     def sentence(self) -> str:
         """By how much, for a report."""
         unit = f" {self.unit}" if self.unit else ""
-        share = "" if self.name in ANGLES else f" ({self.change:+.0%})"
+        share = "" if self.name in ANGLES else f" ({100 * self.change:+.0f} %)"
         return f"{self.name} is {self.now:.4g}{unit}{share}, and {self.was:.4g} in the estimate"
 
 

@@ -78,7 +78,7 @@ def identify_stream(
             if session.options.n_inputs:
                 samples[:, -1] = found.choices.amplifier.passed(samples[:, -1])
             session.feed(samples)
-            share = f"{session.fed / all_rows:.0%}"
+            share = f"{100 * session.fed / all_rows:.0f} %"
             progress(f"{share} of {all_rows / 1e6:.3g} million samples")
     finally:
         replay.close()

@@ -205,9 +205,9 @@ def _held_out_start(recording: Recording, share: float) -> int:
         raise RecordingError(
             recording.source,
             f"recording from {recording.start_time:g} s",
-            f"has {len(recording)} samples, of which {share:.0%} are kept out for validation and "
-            f"{start} are left to fit, fewer than {_FEWEST_TRAINING_SAMPLES}: record "
-            f"{ceil(_FEWEST_TRAINING_SAMPLES / (1 - share))} or more without a gap",
+            f"has {len(recording)} samples, of which {100 * share:.0f} % are kept out for "
+            f"validation and {start} are left to fit, fewer than {_FEWEST_TRAINING_SAMPLES}: "
+            f"record {ceil(_FEWEST_TRAINING_SAMPLES / (1 - share))} or more without a gap",
         )
     if len(recording) - start < _FEWEST_HELD_OUT_SAMPLES:
         raise SettingError(

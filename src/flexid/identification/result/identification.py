@@ -126,7 +126,11 @@ def provenance(
     }
 
 
-_HOLDS = {"zero": "held between samples", "linear": "on straight lines", "cubic": "smoothly"}
+_HOLDS = {
+    "zero": "is held between samples",
+    "linear": "runs on straight lines",
+    "cubic": "runs smoothly",
+}
 
 
 def summary(choices: Choices, model: Kind, *, asked: bool = False) -> tuple[str, str, str]:
@@ -172,7 +176,7 @@ def _alignment_sentence(alignment: Alignment, model: Kind) -> str:
     if model == "link":
         return f"Time: the motor's measured position drives the link; {link}{_doubt(alignment)}."
     delays = f"{_delay('input', alignment.input_delay)}, {link}"
-    return f"Time: the input runs {_HOLDS[alignment.hold]}; {delays}."
+    return f"Time: the input {_HOLDS[alignment.hold]}; {delays}."
 
 
 def _doubt(alignment: Alignment) -> str:
