@@ -98,6 +98,16 @@ def test_what_is_unexplained_makes_inertias_heavier_or_lighter():
     assert errors["joint_stiffness_2"] == errors["rotor_coupling_2"] == 0.0
 
 
+def test_a_deflections_noise_is_its_own():
+    """Assert that the noise of a motor's encoder is no part of a deflection that is logged."""
+    log = recording()
+    rough = log.positions + 1e-3 * np.random.default_rng(2).standard_normal((len(log), 1))
+    data = arm_data([replace(log, positions=rough)], {"link_1": "motor_1"})
+    noise = replace(disturbed().job, data=data).in_band.noise
+    assert noise[0] < 0.2 * noise[1]
+    assert noise[2] > 0.5 * noise[1]
+
+
 def test_a_rival_as_likely_is_doubted_and_one_less_likely_is_not():
     """Assert that another minimum counts by its likelihood."""
     fit, best = disturbed(), disturbed().best

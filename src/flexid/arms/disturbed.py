@@ -28,7 +28,7 @@ from flexid.identification.estimation.band import (
     thinned_samples,
 )
 from flexid.identification.full_model.fitting import Steps, lengths, motion_at
-from flexid.identification.full_model.model import Data, Structure, encoder_noise
+from flexid.identification.full_model.model import Data, Structure, encoder_noise, sensor_noise
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.structure.validation import HORIZONS, validate_with
 from flexid.identification.vocabulary.estimate import Estimate
@@ -70,6 +70,12 @@ class Job:
         """That of the arm."""
         return self.structure.joint.balance
 
+    @property
+    def deflections(self) -> tuple[int, ...]:
+        """Places of links whose position is from a deflection."""
+        rows = enumerate(self.balance.rows)
+        return tuple(place for place, row in rows if row.name in self.data.relative_to)
+
     @cached_property
     def in_band(self) -> InBand[ElasticArm]:
         """The log in the band; friction follows from the motion, and no data direct it."""
@@ -78,7 +84,8 @@ class Job:
         hold = "zero" if self.factor == 1 else "cubic"
         structure = self.structure.with_hold(hold)
         undirected = np.zeros((0, len(self.balance.rows)))
-        rest = self.slowest, own.noise, _SEGMENT, _INTEGRATION, _STEPS
+        noise = sensor_noise(own, self.deflections)
+        rest = self.slowest, noise, _SEGMENT, _INTEGRATION, _STEPS
         return InBand(structure, own, undirected, *rest)
 
 
@@ -150,8 +157,11 @@ class DisturbedFit:
             found = validate_with(arm, problem, point.values, *rest, follow)
         except (ConvergenceError, SettingError):
             return Validation({}), {}
-        over = {joint: found.horizons[period] for joint, period in enumerate(periods, 1)}
-        shares = {joint: fits[f"deflection_{joint}"] for joint, fits in over.items()}
+        shares = {
+            joint: found.horizons[period][f"deflection_{joint}"]
+            for joint, period in enumerate(periods, 1)
+            if period in found.horizons  # recordings may be too short for it
+        }
         usual = {
             horizon: found.horizons[horizon] for horizon in HORIZONS if horizon in found.horizons
         }

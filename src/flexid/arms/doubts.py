@@ -14,6 +14,7 @@ import numpy as np
 
 from flexid.arms.disturbed import NEAR_STEPS, RIVAL, DisturbedFit
 from flexid.arms.fitting import EFFECT_BAND, effect_sizes
+from flexid.arms.rig_errors import likely_changes, rig_errors
 from flexid.arms.unusual import link_delays
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
@@ -104,6 +105,11 @@ def noise_of_the_inputs(found: DisturbedFit) -> FloatArray:
     return moved[:, None]
 
 
+def errors_of_the_rig(found: DisturbedFit) -> FloatArray:
+    """Encoders, scales and lengths err, by as much as the log does not contradict."""
+    return likely_changes(found.fitted, [*rig_errors(found.fitted, found.job.deflections)])
+
+
 def halves_of_the_log(found: DisturbedFit) -> FloatArray:
     """What is not random differs between the halves of the log, fitted with its gains."""
     fitted, halves = found.fitted, []
@@ -190,6 +196,7 @@ def play(found: DisturbedFit) -> FloatArray:
 DOUBTS: Mapping[Doubt, str] = {
     calibration: "",
     noise_of_the_inputs: "noise of the logged torque: excite harder, or log it finer",
+    errors_of_the_rig: "the encoders, their scales or the lengths may be wrong",
     halves_of_the_log: OF_A_HALF,
     another_band: OF_A_BAND,
     other_minima: "another set of values explains the log as well",

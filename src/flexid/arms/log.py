@@ -1,6 +1,6 @@
 """The log of an arm: each joint's channels read and checked as those of one joint are."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -34,13 +34,14 @@ class ArmLog:
     # positions of link 1, motor 1, link 2, ... and the motors' inputs
     recordings: tuple[Samples, ...]
     input_units: tuple[str, ...]  # of each joint
+    relative_to: Mapping[str, str]  # rows whose position is from a deflection, and their motors'
     warnings: tuple[str, ...]  # a sentence each
     provenance: dict[str, Any]  # file, digest, and the columns of each joint
 
     @cached_property
     def data(self) -> Data:
         """What is fitted."""
-        return arm_data(self.recordings)
+        return arm_data(self.recordings, self.relative_to)
 
     @property
     def source(self) -> str:
@@ -53,10 +54,11 @@ class ArmLog:
         return self.provenance["sha256"]
 
 
-def arm_data(recordings: Sequence[Samples]) -> Data:
+def arm_data(recordings: Sequence[Samples], relative_to: Mapping[str, str] | None = None) -> Data:
     """Recordings as fits take them; no channel is thought to be late but the inputs."""
     groups = tuple(0 for _ in recordings)
-    return Data(tuple(recordings), groups, encoder_noise(recordings), largest_delay=0.0)
+    noise = encoder_noise(recordings)
+    return Data(tuple(recordings), groups, noise, relative_to or {}, largest_delay=0.0)
 
 
 def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog:
@@ -74,6 +76,11 @@ def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog
     return ArmLog(
         _together(file, logs),
         tuple(log.recordings[0].input_unit for log in logs),
+        {
+            f"link_{joint}": f"motor_{joint}"
+            for joint, log in enumerate(logs, 1)
+            if log.recordings[0].link_from_deflection
+        },
         tuple(dict.fromkeys(warning for log in logs for warning in log.warnings)),
         {
             "file": file,

@@ -118,12 +118,13 @@ class Segments:
         return inside
 
     def by_recording(self) -> list[tuple[slice, float]]:
-        """Samples of every recording, and its sample time."""
+        """Samples of every recording that has segments, and its sample time."""
+        own = np.searchsorted(self.recording_starts, self.starts[self.firsts], side="right")
         return [
             (slice(a, b), h)
             for a, b, h in zip(
-                self.recording_starts[:-1].tolist(),
-                self.recording_starts[1:].tolist(),
+                self.recording_starts[own - 1].tolist(),
+                self.recording_starts[own].tolist(),
                 self.sample_times[self.firsts].tolist(),
                 strict=True,
             )

@@ -237,7 +237,7 @@ def validate_arm(
                 f"is in {', '.join(log.input_units)}, and {estimate.name} was made with inputs in "
                 f"{', '.join(stored.input_units)}: give logs of the same inputs",
             )
-    data = arm_data(_long_enough(logs))
+    data = arm_data(_long_enough(logs), logs[0].relative_to)
     arm = ElasticArm(planar_arm(stored.arm))
     spread = data.noise.reshape(-1, 2)
     by_channel = np.column_stack((spread, np.hypot(*spread.T))).ravel()

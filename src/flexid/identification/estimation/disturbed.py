@@ -43,7 +43,7 @@ from flexid.identification.estimation.doubts import (
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.measured_input import pulled
 from flexid.identification.full_model.fitting import lengths, within_bounds
-from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
+from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, sensor_noise
 from flexid.identification.full_model.starting import (
     least_squares_start,
     no_start,
@@ -68,7 +68,6 @@ from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import HARDENING
 from flexid.recording.recording import Hold
-from flexid.recording.velocities import position_noise
 
 _ROUNDS = 3  # of taking terms away
 # Of what both balances left unexplained before: leaner structures of 15 logs left up to 1.2 times
@@ -378,11 +377,7 @@ def _fit(
 
 def _sensor_noise(data: Data) -> FloatArray:
     """Noise of each sensor; of a deflection's its own."""
-    noise = data.noise.copy()
-    if "motor" in data.relative_to.values():
-        positions = max(data.samples, key=len).positions
-        noise[0] = max(position_noise(positions[:, 0] - positions[:, 1]), 1e-3 * noise[0])
-    return noise
+    return sensor_noise(data, [0] if "motor" in data.relative_to.values() else [])
 
 
 def _start(structure: Structure, data: Data) -> dict[str, float]:

@@ -22,8 +22,8 @@ from flexid.models.flexible_joint import DISSIPATIVE
 CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is known better
 _FURTHER_MODES = 0.003  # of a link's inertia: by its next bending mode it looks heavier
 _CABLE = 0.03  # of the spring's torque, that a cable adds: it pulls the link back as gravity does
-_ECCENTRICITY = 5e-4  # rad: 0.03 degrees, once per turn, of encoders in good joints
-_GAUGE = 0.02  # of the scale of a deflection's sensor: strain gauges are calibrated to 3 or 4 %
+ECCENTRICITY = 5e-4  # rad: 0.03 degrees, once per turn, of encoders in good joints
+GAUGE = 0.02  # of the scale of a deflection's sensor: strain gauges are calibrated to 3 or 4 %
 _DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of its range takes away
 _LAG = 2e-3  # s: time constants of coils and current loops are hardly longer, whatever the delay
 # Of what a balance leaves unexplained, the part that may look like any one of its terms, for each
@@ -106,7 +106,7 @@ def eccentric_encoders(doubted: Doubted) -> FloatArray:
     """Two encoders that err once per turn look like gravity through the spring."""
     if doubted.by_gauge is not None:
         return np.zeros((len(doubted.fitted.names), 0))
-    pull = _ECCENTRICITY * abs(doubted.fitted.by_name.get("theta2", 0.0))
+    pull = ECCENTRICITY * abs(doubted.fitted.by_name.get("theta2", 0.0))
     return doubted.diagonal(lambda name, _: pull * (name in _LINK_GRAVITY))
 
 
@@ -130,7 +130,7 @@ def gauge_scale(doubted: Doubted) -> FloatArray:
     least = np.where(springs, np.abs(doubted.fitted.values), 0.0)
     change = 100.0 * doubted.by_gauge
     grown = np.where(np.signbit(change), -1.0, 1.0) * np.maximum(np.abs(change), least)
-    return _GAUGE * grown[:, None]
+    return GAUGE * grown[:, None]
 
 
 def coil_lag(doubted: Doubted) -> FloatArray:

@@ -124,6 +124,18 @@ def encoder_noise(samples: Sequence[Samples]) -> FloatArray:
     return np.maximum(noise, _FINEST * largest)
 
 
+def sensor_noise(data: Data, deflections: Iterable[int]) -> FloatArray:
+    """Noise of each sensor, shape (n_rows,); its own of each link's that shows a deflection.
+
+    The row after such a link is its motor's.
+    """
+    noise, positions = data.noise.copy(), max(data.samples, key=len).positions
+    for link in deflections:
+        own = position_noise(positions[:, link] - positions[:, link + 1])
+        noise[link] = max(own, 1e-3 * noise[link])
+    return noise
+
+
 @dataclass(frozen=True, eq=False)
 class Structure(Generic[M]):
     """A model with the choices made about it."""

@@ -169,7 +169,7 @@ def _predictions(
     firsts, warm, total, sources = [], [], [], []
     for recording, (samples, own) in enumerate(zip(recordings, origins, strict=True)):
         offset = int(whole.recording_starts[recording])
-        for origin in own or [len(samples)]:  # of one that is too short nothing is predicted
+        for origin in own:
             first = max(0, origin - _samples_of(warm_up, samples.sample_time))
             last = len(samples)
             if np.isfinite(horizon):
