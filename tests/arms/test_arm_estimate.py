@@ -147,7 +147,10 @@ def test_two_arms_are_compared(folder: Path, flexid: Run):
     ("arguments", "said"),
     [
         (("export", "ARM", "--to", "c99", "--sample-time", "0.001"), "export it to mjcf"),
-        (("export", "ARM", "--to", "mjcf", "--sample-time", "0.001"), "leave the others out"),
+        (
+            ("export", "ARM", "--to", "mjcf", "--sample-time", "0.001"),
+            "mjcf has none: leave it out",
+        ),
         (("watch", "LOG", "--estimate", "ARM"), "the estimate of an arm"),
     ],
 )

@@ -34,7 +34,7 @@ class Here(Workers):
             target, sample_time, into = arguments
             self.exported.append(sample_time)
             (Path(into) / f"{target}.zip").write_text((Path(into) / jobs.ESTIMATE).read_text())
-            return f"{target}.zip"
+            return f"{target}.zip", ("alpha2 <is> undetermined",)
         self.checks += job is jobs.check
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(folder)
@@ -158,6 +158,7 @@ async def test_other_columns_do_not_change_what_was_found(studio: Opened):
     await studio.ask("export", target="c99")
     await studio.idle()
     assert studio.workers.exported == [1e-3]
+    assert "<li>alpha2 &lt;is&gt; undetermined</li>" in studio.shown("export-state")
 
 
 async def test_a_log_that_is_sent_replaces_another(studio: Opened):

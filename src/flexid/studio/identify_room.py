@@ -207,12 +207,12 @@ class IdentifyRoom:
     async def _export(self, target: str, shown: Path) -> None:
         window = self._window
         await window.show("export-state", "run_state.html", text="Writing ...", busy=False)
-        name: str = await window.offer.long.run(
+        name, warnings = await window.offer.long.run(
             jobs.export, target, self._sample_time, str(shown), folder=shown
         )
         window.files[name] = shown / name
         names = [one for one in window.files if one.endswith(".zip")]
-        await window.show("export-state", "exported.html", names=names)
+        await window.show("export-state", "exported.html", names=names, warnings=warnings)
 
 
 def _guessed(found: FileOverview) -> dict[str, Source]:

@@ -138,8 +138,8 @@ def identify(name: str, choices: Choices, into: str) -> float:
     return log.recordings[0].sample_time
 
 
-def export(to: str, sample_time: float, folder: str) -> str:
-    """Write an estimate for another tool, as an archive; return the archive's name."""
+def export(to: str, sample_time: float, folder: str) -> tuple[str, tuple[str, ...]]:
+    """Write an estimate for another tool, as an archive; return its name, and what it lacks."""
     from flexid.library.export import export as write
 
     place = Path(folder)
@@ -150,4 +150,4 @@ def export(to: str, sample_time: float, folder: str) -> str:
         with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
             for path in written.paths:
                 file.write(path, path.name)
-    return archive.name
+    return archive.name, written.warnings
