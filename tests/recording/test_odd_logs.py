@@ -185,6 +185,7 @@ OTHERS: dict[str, str] = {
     "units in cells": TEXT.replace("\n1.0,", "\n1.0 s,"),
     "positions of several things": headed("time,robot_pos_estimate,tool_pos_estimate,tau"),
     "numbers of samples": headed(HEADER.replace("time", "sample")),
+    "units that are called so": headed(f"{HEADER}\ns,rad,units,N m"),
     "names in cells": "\n".join(f"time:{k},link:0.1,motor:0.{k}" for k in range(9)),
     "names between labels": (
         times_per_channel()

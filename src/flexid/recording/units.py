@@ -35,7 +35,7 @@ _KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in smal
     ),
     "mrad/s": (1e-3, "rad/s", "mrad/s"),
     "deg/s": (pi / 180.0, "rad/s", "deg/s|°/s|º/s|deg_s|degps|dps|deg/sec|degrees/s|degree/s"),
-    "turn/s": (2.0 * pi, "rad/s", "turn/s|turns/s|rev/s|revs/s|u/s|r/s|tr/s|giri/s"),
+    "turn/s": (2.0 * pi, "rad/s", "turn/s|turns/s|rev/s|revs/s|tr/s|giri/s"),
     "rpm": (pi / 30.0, "rad/s", "rpm|1/min|min-1|min^-1|u/min|rev/min|r/min|tr/min|giri/min|转/分"),
     "N m": (
         *(1.0, "N m"),
