@@ -275,6 +275,8 @@ def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
         ("Version,2,1\n10,20\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
         ("x,y\na,b\n1,2\n3,4\n", ("a", "b"), 3),
         ("a,b\ns,V\n1,2\n3,4\n", ("a [s]", "b [V]"), 3),
+        ("# units: ms, V\na,b\n1,2\n3,4\n", ("a [ms]", "b [V]"), 3),
+        ("Unit,V\na,b\n1,2\n3,4\n", ("a", "b [V]"), 3),
         ("s,V\n1,2\n3,4\n", ("s", "V"), 2),
         ("a;b,c\n1,5;2\n3,5;4\n", ("a", "b,c"), 2),
         ("t [s] q [N m] u\n1 2 3\n4 5 6\n", ("t [s]", "q [N m]", "u"), 2),

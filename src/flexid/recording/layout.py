@@ -270,8 +270,9 @@ def _layout(
         reason = f"each cell has a name, as {cut(names[0])!r}: write the names in one line above"
         raise header.refusal(f"{reason}, and numbers alone below it")
     if units is not None:
-        label = units.cells[0] if "unit" in units.cells[0].lower() else ""  # as Y_Unit_Label
-        below = ("" if cell == label else cell for cell in units.cells)
+        below = [_LABEL.sub("", cell) for cell in units.cells]
+        label = below[0] if "unit" in below[0].lower() else ""  # of the row, as Y_Unit_Label
+        below = ["" if cell == label else cell for cell in below]
         names = [_with_unit(units, *pair) for pair in zip(names, below, strict=True)]
     if len({*names}) < len(names):
         names = _grouped(lines, header, names)
@@ -310,7 +311,7 @@ def _grouped(lines: list[_Line], header: _Line, names: list[str]) -> list[str]:
 
 def _with_unit(line: _Line, name: str, unit: str) -> str:
     """A name with the unit that stands below it."""
-    unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", _LABEL.sub("", unit)).strip()
+    unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", unit).strip()
     if unit in ("", "-"):
         return name
     bare, own = split_header(name)
