@@ -175,7 +175,7 @@ def _streams() -> dict[str, Callable[[], Target]]:
 
     def checkpoint() -> bytes:
         columns = fuzz_files.log_columns(400)
-        session = Session(WatchOptions(0.005, ("motor_viscous",), "rigid"))
+        session = Session(WatchOptions(0.005, ("viscous",), "rigid"))
         names = ("time", "motor_position", "motor_torque")
         session.feed(np.column_stack([columns[name] for name in names]))
         with tempfile.TemporaryDirectory() as folder:

@@ -1,5 +1,6 @@
 """A stream that is held against an estimate made before, and against what is known."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from flexid.identification.preparation.alignment import Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.report.terminal import as_text
+from flexid.report.watch import parts
 from flexid.streaming.checkpoint import opened_session, read_session, save_session
 from flexid.streaming.health import Health
 from flexid.streaming.learner import departures
@@ -108,6 +111,29 @@ def test_a_stream_takes_model_and_filter_of_the_estimate(result):
     assert options.reference.keys() >= TRUTH.keys()
     options = options_of(result, terms=("gravity",), hold="linear", filter_rate=10.0)
     assert (options.terms, options.hold, options.filter_rate) == (("gravity",), "linear", 10.0)
+
+
+def test_terms_are_those_of_the_joint():
+    """Assert that a rigid joint has its own terms, which other joints' names may mean."""
+    assert options_of(kind="rigid").terms == ("gravity", "viscous", "coulomb")
+    options = options_of(kind="rigid", terms=("motor_viscous", "viscous_asymmetry"))
+    assert options.terms == ("viscous", "viscous_asymmetry")
+    refused: dict[Kind, str] = {
+        "rigid": "joint_damping",
+        "link": "motor_drag",
+        "flexible": "viscous",
+    }
+    for kind, term in refused.items():
+        with pytest.raises(SettingError, match=f"'{term}' is no term of the {kind} joint; it has"):
+            options_of(kind=kind, terms=(term,))
+
+
+def test_no_change_is_a_share_of_what_may_be_zero():
+    """Assert that a value beside one whose interval holds zero differs from it in its unit."""
+    reference = {"joint_stiffness": (100.0, 0.1), "gravity_torque": (0.5, 0.6)}
+    text = as_text(parts(watched(stream(), replace(OPTIONS, reference=reference))))
+    assert re.search(r"joint_stiffness .* [+-]\d\.\d %\n", text)
+    assert re.search(r"gravity_torque .* \+4\.\d+ N m\n", text)
 
 
 def test_a_filter_that_the_samples_are_too_few_for_is_slowed():

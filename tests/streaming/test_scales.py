@@ -62,7 +62,7 @@ def test_scales_of_a_stream(name: str, tmp_path: Path) -> None:
         assert any(re.search(words, warning) for warning in follower.warnings), follower.warnings
 
 
-OPTIONS = WatchOptions(H, ("gravity", "motor_viscous"), "link")
+OPTIONS = WatchOptions(H, ("gravity",), "link")
 DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")
 LINK_TRUTH = {name: TRUTH[name] for name in ("theta1", "theta2")}
 

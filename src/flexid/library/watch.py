@@ -288,7 +288,8 @@ def watch(
     terms : iterable of str, optional
         Terms of the model besides the joint spring; those of the estimate, or the usual ones:
         gravity, viscous and Coulomb friction of the motor, damping of the spring. A rigid joint
-        has gravity, gravity_cosine, viscous, coulomb and offset. See `flexid.TERMS`.
+        has gravity, gravity_cosine, viscous, viscous_asymmetry, coulomb and offset. See
+        `flexid.TERMS`.
     hold : {"auto", "linear", "zero"}, optional
         The input between samples, on straight lines or held; that of the estimate if not given, or
         the intervals are wider by what it matters.

@@ -55,13 +55,10 @@ def _columns(session: Session) -> dict[Column, Callable[[str], Text | str]]:
     def change(name: str) -> Text | str:
         if name not in reference:
             return ""
-        was, now = reference[name][0], found[name].value
-        angle = name in ANGLES
-        shown = (
-            f"{difference(name, was, now):+.3g} rad"
-            if angle
-            else f"{100 * (now / was - 1.0):+.1f} %"
-        )
+        (was, half), now = reference[name], found[name].value
+        shown = f"{difference(name, was, now):+.3g} {found[name].unit}"
+        if name not in ANGLES and half < abs(was):  # nothing is a share of what may be zero
+            shown = f"{round(100.0 * (now / was - 1.0), 1) + 0.0:+.1f} %"
         return Text(shown, "red" if name in gone else "")
 
     def estimate(name: str) -> str:

@@ -30,7 +30,6 @@ from flexid.recording.sampling import check_sample_time
 from flexid.recording.wraps import TURN
 
 LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word
-_OF_THE_MOTOR = {"viscous": "motor_viscous", "coulomb": "motor_coulomb", "offset": "motor_offset"}
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ FILTER_RATE = 20.0  # of the filter in 1/s, where the samples come often enough 
 RATES = (1.0, 0.25, 4.0)  # multiples of the filter rate that run side by side; the first is asked
 KINDS = ("flexible", "link", "rigid")  # models of the joint
 USABLE_TERMS = {n: t for n, t in (TERMS | SHAPE_TERMS).items() if t.memory is None}
-"""Terms that may be named: least squares has no memory."""
+"""Terms that a joint with two encoders may have: least squares has no memory."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,7 @@ class WatchOptions:
     """What does not change while a stream is watched."""
 
     sample_time: float  # in s
-    terms: tuple[str, ...] = USUAL_TERMS  # terms of the flexible joint besides its spring
+    terms: tuple[str, ...] = USUAL_TERMS  # terms of the joint besides its spring
     # whether link and motor have an encoder each, and there is an input; or the link is driven by
     # the motor's measured motion; or the drive has one encoder
     kind: Kind = "flexible"
@@ -121,7 +120,7 @@ class WatchOptions:
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
         check_sample_time(self.sample_time)
-        check_terms(self.terms, USABLE_TERMS)
+        check_terms(self.terms, RIGID_TERMS if self.kind == "rigid" else USABLE_TERMS)
         if self.hold not in ("auto", "linear", "zero"):
             raise SettingError("hold", f"must be auto, linear or zero, got {self.hold!r}")
         check_filter_rate(
@@ -149,10 +148,8 @@ class WatchOptions:
     @cached_property
     def stated(self) -> Stated:
         """What the user states of the drive."""
-        terms = rigid_terms(self.terms) if self.kind == "rigid" else self.terms
-        settings = Settings(
-            terms=terms, known={**self.known}, known_deviations={**self.known_deviations}
-        )
+        deviations = {**self.known_deviations}
+        settings = Settings(terms=self.terms, known={**self.known}, known_deviations=deviations)
         return stated(settings, self.joint, self.input_unit)
 
     @cached_property
@@ -168,7 +165,7 @@ class WatchOptions:
     @property
     def given(self) -> Mapping[str, float]:
         """Coefficients that are known exactly, and those too small to be sought."""
-        too_small = {c for t in self.terms for c in USABLE_TERMS[t].coefficients if c in SQUARES}
+        too_small = {c for t in self.terms for c in coefficients_of(t, self.kind) if c in SQUARES}
         return dict.fromkeys(sorted(too_small & {*self.joint.units}), 0.0) | {**self.stated.given}
 
     @property
@@ -193,7 +190,7 @@ class WatchOptions:
 
     def _system(self, known: Mapping[str, float]) -> ParametricSystem:
         if self.kind == "rigid":
-            return rigid_joint(rigid_terms(self.terms), known, self.coulomb_velocity)
+            return rigid_joint(self.terms, known, self.coulomb_velocity)
         whole = flexible_joint(self.terms, known, self.coulomb_velocity)
         used = {name: width for name, width in self.shapes.items() if name in whole.constants}
         whole = whole.with_constants(used)
@@ -261,14 +258,15 @@ def options_of_stream(
     chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
     if "terms" in chosen:
         chosen["terms"] = _named(chosen["terms"], channels.kind)
-    follows: dict[str, Any] = {"terms": USUAL_TERMS, "filter_rate": FILTER_RATE}
+    usual = rigid_terms(USUAL_TERMS) if channels.kind == "rigid" else USUAL_TERMS
+    follows: dict[str, Any] = {"terms": usual, "filter_rate": FILTER_RATE}
     given: dict[str, float] = {}
     if estimate is not None:
         _check_alike(estimate, channels)
         follows |= _taken_from(estimate)
         kept = chosen.get("terms", follows["terms"])
-        off = [USABLE_TERMS[t] for t in follows["terms"] if t in USABLE_TERMS and t not in kept]
-        left = {*stated, *(coefficient for term in off for coefficient in term.coefficients)}
+        off = [term for term in follows["terms"] if term not in kept]
+        left = {*stated, *(c for term in off for c in coefficients_of(term, channels.kind))}
         given = {name: v for name, v in given_values(estimate).items() if name not in left}
     slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
     rate = min(max(follows["filter_rate"], slowest / sample_time), fastest / sample_time)
@@ -284,18 +282,27 @@ def options_of_stream(
 
 
 def _named(terms: Sequence[str], kind: Kind) -> tuple[str, ...]:
-    """Terms that a user names, as a stream has them; refuse what its joint does not have."""
+    """Terms that a user names, by the names of the joint; refuse what it does not have."""
     check_terms(terms, USABLE_TERMS | RIGID_TERMS)
     known = [n for n, term in USABLE_TERMS.items() if kind == "flexible" or term.link]
     if kind == "rigid":
-        known = [n for n in RIGID_TERMS if rigid_terms(stream_terms((n,), kind))]
+        known = [*RIGID_TERMS]
+    found: list[str] = []
     for term in terms:
-        named = rigid_terms(stream_terms((term,), kind)) if kind == "rigid" else (term,)
-        if not {*named} & {*known}:
+        own = {term} if term in known or kind != "rigid" else {*rigid_terms((term,))}
+        if not own & {*known}:
             raise SettingError(
                 "terms", f"{term!r} is no term of the {kind} joint; it has {', '.join(known)}"
             )
-    return stream_terms(terms, kind)
+        found += own
+    return tuple(dict.fromkeys(found))
+
+
+def coefficients_of(term: str, kind: Kind) -> Collection[str]:
+    """Coefficients of a term; none of one that no stream has."""
+    if kind == "rigid":
+        return RIGID_TERMS[term]
+    return USABLE_TERMS[term].coefficients if term in USABLE_TERMS else ()
 
 
 def _check_alike(estimate: Identification, channels: StreamChannels) -> None:
@@ -318,7 +325,7 @@ def _taken_from(result: Identification) -> dict[str, Any]:
     choices = result.choices
     hold = "zero" if choices.hold == "zero" else "linear"
     found: dict[str, Any] = {
-        "terms": stream_terms(choices.terms, result.model),
+        "terms": choices.terms,
         "hold": "auto" if result.model == "link" else hold,
         "shapes": {**choices.shapes},
         "reference": _reference(result),
@@ -352,11 +359,6 @@ def not_accounted_for(result: Identification, sample_time: float) -> Iterator[st
             "the estimate corrected the voltage for its amplifier, and a stream is taken as it "
             "comes: send the voltage at the motor, or gain and friction seem to have changed"
         )
-
-
-def stream_terms(terms: Sequence[str], kind: str) -> tuple[str, ...]:
-    """Terms by the names of the flexible joint, as a stream has them."""
-    return tuple(_OF_THE_MOTOR.get(term, term) if kind == "rigid" else term for term in terms)
 
 
 def _reference(result: Identification) -> dict[str, tuple[float, float]]:
