@@ -177,6 +177,7 @@ class Usual(NamedTuple):
     joint: str = ""  # the number of the joint, where the name has one
 
 
+@cache
 def split_header(header: str) -> tuple[str, str | None]:
     """Split a header such as ``link_position [deg]`` into its name and its unit.
 

@@ -56,12 +56,12 @@ def check_motion(log: Draft, recording: Recording) -> None:
     if smoothed is None:
         return
     acts = recording.input
-    moved = recording.deflection if acts is None else acts
+    moved = smoothed(recording.deflection if acts is None else acts)
     others = [smoothed(sensed, 2), smoothed(motor, 2), smoothed(motor, 1), smoothed.sign(motor)]
 
     def left(factor: float, *more: FloatArray) -> float:
         angle = factor * sensed
-        return _left_over(smoothed(moved), [smoothed(np.sin(angle)), smoothed(np.cos(angle))], more)
+        return _left_over(moved, [smoothed(np.sin(angle)), smoothed(np.cos(angle))], more)
 
     # What a spring or a controller makes in proportion to the angle is no gravity in degrees.
     as_read, as_spring = left(1.0, *others), left(1.0, *others, smoothed(sensed))

@@ -131,10 +131,9 @@ def best_half_window(position: FloatArray) -> int:
         risk = variance * float(coefficients @ coefficients)
         reference = max(narrowest, half // 2)
         if reference < half:
-            finer = np.zeros_like(coefficients)
+            change = -coefficients
             narrower = _at_middle(*_polynomials(int(reference), DEGREE))
-            finer[half - reference : half + reference + 1] = narrower
-            change = finer - coefficients
+            change[half - reference : half + reference + 1] += narrower
             off = np.convolve(position, change, mode="valid")
             risk += max(0.0, float(off @ off / len(off) - variance * (change @ change)))
         if risk < least:
