@@ -285,6 +285,7 @@ def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
         ("# a, b\n# c d\n1,2\n3,4\n", ("a", "b"), 3),
         ("a,b\n\n1,2\n3,4\n", ("a", "b"), 3),
         ("a,b\nx,y\n", ("a", "b"), 2),
+        ("comment\nx\n", ("comment",), 2),
         ("a,b\nnan,1\n2,3\n", ("a", "b"), 2),
         ("a,b,c,d\n0,1,2,3\n0,(1),(2),3\n4,5,6,7\n8,9,1,2\n", ("a", "b", "c", "d"), 2),
         ("Rig\na,b,c,d\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "d"), 3),

@@ -120,7 +120,7 @@ def layout_of(file: str, text: bytes) -> Layout:
         )
     if row is None:  # no row of numbers: the first line is taken for the header, and rows follow
         separator = header_separator(plain[0].text)
-        header = plain[0].parted(separator, 0, is_ended=False)
+        header = replace(plain[0], cells=tuple(split(plain[0].bare, separator)))
         return _layout([], header, None, separator, (header.number + 1, header.end))
     separator, width = row
     is_ended = not split(lines[-1].text, separator)[-1]
