@@ -120,6 +120,15 @@ def test_what_an_estimate_cannot_give_is_said(examples, stored):
     assert "of joint_stiffness, motor_inertia is undetermined" in guessed
 
 
+def test_an_estimate_without_any_of_its_parameters_is_refused(examples, stored, tmp_path):
+    """Assert that an estimate of a link alone, say, does not leave the beliefs as they are."""
+    document = json.loads(stored().read_text())
+    held = document["parameters"].pop("joint_stiffness")
+    document["parameters"] = {"joint_stiffness_per_link_inertia": held}
+    with pytest.raises(SettingError, match="'parameters' has none of gravity_torque, link_inertia"):
+        read_drive(examples / "drive.toml", read_estimate(sealed(document)))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [

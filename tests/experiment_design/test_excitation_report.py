@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from flexid.errors import FlexidError
-from flexid.experiment_design.advice import advise
+from flexid.experiment_design.advice import _caution, advise
 from flexid.experiment_design.excitation_report import examine
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.evidence import Disturbances, ModelError
 from flexid.library.logs import read_log
 from flexid.report.excitation import advice_lines
 from joint_logs import FINE, SAMPLE_TIME, steady_sine, write_held_log, write_log
@@ -184,3 +185,12 @@ def test_every_error_is_one_of_flexid(tmp_path):
     except FlexidError:
         return
     assert not report.identification.supports()
+
+
+def test_what_no_term_describes_is_no_lack_of_motion(example_estimate):
+    """Assert that a model error or disturbances are named, as another motion does not mend them."""
+    clean = example_estimate.result
+    assert _caution(clean) == ""
+    disturbed = replace(clean, disturbances=Disturbances({"motor": 0.3}, 1e-3))
+    for result in (disturbed, replace(clean, model_error=ModelError(2.0, 0.9, 0.5))):
+        assert _caution(result).startswith("The residuals show a part of the drive that no term")

@@ -136,8 +136,7 @@ _JOINTS = {
 
 
 def _is_unexplained(estimate: Either) -> bool:
-    erring = estimate.model != "arm" and estimate.model_error.share > 0.0
-    return erring or estimate.disturbances is not None
+    return estimate.disturbances is not None if estimate.model == "arm" else estimate.unexplained
 
 
 def _named_logs(provenance: Mapping[str, Any]) -> set[_Log]:

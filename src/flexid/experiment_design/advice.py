@@ -336,7 +336,7 @@ def _longer(rehearsal: Rehearsal) -> float | None:
 
 def _caution(result: Identification) -> str:
     """What widens the intervals though the motion would do."""
-    if result.model_error.share > 0.0:
+    if result.unexplained:
         return (
             "The residuals show a part of the drive that no term here describes. It widens the "
             "intervals too: another motion narrows them less than predicted"

@@ -327,6 +327,11 @@ def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
     shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
     missing = [n for n in estimate.parameters if n in Parameters.model_fields and n not in believed]
     warnings, guessed = [], []
+    if not believed.keys() & estimate.parameters.keys():
+        raise stored.refuse(
+            "parameters",
+            f"has none of {', '.join(believed)}: identify a log with the motor's torque",
+        )
     if shapes:
         warnings.append(f"a design does not model {', '.join(shapes)}, so its predictions omit it")
     if missing:

@@ -315,7 +315,7 @@ def _next_step(result: Identification, lacking: Sequence[ValueEstimate]) -> Answ
         return Answer(question, "Test it on another log", "", [test])
     worst = min(lacking, key=lambda e: e.verdict)  # undetermined before weak
     word = "Record another motion"
-    if result.model_error.share > 0.0 or result.disturbances is not None:
+    if result.unexplained:
         word = "Look for what the model lacks"
     said = f"{worst.name}: {worst.reason}. Whether another motion would help, says"
     return Answer(question, word, "", [said, Command("flexid excitation LOG.csv")])

@@ -67,7 +67,7 @@ def _errors_table(result: EstimateValidation) -> Table:
 
 
 def _drive(result: EstimateValidation) -> str:
-    return "an arm" if result.model == "arm" else f"a {result.model} joint"
+    return {"arm": "an arm", "link": "a link alone"}.get(result.model, f"a {result.model} joint")
 
 
 def _horizon(horizon: float) -> str:

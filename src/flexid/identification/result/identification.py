@@ -99,6 +99,11 @@ class Identification:
         gain = self.coefficients.get("beta1")
         return "" if gain is None else gain.unit.removeprefix("rad/s^2/").strip("()")
 
+    @property
+    def unexplained(self) -> bool:
+        """Whether the residuals hold something that no term describes."""
+        return self.disturbances is not None or self.model_error.share > 0.0
+
     def supports(self, *, strict: bool = False) -> bool:
         """Whether the data determine every parameter, be it weakly; if strict, not weakly."""
         return self.verdict == "determined" or (self.verdict == "weak" and not strict)
