@@ -13,6 +13,7 @@ from flexid.arms.disturbed import DisturbedFit, Job
 from flexid.arms.log import arm_data
 from flexid.arms.rig_errors import likely_changes, rig_errors
 from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.models.planar_arm import planar_arm
 
@@ -61,6 +62,15 @@ def test_a_log_tells_of_an_error_of_its_rig(error: str):
     left = np.linalg.norm(done + told_of(wrong) - without)
     assert np.linalg.norm(done) > 1.0
     assert left < 0.5 * np.linalg.norm(done)
+
+
+def test_a_rig_on_which_the_motion_diverges_says_nothing():
+    """Assert that no value that is no number gets into an interval."""
+    fitted = disturbed().fitted
+    segments = fitted.problem.segments
+    far = replace(segments, outputs=segments.outputs + 1e200)
+    with pytest.raises(ConvergenceError, match="diverges"):
+        likely_changes(fitted, [replace(fitted.problem, segments=far)])
 
 
 def test_a_right_rig_is_hardly_doubted():

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexid.arms.unusual import FittedArm
 from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import Equations, SegmentedMotion
 from flexid.identification.estimation.doubts import CALIBRATION, ECCENTRICITY, GAUGE
 
@@ -54,29 +55,32 @@ def likely_changes(fitted: FittedArm, rigs: Sequence[SegmentedMotion]) -> FloatA
 
     Returns directions, shape (k, n_rigs + 1): of what the log leaves open, and what it tells.
     """
-    own, before = fitted.minimum, _innovations(fitted.problem, fitted.minimum.equations)
-    steps, changes = [], []
-    for rig in rigs:
-        reduced = rig.solve(rig.equations(own.point))
-        step = reduced.values_step - own.reduced.values_step
-        states_step = reduced.states_step - own.reduced.states_step
-        there = replace(
-            own.point,
-            values=own.point.values + step,
-            initial_states=own.point.initial_states + states_step,
-        )
-        after = _innovations(rig, rig.equations(there, "nothing"))
-        steps.append(step / SHARE)
-        changes.append((after - before) / SHARE)
-    steps, changes = np.array(steps), np.array(changes) / np.sqrt(max(fitted.excess, 1.0))
-    before /= np.sqrt(max(fitted.excess, 1.0))
+    size = np.sqrt(max(fitted.excess, 1.0))
+    before = _innovations(fitted.problem, fitted.minimum.equations) / size
+    followed = [_followed(fitted, rig) for rig in rigs]
+    steps = np.array([step for step, _ in followed]) / SHARE
+    changes = np.array([after / size - before for _, after in followed]) / SHARE
     covariance = np.linalg.inv(changes @ changes.T + np.eye(len(rigs)))
     told = -covariance @ (changes @ before)
     return steps.T @ np.column_stack((np.linalg.cholesky(covariance), told))
 
 
+def _followed(fitted: FittedArm, rig: SegmentedMotion) -> tuple[FloatArray, FloatArray]:
+    """The step of the values, shape (k,), that suits another rig, and its innovations, flat."""
+    point, before = fitted.minimum.point, fitted.minimum.reduced
+    reduced = rig.solve(rig.equations(point))
+    step = reduced.values_step - before.values_step
+    states = point.initial_states + reduced.states_step - before.states_step
+    there = replace(point, values=point.values + step, initial_states=states)
+    equations = rig.equations(there, "nothing")
+    if not np.isfinite(equations.cost):
+        raise ConvergenceError("arm", "the motion of a rig with small errors diverges")
+    return step, _innovations(rig, equations)
+
+
 def _innovations(problem: SegmentedMotion, equations: Equations) -> FloatArray:
     """All innovations in standard deviations, flat."""
     assert problem.observer is not None
+    # The observer of a longer log has more segments, all alike.
     parts = zip(problem.segments.of(equations.residuals), problem.observer.whitening, strict=False)
     return np.concatenate([(part @ white.T).ravel() for part, white in parts])
