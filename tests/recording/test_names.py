@@ -99,6 +99,8 @@ NAMED: dict[str, dict[str, Any]] = {
     "stamps by another name": named("time") | {"when": STAMPS},
     "one encoder": {"time": TIME, "position": MOTOR, "velocity": SPEED, "torque": TORQUE},
     "one of a link": {"time": TIME, "link_position": LINK, "velocity": SPEED, "torque": TORQUE},
+    "times in paths": named(time="out.position.Time") | {"out.link.Time": TIME},
+    "a voltage of the q axis": named(time="Target", link_position="Voltage_q"),
     "metres": {"time": TIME, "position [m]": MOTOR, "current [A]": TORQUE},
     "two names": named("motor_position") | {"theta_m": MOTOR, "motor_angle": 2.0 * MOTOR},
 }

@@ -245,8 +245,11 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
     for label in missing:
         name = label.partition(" ")[0]
         for header in columns:
-            words = words_of(split_header(header)[0])
-            if words is not None and words.quantities == (name.rpartition("_")[2],):
+            words, kind = words_of(split_header(header)[0]), name.rpartition("_")[2]
+            # A voltage of the q axis is no position.
+            others = {"torque", "current", "voltage"} - {kind}
+            found = {*(words.quantities if words is not None else ())}
+            if kind in found and others.isdisjoint(found):
                 yield name, header
 
 
