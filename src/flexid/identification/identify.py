@@ -301,7 +301,7 @@ def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices
         segment_duration=choice.duration,
         term_evidence=_evidence(choice),
         segment_evidence=choice.lengths,
-        shapes=joint.constants_of(joint.shapes - choice.structure.absent),
+        shapes=joint.constants_of(joint.optional - choice.structure.absent),
     )
 
 

@@ -33,19 +33,22 @@ SHAPE_TERMS = {name: Term.declared(content) for name, content in DECLARED["shape
 
 STRIBECK_VELOCITY = "stribeck_velocity"
 BACKLASH_WIDTH = "backlash_width"
+SPRING_CENTRE = "spring_centre"
 BEND_DEFLECTION = "bend_deflection"
 RIPPLE_NUMBER = "ripple_number"
 RIPPLE_ORIGIN = "ripple_origin"
 
-SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER, RIPPLE_ORIGIN)
-"""Constants of these terms: how wide their shapes are, and from where a ripple counts."""
+_PLACES = (SPRING_CENTRE, RIPPLE_ORIGIN)
+SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER, *_PLACES)
+"""Constants of these terms: how wide their shapes are, and where they are or count from."""
 
-_ANY_SHAPE = dict.fromkeys(SHAPES, 1.0) | {RIPPLE_ORIGIN: 0.0}  # until a log says which
+_ANY_SHAPE = dict.fromkeys(SHAPES, 1.0) | dict.fromkeys(_PLACES, 0.0)  # until a log says which
 
 CONSTANT_UNITS = {
     SMOOTHING: "rad/s",
     STRIBECK_VELOCITY: "rad/s",
     BACKLASH_WIDTH: "rad",
+    SPRING_CENTRE: "rad",
     BEND_DEFLECTION: "rad",
     RIPPLE_NUMBER: "1",
     RIPPLE_ORIGIN: "rad",

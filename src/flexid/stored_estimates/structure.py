@@ -10,6 +10,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.model import LINK, Structure
 from flexid.identification.preparation.joint import Joint, joint_of
 from flexid.identification.result.identification import Choices, Identification
+from flexid.models.flexible_joint import SPRING_CENTRE
 
 _SAME = 1e-6  # relative difference of a tied coefficient to what it follows from that is rounding
 
@@ -65,6 +66,7 @@ def structure_of(
 def _with_constants(
     joint: Joint, values: Mapping[str, float], choices: Choices, *, smooth: bool
 ) -> Joint:
+    joint = joint.with_widths(choices.shapes)
     used = joint.shapes & {*values}
     if smooth and choices.coulomb_velocity is not None:
         if used:
@@ -72,12 +74,11 @@ def _with_constants(
                 sorted(used)[0], "goes with dry friction only, and coulomb_velocity smooths it"
             )
         return joint.with_coulomb_velocity(choices.coulomb_velocity)
-    wanted = joint.constants_of(used)
-    missing = sorted({*wanted} - {*choices.shapes})
+    # Where nothing is said of its centre, a spring has it where encoders show the same.
+    missing = sorted({*joint.constants_of(used)} - {*choices.shapes, SPRING_CENTRE})
     if missing:
         raise SettingError(missing[0], "is missing, without which its term says nothing")
-    widths = {name: choices.shapes[name] for name in sorted(wanted)}
-    return joint.with_widths(widths) if widths else joint
+    return joint
 
 
 def _untied(joint: Joint, values: Mapping[str, float], absent: frozenset[str]) -> dict[str, float]:

@@ -55,10 +55,12 @@ from flexid.identification.structure.gap import (
     CHANCE,
     PLAY,
     LikelyPlay,
-    as_wide,
+    following,
     half_gap,
     is_dead_zone,
     likely_play,
+    met,
+    width_of,
     with_free_width,
 )
 from flexid.identification.structure.link_delay import is_damping, shifted, skew
@@ -190,12 +192,14 @@ def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str
 
 def _as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
     """The same with play that has the width of its own gap, if it has some that leads there."""
+    trail: list[tuple[float, float]] = []
     with suppress(ConvergenceError):
         for _ in range(_WIDTHS):
             gap = half_gap(fit.fitted)
             if gap <= 0.0 or is_dead_zone(fit.fitted):
                 break
-            structure = as_wide(fit.fitted.structure, gap)
+            trail.append((width_of(fit.fitted.structure), gap))
+            structure = following(fit.fitted, met(trail))
             fit = _fit(structure, data, factor, fit.fitted.by_name, fit.sizes)
     return fit
 

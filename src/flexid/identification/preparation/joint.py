@@ -87,17 +87,22 @@ class Joint:
         if self.kind == "rigid":
             return replace(self, smooth=smooth)
         sides = [self.both_sides(recording) for recording in recordings]
-        deflection = _root_mean_square([np.subtract(*positions.T) for positions, _ in sides])
+        every = np.concatenate([np.subtract(*positions.T) for positions, _ in sides])
+        deflection = float(np.std(every))  # about its mean: encoders may not share their zero
         widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9)}
         widths[RIPPLE_ORIGIN] = _nearest_turn([positions[:, _MOTOR] for positions, _ in sides])
-        widths = {name: w for name, w in widths.items() if name in self.extended.constants}
         grip = 1.0 / max(_GRIP_SHARE * deflection, 1e-9)
-        return replace(self.with_widths(widths), smooth=smooth, first_grip=grip)
+        return replace(self, smooth=smooth, first_grip=grip).with_widths(widths)
 
     def with_widths(self, widths: Mapping[str, float]) -> "Joint":
-        """The same with other values of the constants that `SHAPES` names."""
-        extended = self.extended.with_constants(widths)
-        return replace(self, extended=extended, remembering=self.remembering.with_constants(widths))
+        """The same with other values of those constants that `SHAPES` names and it has."""
+
+        def wide(system: ParametricSystem) -> ParametricSystem:
+            own = {name: w for name, w in widths.items() if name in system.constants}
+            return system.with_constants(own) if own else system
+
+        systems = ("system", "extended", "remembering", "smooth", "shaped")
+        return replace(self, **{name: wide(getattr(self, name)) for name in systems})
 
     def constants_of(self, coefficients: Collection[str]) -> dict[str, float]:
         """The constants that the regressors of some coefficients have."""

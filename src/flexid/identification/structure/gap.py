@@ -5,6 +5,10 @@ Of a spring of stiffness k with play of half-width g acts k (δ - g sat(δ/g)), 
 the model; it is that dead zone where w is the gap that it finds, a/k. So the width follows the gap.
 Play as large as the deflection cannot be added to a fit without it, which leads nowhere near: it
 has a start of its own, by least squares, whose width settles on positions alone.
+
+The encoders of a rig seldom share a zero, so that its play is about another deflection than none.
+A constant torque of the link's balance tells by how much: where the spring carries none, it is in
+the middle of its gap. So a centre that is sought follows that torque, as the width follows the gap.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,7 +36,7 @@ from flexid.identification.full_model.starting import FIRST_ITERATIONS, RATES, l
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import BACKLASH_WIDTH, HARDENING
+from flexid.models.flexible_joint import BACKLASH_WIDTH, HARDENING, SPRING_CENTRE
 
 _GAPS = (("alpha_backlash", "alpha1"), ("theta_backlash", "theta2"))  # and the spring's stiffness
 PLAY = frozenset(play for play, _ in _GAPS)
@@ -62,11 +66,12 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
     trail: list[tuple[float, float]] = []
     for _ in range(_MOST_FITS):
         gap, width = half_gap(fitted), width_of(fitted.structure)
-        if gap <= 0.0 or abs(gap - width) <= _SETTLED * _deviation(fitted):
+        apart = max(abs(gap - width), abs(_off_centre(fitted)))
+        if gap <= 0.0 or apart <= _SETTLED * _deviation(fitted):
             return fitted
         trail.append((width, gap))
         # From a width that is far away half the step may lead on where the whole does not.
-        tries = dict.fromkeys((_met(trail), gap, (gap * width) ** 0.5))
+        tries = dict.fromkeys((met(trail), gap, (gap * width) ** 0.5))
         fits = (_narrowed(fitted, own) for own in tries)
         better = next((found for found in fits if found is not None), None)
         if better is None:
@@ -75,7 +80,7 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
     return fitted
 
 
-def _met(trail: list[tuple[float, float]]) -> float:
+def met(trail: list[tuple[float, float]]) -> float:
     """Where width and gap meet, along the line through the last two of them."""
     (_, gap), *before = trail[:-3:-1]
     if not before:
@@ -88,7 +93,7 @@ def _met(trail: list[tuple[float, float]]) -> float:
 
 def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
     """A fit with another width; None if its first steps do not lead below the sum of squares."""
-    structure = as_wide(fitted.structure, width)
+    structure = following(fitted, width)
     first = led_from(fitted, structure, insist=False, iterations=FIRST_ITERATIONS)
     if first is None or not _no_worse(first, fitted):
         return None
@@ -115,14 +120,62 @@ def is_dead_zone(fitted: Fitted) -> bool:
     return half_gap(fitted) > 0.0 and abs(_apart(fitted)) <= _NEAR
 
 
-def as_wide(structure: Structure, width: float) -> Structure:
-    """The same with another width of its play's shape, in rad."""
-    return replace(structure, joint=structure.joint.with_widths({BACKLASH_WIDTH: width}))
+def following(fitted: Fitted, width: float) -> Structure:
+    """A fit's structure with another width of its play, about a centre that follows, in rad."""
+    structure = fitted.structure
+    return as_wide(structure, width, _centre_of(structure) + _off_centre(fitted))
+
+
+def as_wide(structure: Structure, width: float, centre: float | None = None) -> Structure:
+    """The same with another width of its play's shape, in rad, and another centre, if given."""
+    shape = {BACKLASH_WIDTH: width}
+    if centre is not None:
+        shape[SPRING_CENTRE] = centre
+    return replace(structure, joint=structure.joint.with_widths(shape))
 
 
 def width_of(structure: Structure) -> float:
     """Width of its play's shape in rad, with or without play; zero of a joint that has none."""
     return structure.joint.extended.constants.get(BACKLASH_WIDTH, 0.0)
+
+
+def about_its_centre(structure: Structure, data: Data) -> Structure:
+    """The same with a spring about where it carries no torque, if that is far from no deflection.
+
+    Of encoders that do not share their zero the cube of the deflection would be nearly a line.
+    """
+    every = _deflections(structure, data)
+    if not abs(np.mean(every)) > np.std(every):
+        return structure
+    values, _ = least_squares_start(structure.without(HARDENING), data, RATES[0])
+    centre = _torque_free(values)
+    if abs(centre) <= np.std(every):  # a load bends it to one side
+        return structure
+    return as_wide(structure, width_of(structure), float(np.clip(centre, every.min(), every.max())))
+
+
+def _deflections(structure: Structure, data: Data) -> FloatArray:
+    """Deflection of all samples in rad."""
+    sides = (structure.joint.both_sides(recording)[0] for recording in data.samples)
+    return np.concatenate([np.subtract(*positions.T) for positions in sides])
+
+
+def _centre_of(structure: Structure) -> float:
+    """Deflection in rad in the middle of its play: none where encoders share their zero."""
+    return structure.joint.extended.constants.get(SPRING_CENTRE, 0.0)
+
+
+def _off_centre(fitted: Fitted) -> float:
+    """By how much the link's constant torque has a centre elsewhere, if that is sought."""
+    centre = _centre_of(fitted.structure)
+    return _torque_free(fitted.by_name) - centre if centre else 0.0
+
+
+def _torque_free(values: Mapping[str, float]) -> float:
+    """Deflection in rad at which the spring carries no torque, as a mean of all logs."""
+    stiffness = values.get("theta2", 0.0)
+    offsets = [v for name, v in values.items() if name.partition("[")[0] == "theta_offset"]
+    return float(np.mean(offsets)) / stiffness if offsets and stiffness > 0.0 else 0.0
 
 
 def half_gap(fitted: Fitted) -> float:
@@ -262,24 +315,32 @@ def _by_rate(
     structure: Structure, without: Structure, data: Data
 ) -> Iterator[tuple[_Played, tuple[dict[str, float], LeastSquaresFit]]]:
     """Least squares with play, by every filter with which it finds some, and of a rival."""
+    middle = float(np.mean(_deflections(structure, data)))
     for rate in RATES:
-        played = _settled(structure, data, rate)
-        if _gap_of(played[1]) > 0.0:
-            yield played, least_squares_start(without, data, rate)
+        rival = least_squares_start(without, data, rate)
+        for centre in dict.fromkeys((_centre_of(structure), middle)):
+            played = _settled(structure, data, rate, centre)
+            if _gap_of(played[1]) > 0.0:
+                yield played, rival
 
 
 def _settled(
-    structure: Structure, data: Data, rate: float
+    structure: Structure, data: Data, rate: float, centre: float
 ) -> tuple[Structure, dict[str, float], LeastSquaresFit]:
-    """A structure whose play is as wide as least squares finds it, if it finds some."""
-    own, tried = structure, 0
+    """A structure whose play is as wide as least squares finds it, if it finds some.
+
+    Its centre follows if it is anywhere but at no deflection.
+    """
+    own, tried = as_wide(structure, width_of(structure), centre), 0
     while True:
         sought = replace(own, joint=own.joint.with_shapes_in_least_squares)
         start, fit = least_squares_start(sought, data, rate)
         gap, width, tried = _gap_of(start), width_of(own), tried + 1
-        if gap <= 0.0 or abs(gap / width - 1.0) <= _NEAR or tried == _MOST_WIDTHS:
+        off = _torque_free(start) - _centre_of(own) if centre else 0.0
+        apart = max(abs(gap - width), abs(off))
+        if gap <= 0.0 or apart <= _NEAR * width or tried == _MOST_WIDTHS:
             return own, start, fit
-        own = as_wide(own, gap)
+        own = as_wide(own, gap, _centre_of(own) + off)
 
 
 def _gap_of(values: Mapping[str, float]) -> float:

@@ -19,7 +19,7 @@ from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.elimination import Choice, choose_structure
-from flexid.identification.structure.gap import fit_with_play
+from flexid.identification.structure.gap import about_its_centre, fit_with_play
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
 from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS, is_slack
 from flexid.identification.structure.sought_shape import (
@@ -108,6 +108,8 @@ class Job:
         absent = joint.shapes if settings.terms == "auto" else joint.optional - self.kept
         given, bounds = self.stated.given, self.stated.bounds
         base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
+        if joint.kind != "rigid":
+            base = about_its_centre(base, self.training)
         return base.without(self.left_out | SOUGHT_COEFFICIENTS)
 
     @property

@@ -26,6 +26,7 @@ from flexid.models.flexible_joint import (
     BEND_DEFLECTION,
     RIPPLE_NUMBER,
     SHAPE_TERMS,
+    SPRING_CENTRE,
     STRIBECK_VELOCITY,
 )
 
@@ -168,6 +169,7 @@ def deflections(structure: Structure, data: Data) -> list[float]:
     mean, usual = _deflection(structure.joint, data)
     if not usual > 0.0:
         return []
+    mean -= structure.joint.extended.constants[SPRING_CENTRE]
     tried = {abs(mean) + way * share * usual for share in _DEFLECTIONS for way in (-1.0, 1.0)}
     return sorted(deflection for deflection in tried if deflection >= _LEAST_DEFLECTION * usual)
 
