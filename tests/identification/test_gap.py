@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,6 +108,23 @@ def test_a_gap_beside_what_is_given(true_gap, given):
     assert found.parameters["half_backlash"].std > 0.0
     assert found.choices.shapes["backlash_width"] == pytest.approx(true_gap, rel=0.1)
     assert max(found.residual_excess.values()) < 1.05
+
+
+@pytest.mark.parametrize("terms", [{"half_gap": HALF_GAP}, {"cubic_stiffness": 4e3}], ids=str)
+def test_encoders_need_not_share_a_zero(terms: dict[str, Any]):
+    """Assert that a spring that curves or has play is the same wherever encoders have their zeros.
+
+    About no deflection a cube is nearly a line there, and a gap is nowhere.
+    """
+    recording = made(1, 10.0, **terms)
+    apart = replace(recording, link_position=recording.needed_link_position + 0.7)
+    found, other = (identify([log(own)]) for own in (recording, apart))
+    for name in ("joint_stiffness", "link_inertia", "motor_inertia"):
+        here, there = found.parameters[name], other.parameters[name]
+        assert there.value == pytest.approx(here.value, abs=here.std + there.std)
+        assert there.std < 3.0 * here.std
+    assert other.choices.shapes["spring_centre"] == pytest.approx(0.7, abs=2e-3)
+    assert found.choices.shapes["spring_centre"] == 0.0
 
 
 def test_two_logs_of_one_gap(fits_seen: list[FinalFits]):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 
 _SIZES = (8, 9, 10, 12, 15)  # times a power of two: lengths that are transformed quickly
-_EDGE = 32  # samples at either end in which what was turned round about it shows
+_EDGE = 16  # samples at either end in which what was turned round about it shows
 
 
 def later(values: FloatArray, samples: float) -> FloatArray:

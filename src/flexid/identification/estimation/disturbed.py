@@ -68,7 +68,6 @@ from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import HARDENING
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of taking terms away
@@ -123,6 +122,12 @@ def fit_disturbed(
         for start in _starts(held, thinned(data, factor, held=hold == "zero")):
             with suppress(ConvergenceError):
                 found.append(_fit(held, data, factor, start))
+    if not found:  # the motion may run away from one start, and not from another
+        held = structure.with_hold(tried[0])
+        for start in starts(held, data, lengths(data)[0])[1:]:
+            with suppress(ConvergenceError):
+                found.append(_fit(held, data, factor, start))
+                break
     if not found:
         raise no_start()
     full = min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
@@ -176,8 +181,9 @@ def _with_play(
     if not (is_dead_zone(played.fitted) and played.fitted.has_partners):
         return fit, likely.doubt
     stiffer = abs(played.fitted.by_name["theta2"] / fit.fitted.by_name["theta2"] - 1.0)
-    accepted = played if played.cost < fit.cost - CHANCE else fit
-    return accepted, min(stiffer, likely.doubt)
+    if played.cost < fit.cost - CHANCE:
+        return played, stiffer  # which is a doubt if play is taken away after all
+    return fit, min(stiffer, likely.doubt)
 
 
 def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:
@@ -260,7 +266,6 @@ def disturbed_estimate(
     estimate = fitted.fit.at_least(fitted.unit_deviations)
     estimate = with_free_width(estimate, fitted)
     names = fitted.names
-    curves = not HARDENING.isdisjoint(names) and PLAY.isdisjoint(names)
     doubted = Doubted(
         fitted,
         row_sizes(_squares(fitted).rows),
@@ -268,7 +273,7 @@ def disturbed_estimate(
         input_unit,
         _by_gauge(found, data),
         pulled(fitted, found.sizes, data.samples, found.factor),
-        found.by_play if curves else 0.0,
+        found.by_play if PLAY.isdisjoint(names) else 0.0,
     )
     own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]

@@ -80,6 +80,20 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
     return fitted
 
 
+def about_its_own_centre(fitted: Fitted) -> Fitted:
+    """A fit whose spring curves about where it carries no torque, if that is sought."""
+    for _ in range(_MOST_FITS):
+        off = _off_centre(fitted)
+        if HARDENING.isdisjoint(fitted.names) or abs(off) <= _SETTLED * _centre_deviation(fitted):
+            return fitted
+        structure = following(fitted, width_of(fitted.structure))
+        found = fit_like(structure, fitted)
+        if found is None or not _no_worse(found, fitted):
+            return fitted
+        fitted = found
+    return fitted
+
+
 def met(trail: list[tuple[float, float]]) -> float:
     """Where width and gap meet, along the line through the last two of them."""
     (_, gap), *before = trail[:-3:-1]
@@ -104,10 +118,14 @@ def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
 def _no_worse(found: Fitted, fitted: Fitted) -> bool:
     """Whether a fit explains more than another, or as much with a width nearer to its gap.
 
+    Of a spring without play it is the centre that has to be nearer to where it carries no torque.
+
     Width and gap meet near the least sum of squares, not at it.
     """
     fall = fitted.minimum.equations.cost - found.minimum.equations.cost
-    nearer = abs(_apart(found)) < _NEARER * abs(_apart(fitted))
+    nearer = abs(_off_centre(found)) < _NEARER * abs(_off_centre(fitted))
+    if half_gap(fitted) > 0.0:
+        nearer = abs(_apart(found)) < _NEARER * abs(_apart(fitted))
     return fall > 0.0 or (nearer and fall > -CHANCE * max(fitted.excess, 1.0))
 
 
@@ -199,7 +217,21 @@ def _gradient(fitted: Fitted) -> FloatArray:
 
 def _deviation(fitted: Fitted) -> float:
     """Standard deviation of half the gap from the sensors' noise, the width given."""
-    gradient = _gradient(fitted)
+    return _spread(fitted, _gradient(fitted))
+
+
+def _centre_deviation(fitted: Fitted) -> float:
+    """The same of the deflection without torque."""
+    values = fitted.by_name
+    free, stiffness = _torque_free(values), values["theta2"]
+    offsets = [name.partition("[")[0] == "theta_offset" for name in fitted.names]
+    gradient = np.array(offsets, dtype=np.float64) / max(sum(offsets), 1)
+    gradient[[name == "theta2" for name in fitted.names]] = -free
+    return _spread(fitted, gradient / stiffness)
+
+
+def _spread(fitted: Fitted, gradient: FloatArray) -> float:
+    """Standard deviation from the sensors' noise of what has derivatives by what was sought."""
     return float(np.sqrt(max(gradient @ fitted.minimum.reduced.inverse @ gradient, 0.0)))
 
 

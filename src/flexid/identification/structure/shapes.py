@@ -13,7 +13,11 @@ from flexid.arrays import FloatArray
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.structure.gap import as_wide_as_its_gap, with_free_width
+from flexid.identification.structure.gap import (
+    about_its_own_centre,
+    as_wide_as_its_gap,
+    with_free_width,
+)
 from flexid.identification.structure.sought_shape import (
     SoughtShape,
     at_its_constant,
@@ -201,7 +205,7 @@ SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficient
 
 def settled(fitted: Fitted) -> Fitted:
     """A fit whose shapes have the constants that suit it best."""
-    fitted = as_wide_as_its_gap(fitted)
+    fitted = as_wide_as_its_gap(about_its_own_centre(fitted))
     for shape in SOUGHT:
         fitted = at_its_constant(shape, fitted)
     return fitted
