@@ -178,6 +178,15 @@ def test_a_pause_is_no_wrap(displaced: float) -> None:
     np.testing.assert_allclose(read, motor, atol=1e-9)
 
 
+def test_a_link_that_is_held_is_read_with_a_stated_ratio() -> None:
+    """Assert that a motor that moves 99 times as much is read if its map states a ratio of 1."""
+    columns = changed("velocity", motor_position=100.0)
+    log = read_columns(columns, {"gear_ratio": 1})
+    np.testing.assert_array_equal(
+        log.recordings[0].motor_position, changed(motor_position=100.0)["motor_position"]
+    )
+
+
 def test_turns_that_an_encoder_does_not_know() -> None:
     """Assert that encoders that begin on either side of zero do not differ by a turn."""
     motion, bent = 4.0 * np.sin(1.5 * SLOW), 0.02 * np.cos(4.0 * SLOW)

@@ -187,7 +187,8 @@ def check_two_encoders(log: Draft) -> None:
     correlation = float(np.corrcoef(link, motor)[0, 1])
     factor = float(motor.std() / link.std())
     larger, smaller = ("motor", "link") if factor > 1.0 else ("link", "motor")
-    remedy = "write the drive's gear_ratio"
+    remedy = "write the drive's gear_ratio (1 if the link is held and there is none)"
+    stated = larger == "motor" and log.channels["motor_position"].origin.gear_ratio is not None
     if larger == "link":
         factor, remedy = 1.0 / factor, f"scale the link position by {factor:.3g}"
     moves = f"the {larger} position is about {factor:.3g} times the {smaller} position"
@@ -200,7 +201,9 @@ def check_two_encoders(log: Draft) -> None:
         f"and the other in radians: write the unit in brackets": (
             is_one_motion and abs(factor / DEGREES - 1.0) < 0.05
         ),
-        f"{moves}, as if by a gear: {remedy} in a column map": is_one_motion and factor > 20.0,
+        f"{moves}, as if by a gear: {remedy} in a column map": (
+            is_one_motion and factor > 20.0 and not stated
+        ),
         "link and motor position turn in opposite directions: scale one by -1 in a column map": (
             correlation < -0.98 and factor < 1.1
         ),

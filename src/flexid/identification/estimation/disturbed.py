@@ -94,7 +94,7 @@ class Disturbed:
     # what each row leaves unexplained over its acceleration, root mean squares
     shares: Mapping[str, float]
     factor: int  # of so many samples of the log one was fitted
-    by_play: float = 0.0  # share by which its spring is stiffer if it has play and does not curve
+    by_play: float = 0.0  # share by which its spring is stiffer if it has play after all
 
 
 def fit_disturbed(
@@ -161,8 +161,8 @@ def _with_play(
 ) -> tuple[FitInBand, float]:
     """A fit with play, where the log finds it likelier, or as it is; and the doubt of its spring.
 
-    The doubt is the share by which the spring is stiffer with play, where the log does not say: by
-    least squares or by the fit, whichever is less.
+    The doubt is the share by which the spring is stiffer with play. Where the log does not say, it
+    is that by least squares or by the fit, whichever is less.
     """
     if likely.stiffer < _LEAST_STIFFER:
         return fit, likely.doubt

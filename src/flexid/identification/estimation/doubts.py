@@ -58,7 +58,7 @@ class Doubted:
     # (k,): by how much the values change where the deflection's sensor shows 1 % more, if any
     by_gauge: FloatArray | None
     by_noise: FloatArray | None = None  # (k,): by how much more noise of the input changes them
-    by_play: float = 0.0  # share by which the spring is stiffer if it has play in place of curving
+    by_play: float = 0.0  # share by which the spring is stiffer if it has play after all
     by_lag: FloatArray | None = None  # (k,): error where the delay may be a lag
 
     @property
@@ -170,7 +170,7 @@ def dead_zone(doubted: Doubted) -> FloatArray:
 
 
 def play(doubted: Doubted) -> FloatArray:
-    """A spring with play looks like one that hardens, and softer than it is."""
+    """A spring with play looks softer than it is, and often like one that hardens."""
     # Anything between none and all of it: a uniform distribution.
     share = doubted.by_play / np.sqrt(3.0)
     springs = np.array([name in _SPRINGS for name in doubted.fitted.names])
