@@ -180,11 +180,10 @@ def test_a_pause_is_no_wrap(displaced: float) -> None:
 
 def test_a_link_that_is_held_is_read_with_a_stated_ratio() -> None:
     """Assert that a motor that moves 99 times as much is read if its map states a ratio of 1."""
-    columns = changed("velocity", motor_position=100.0)
+    columns = changed("velocity", link_position=0.01)
     log = read_columns(columns, {"gear_ratio": 1})
-    np.testing.assert_array_equal(
-        log.recordings[0].motor_position, changed(motor_position=100.0)["motor_position"]
-    )
+    np.testing.assert_array_equal(log.recordings[0].motor_position, columns["motor_position"])
+    assert "as if by a gear" in refused(read_columns, columns)
 
 
 def test_turns_that_an_encoder_does_not_know() -> None:
