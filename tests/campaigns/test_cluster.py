@@ -11,7 +11,7 @@ import pytest
 from tests.campaigns.tiny import EXPERIMENT, rows_of, same_bits, write_experiment
 
 from flexid.campaigns import run_campaign, runner
-from flexid.errors import CampaignError
+from flexid.errors import CampaignError, SettingError
 from flexid.experiments import read_experiment
 
 pytest.importorskip("distributed", reason="the package distributed is not installed")
@@ -137,6 +137,6 @@ def test_a_scheduler_that_is_not_there_is_one_sentence(experiment, tmp_path, mon
 def test_a_missing_package_is_one_sentence(experiment, tmp_path, monkeypatch):
     """Assert that it says what to install."""
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(CampaignError, match=r"pip install 'flexid\[dask\]'"):
+    with pytest.raises(SettingError, match=r"pip install 'flexid\[dask\]'"):
         run_campaign(experiment, tmp_path / "out", scheduler="tcp://127.0.0.1:8786")
     assert os.listdir(tmp_path / "out" / "runs") == []

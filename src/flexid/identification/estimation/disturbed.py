@@ -68,6 +68,7 @@ from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.models.flexible_joint import HARDENING
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of taking terms away
@@ -94,7 +95,8 @@ class Disturbed:
     # what each row leaves unexplained over its acceleration, root mean squares
     shares: Mapping[str, float]
     factor: int  # of so many samples of the log one was fitted
-    by_play: float = 0.0  # share by which its spring is stiffer if it has play after all
+    by_play: float = 0.0  # share by which its spring is stiffer if it has play and does not curve
+    by_lost_play: float = 0.0  # the same of play that was likelier than none, if it did not stay
 
 
 def fit_disturbed(
@@ -132,9 +134,10 @@ def fit_disturbed(
         raise no_start()
     full = min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
     likely = None if structure.joint.kind == "rigid" else likely_play(full.fitted.structure, data)
-    by_play = likely.doubt if likely else 0.0
+    by_play, lost = likely.doubt if likely else 0.0, 0.0
     if likely and with_play:
-        full, by_play = _with_play(full, likely, data, factor)
+        played, by_play = _with_play(full, likely, data, factor)
+        full, lost = played, 0.0 if played is full else by_play
     best = full
     evidence = ()
     strict = replace(thresholds, friction_sign=np.inf)
@@ -153,7 +156,8 @@ def fit_disturbed(
         return fit_disturbed(without, data, kept, holds, thresholds, with_play=with_play)
     best = _as_wide_as_its_gap(best, data, factor)
     shares = _shares(best.fitted, best.sizes)
-    return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, factor, by_play)
+    rest = factor, by_play, lost
+    return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, *rest)
 
 
 def _with_play(
@@ -182,7 +186,7 @@ def _with_play(
         return fit, likely.doubt
     stiffer = abs(played.fitted.by_name["theta2"] / fit.fitted.by_name["theta2"] - 1.0)
     if played.cost < fit.cost - CHANCE:
-        return played, stiffer  # which is a doubt if play is taken away after all
+        return played, stiffer
     return fit, min(stiffer, likely.doubt)
 
 
@@ -266,6 +270,7 @@ def disturbed_estimate(
     estimate = fitted.fit.at_least(fitted.unit_deviations)
     estimate = with_free_width(estimate, fitted)
     names = fitted.names
+    by_play = found.by_lost_play if HARDENING.isdisjoint(names) else found.by_play
     doubted = Doubted(
         fitted,
         row_sizes(_squares(fitted).rows),
@@ -273,7 +278,7 @@ def disturbed_estimate(
         input_unit,
         _by_gauge(found, data),
         pulled(fitted, found.sizes, data.samples, found.factor),
-        found.by_play if PLAY.isdisjoint(names) else 0.0,
+        by_play if PLAY.isdisjoint(names) else 0.0,
     )
     own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
