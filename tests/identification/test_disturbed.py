@@ -236,6 +236,42 @@ def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch, h
     assert fit.by_play == (0.0 if has_fit else 5.0)
 
 
+def test_likely_play_that_does_not_stay_is_a_doubt(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a spring is as uncertain as play makes it stiffer that was likelier than none.
+
+    It need not look like one that hardens.
+    """
+    eliminate = disturbed.eliminate
+
+    def too_much(fitted: Fitted, kept: Collection[str], thresholds: Thresholds) -> Any:
+        leaner, evidence = eliminate(fitted, kept, thresholds)
+        return leaner.without({*gap.PLAY, *HARDENING}), evidence
+
+    monkeypatch.setattr(disturbed, "eliminate", too_much)
+    monkeypatch.setattr(disturbed, "_leaves_more", lambda *_: False)
+    case = CASES["play of 0.02 rad"]
+    fit = case.fit()
+    assert gap.PLAY.isdisjoint(fit.fitted.names)
+    assert fit.by_lost_play > 0.1
+    wide, narrow = (
+        dict(zip(own.names, own.deviations, strict=True))
+        for own in (
+            disturbed_estimate(found, case.data, "N m")[0]
+            for found in (fit, replace(fit, by_lost_play=0.0))
+        )
+    )
+    added = fit.by_lost_play / np.sqrt(3.0) * fit.fitted.by_name["theta2"]
+    assert wide["theta2"] == pytest.approx(np.hypot(narrow["theta2"], added), rel=1e-6)
+
+
+def test_where_the_best_start_runs_away_another_leads(monkeypatch: pytest.MonkeyPatch):
+    """Assert that the next start is tried where the first leads nowhere."""
+    usual = fitted("a pushed link")[0].fitted
+    nth_fit(monkeypatch, 1, diverging)
+    found = CASES["a pushed link"].fit().fitted
+    assert np.all(np.abs(found.values - usual.values) <= 0.1 * usual.fit.deviations)
+
+
 def less_likely(by: float) -> Callable[[FitInBand], FitInBand]:
     """A fit that leaves ten times as much, and is less likely."""
 
