@@ -147,6 +147,7 @@ def test_units(factor: float, si_unit: str) -> None:
 
 REFUSED = (  # what has the dimension by accident, or another; and what is no unit at all
     *("Hz", "1/s", "Ms", "as", "MS", "N m/rad", "m", "rad^2", "", "percent", "‰", "Grad", "counts"),
+    *("mm", "N", "mm/s"),
     *("furlongs!", "9^9^9", "km^9999", "km²³²³²³", "rad/", "__x", "("),
 )
 

@@ -88,6 +88,7 @@ _MEASURED = {
 _SHARES = {"%", "‰", "percent", "permille", "pct", "promille"}
 _RATED = re.compile(r"\s*[%‰]|.*\b(rated|nominal|nenn\w*)\b", re.IGNORECASE)
 _GRAD = {"grad", "gon"}
+_OF_A_SLIDE = {"m": "rad", "mm": "rad", "m/s": "rad/s", "mm/s": "rad/s", "n": "N m", "kn": "N m"}
 # 0.01 deg, 1e-3 rad; what is larger than one may be a range, as 3.3 V
 _MULTIPLE = re.compile(r"(0?\.\d{1,9}|\d[eE]-\d) ?([^\W\d].*)")
 DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
@@ -153,6 +154,12 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
         raise UnitError(
             f"the unit [{text}] may mean degrees, or gon of which 400 are a turn: write [deg], or "
             f"unit = 'turn' and scale = '1/400' in a column map"
+        )
+    if (angular := _OF_A_SLIDE.get(text.lower())) in si_units:
+        raise UnitError(
+            f"the unit [{text}] is that of a linear axis: read a metre as a radian and a newton as "
+            f"a newton metre, with unit = '{angular}' and, unless it is 1, a scale in a column "
+            f"map; an inertia is then a mass in kg"
         )
     multiple = _MULTIPLE.fullmatch(text)
     if multiple is not None:
