@@ -49,7 +49,7 @@ from benchmarks.memory import most_memory
 from flexid.streaming.whole_log import identify_stream
 times.append(time.perf_counter())
 def progress(step):
-    if step == "streaming" or step.startswith("100%"):
+    if step == "streaming" or step.startswith("100 %"):
         times.append(time.perf_counter())
 identify_stream(Path(sys.argv[1]), progress=progress)
 times.append(time.perf_counter())
