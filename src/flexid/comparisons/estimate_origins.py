@@ -13,8 +13,7 @@ from flexid.models.flexible_joint import (
     RIPPLE_NUMBER,
     RIPPLE_ORIGIN,
     SHAPE_TERMS,
-    SHAPES,
-    SPRING_CENTRE,
+    WIDTHS,
 )
 
 Either = Identification | ArmIdentification
@@ -181,8 +180,7 @@ def _constants() -> Sequence[tuple[str, str]]:
     """Coefficients that have a width, and the constant that it is."""
     regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
     # Where encoders have their zeros, and so the middle of a play, is a matter of each log.
-    shapes = [shape for shape in SHAPES if shape != SPRING_CENTRE]
-    return [(c, shape) for c, r in regressors for shape in shapes if shape in r]
+    return [(c, shape) for c, r in regressors for shape in WIDTHS if shape in r]
 
 
 def unlike_width(a: Identification, b: Identification) -> Mapping[tuple[str, str], str]:

@@ -42,6 +42,9 @@ _PLACES = (SPRING_CENTRE, RIPPLE_ORIGIN)
 SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER, *_PLACES)
 """Constants of these terms: how wide their shapes are, and where they are or count from."""
 
+WIDTHS = tuple(name for name in SHAPES if name != SPRING_CENTRE)
+"""Those without which a term says nothing; a spring is about no deflection unless one is given."""
+
 _ANY_SHAPE = dict.fromkeys(SHAPES, 1.0) | dict.fromkeys(_PLACES, 0.0)  # until a log says which
 
 CONSTANT_UNITS = {

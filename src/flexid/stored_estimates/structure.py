@@ -10,7 +10,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.model import LINK, Structure
 from flexid.identification.preparation.joint import Joint, joint_of
 from flexid.identification.result.identification import Choices, Identification
-from flexid.models.flexible_joint import SPRING_CENTRE
+from flexid.models.flexible_joint import WIDTHS
 
 _SAME = 1e-6  # relative difference of a tied coefficient to what it follows from that is rounding
 
@@ -74,8 +74,7 @@ def _with_constants(
                 sorted(used)[0], "goes with dry friction only, and coulomb_velocity smooths it"
             )
         return joint.with_coulomb_velocity(choices.coulomb_velocity)
-    # Where nothing is said of its centre, a spring has it where encoders show the same.
-    missing = sorted({*joint.constants_of(used)} - {*choices.shapes, SPRING_CENTRE})
+    missing = sorted(joint.constants_of(used).keys() & {*WIDTHS} - choices.shapes.keys())
     if missing:
         raise SettingError(missing[0], "is missing, without which its term says nothing")
     return joint

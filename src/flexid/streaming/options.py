@@ -20,14 +20,7 @@ from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.arm_file import refuse_arm_file
-from flexid.models.flexible_joint import (
-    SHAPE_TERMS,
-    SHAPES,
-    SPRING_CENTRE,
-    SQUARES,
-    TERMS,
-    flexible_joint,
-)
+from flexid.models.flexible_joint import SHAPE_TERMS, SQUARES, TERMS, WIDTHS, flexible_joint
 from flexid.models.parameter_kinds import ANGLES
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row_alone
@@ -146,9 +139,7 @@ class WatchOptions:
         pairs = {name: (float(was), float(half)) for name, (was, half) in self.reference.items()}
         object.__setattr__(self, "reference", pairs)
         _ = self.stated  # raises
-        # Where nothing is said of its centre, a spring has it where encoders show the same.
-        needed = self.system.constants.keys() - {*self.shapes, SPRING_CENTRE}
-        missing = [name for name in SHAPES if name in needed]
+        missing = [name for name in WIDTHS if name in self.system.constants.keys() - self.shapes]
         if missing:
             raise SettingError(
                 "terms", f"one of them needs a {missing[0]}, which an estimate has: give one"

@@ -244,9 +244,7 @@ def _fits(found: Disturbed, job: Job) -> FinalFits:
     fitted, full = found.fitted, found.full
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
     choice = Choice(full.structure, fitted.structure, fitted, found.terms, (), by_length)
-    rate = job.settings.filter_rate
-    if isinstance(rate, str):
-        rate = suited_rate(fitted.by_name, fitted.data)
+    rate = suited_rate(fitted, job.settings.filter_rate)
     nothing = ModelError(0.0, 0.0, 0.0)
     return FinalFits(
         choice,

@@ -289,8 +289,7 @@ def disturbed_estimate(
 
 
 def _squares(fitted: Fitted) -> LeastSquaresFit:
-    rate = suited_rate(fitted.by_name, fitted.data)
-    return least_squares_start(fitted.structure, fitted.data, rate)[1]
+    return least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
 
 
 def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:

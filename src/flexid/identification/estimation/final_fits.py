@@ -122,8 +122,7 @@ def final_fits(
     reported, lengths_fitted, retreat = _reported(choice, whole)
     choice = _as_reported(choice, reported)
     error = error_of(reported, lengths_fitted, thresholds)
-    suited = suited_rate(reported.by_name, whole)
-    rate = suited if isinstance(filter_rate, str) else filter_rate
+    rate = suited_rate(reported, filter_rate)
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
     return FinalFits(

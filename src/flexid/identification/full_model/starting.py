@@ -15,6 +15,7 @@ disturbances.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -159,10 +160,12 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
     return found
 
 
-def suited_rate(values: Mapping[str, float], data: Data) -> float:
-    """Rate in 1/s of a filter that passes the motion of a joint with such coefficients."""
-    springs = sum(abs(values.get(name, 0.0)) for name in ("theta2", "alpha1"))
-    fastest = FASTEST / max(samples.sample_time for samples in data.samples)
+def suited_rate(fitted: Fitted, asked: float | Literal["auto"] = "auto") -> float:
+    """Rate in 1/s of a filter that passes the motion of a joint as fitted, unless one is asked."""
+    if asked != "auto":
+        return asked
+    springs = sum(abs(fitted.by_name.get(name, 0.0)) for name in ("theta2", "alpha1"))
+    fastest = FASTEST / max(samples.sample_time for samples in fitted.data.samples)
     return min(max(_FILTER_RATE, _PASSED * springs**0.5), fastest)
 
 

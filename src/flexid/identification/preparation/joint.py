@@ -87,8 +87,9 @@ class Joint:
         if self.kind == "rigid":
             return replace(self, smooth=smooth)
         sides = [self.both_sides(recording) for recording in recordings]
-        every = np.concatenate([np.subtract(*positions.T) for positions, _ in sides])
-        deflection = float(np.std(every))  # about its mean: encoders may not share their zero
+        deflection = float(
+            np.std(self.deflections(recordings))
+        )  # about its mean: encoders may not share their zero
         widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9)}
         widths[RIPPLE_ORIGIN] = _nearest_turn([positions[:, _MOTOR] for positions, _ in sides])
         grip = 1.0 / max(_GRIP_SHARE * deflection, 1e-9)
@@ -130,6 +131,11 @@ class Joint:
         return np.hstack((recording.positions, motor[0])), np.hstack(
             (_velocities(recording), motor[1])
         )
+
+    def deflections(self, recordings: Sequence[Samples]) -> FloatArray:
+        """Deflection in rad of all samples of some recordings, one after the other."""
+        sides = (self.both_sides(recording)[0] for recording in recordings)
+        return np.concatenate([np.subtract(*positions.T) for positions in sides])
 
     def with_coulomb_velocity(self, velocity: float) -> "Joint":
         """The same with friction smoothed over a velocity in rad/s instead of dry."""

@@ -162,7 +162,7 @@ def about_its_centre(structure: Structure, data: Data) -> Structure:
 
     Of encoders that do not share their zero the cube of the deflection would be nearly a line.
     """
-    every = _deflections(structure, data)
+    every = structure.joint.deflections(data.samples)
     if not abs(np.mean(every)) > np.std(every):
         return structure
     values, _ = least_squares_start(structure.without(HARDENING), data, RATES[0])
@@ -170,12 +170,6 @@ def about_its_centre(structure: Structure, data: Data) -> Structure:
     if abs(centre) <= np.std(every):  # a load bends it to one side
         return structure
     return as_wide(structure, width_of(structure), float(np.clip(centre, every.min(), every.max())))
-
-
-def _deflections(structure: Structure, data: Data) -> FloatArray:
-    """Deflection of all samples in rad."""
-    sides = (structure.joint.both_sides(recording)[0] for recording in data.samples)
-    return np.concatenate([np.subtract(*positions.T) for positions in sides])
 
 
 def _centre_of(structure: Structure) -> float:
@@ -347,7 +341,7 @@ def _by_rate(
     structure: Structure, without: Structure, data: Data
 ) -> Iterator[tuple[_Played, tuple[dict[str, float], LeastSquaresFit]]]:
     """Least squares with play, by every filter with which it finds some, and of a rival."""
-    middle = float(np.mean(_deflections(structure, data)))
+    middle = float(np.mean(structure.joint.deflections(data.samples)))
     for rate in RATES:
         rival = least_squares_start(without, data, rate)
         for centre in dict.fromkeys((_centre_of(structure), middle)):

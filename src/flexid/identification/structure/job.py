@@ -97,7 +97,7 @@ class Job:
                 by_length = fit_requested_shape(shape, by_length, *rest)
         return by_length
 
-    @property
+    @cached_property
     def structure(self) -> Structure:
         """Every term that is to be considered; its hold is of no account."""
         settings = self.settings

@@ -158,8 +158,7 @@ STRIBECK = SoughtShape(
 
 def _deflection(joint: Joint, data: Data) -> tuple[float, float]:
     """Mean of the deflection, and its standard deviation, in rad."""
-    sides = (joint.both_sides(recording)[0] for recording in data.samples)
-    every = np.concatenate([np.subtract(*positions.T) for positions in sides])
+    every = joint.deflections(data.samples)
     return float(np.mean(every)), float(np.std(every))
 
 
