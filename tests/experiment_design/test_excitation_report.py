@@ -1,4 +1,4 @@
-"""What a log can tell: the answers of identify, and whether the advice on what to add is right."""
+"""What a log can tell: the answers of identify, and whether the advice is right."""
 
 import json
 from dataclasses import replace
@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from flexid.errors import FlexidError
-from flexid.experiment_design.advice import _caution, advise
-from flexid.experiment_design.excitation_report import examine
+from flexid.experiment_design.excitation_report import _caution, advise, examine
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import Disturbances, ModelError
@@ -29,12 +28,12 @@ SLOW = 0.2 * (np.sin(0.7 * TIME) + np.sin(1.3 * TIME)) * np.minimum(1.0, TIME / 
 def faint(tmp_path_factory):
     """A log whose motion is slow and small beside the noise, and the report on it."""
     path = write_held_log(tmp_path_factory.mktemp("log") / "faint.csv", SLOW, 3e-3, seed=4)
-    return SLOW, path, examine([read_log(path)], HELD)
+    return path, examine([read_log(path)], HELD)
 
 
 def test_answers_are_those_of_identify(faint):
     """Assert that value, interval, verdict, reason and excitation are the identification's own."""
-    _, path, report = faint
+    path, report = faint
     found = identify([read_log(path)], HELD)
     assert report.identification.verdict == found.verdict
     assert set(report.coefficients) == set(found.coefficients)
@@ -49,7 +48,7 @@ def test_answers_are_those_of_identify(faint):
 
 def test_what_the_others_cost(faint):
     """Assert that width alone, cost and partner follow from the identification's covariance."""
-    _, _, report = faint
+    _, report = faint
     fit = report.identification.fit
     inverse = np.linalg.inv(fit.covariance)
     scale = np.sqrt(np.diag(fit.covariance))
@@ -69,47 +68,31 @@ def all_determined(report):
 
 
 def test_following_the_advice_is_enough(faint, tmp_path):
-    """Assert that with the advised sine in the torque, a new log tells every coefficient."""
-    torque, _, report = faint
+    """Assert that a third of the torque near the resonance, or a longer log, determines all."""
+    _, report = faint
     assert not all_determined(report)
-    sine = report.advice.sine
-    more = torque + sine.amplitude * np.sin(sine.angular_frequency * TIME)
-    path = write_held_log(tmp_path / "more.csv", more, noise=3e-3, seed=5)
-    mended = examine([read_log(path)], HELD)
+    advice = report.advice
+    assert advice.resonance == pytest.approx(433.0**0.5, rel=0.15)
+    more = SLOW + 0.1 * np.sin(advice.resonance * TIME)
+    mended = examine([read_log(write_held_log(tmp_path / "more.csv", more, 3e-3, seed=5))], HELD)
     assert all_determined(mended)
     assert mended.advice is None
-    worst = mended.coefficients[sine.weakest]
-    # The sine is near the resonance, which the faint log knows to a tenth.
-    assert 0.25 < worst.width / sine.width < 1.5
-
-
-def test_a_tenth_of_the_advice_is_not_enough(faint, tmp_path):
-    """Assert that the advice does not ask for far more than is needed."""
-    torque, _, report = faint
-    sine = report.advice.sine
-    more = torque + 0.1 * sine.amplitude * np.sin(sine.angular_frequency * TIME)
-    path = write_held_log(tmp_path / "tenth.csv", more, noise=3e-3, seed=5)
-    assert not all_determined(examine([read_log(path)], HELD))
+    times = advice.longer / (SAMPLE_TIME * len(TIME))
+    width = max(c.width for c in report.coefficients.values() if c.verdict != "determined")
+    assert times == pytest.approx(1.25 * (width / 0.2) ** 2)
 
 
 def test_a_small_sine_loses_the_values(tmp_path):
-    """Assert that 0.05 rad on one sine does not determine it, and that what is advised mends it."""
+    """Assert that 0.05 rad on one sine does not determine it, and that the rule mends it."""
     torque, start = steady_sine(0.05, 5.0, sample_time=FINE)
     path = write_log(tmp_path / "still.csv", torque, start)
     report = examine([read_log(path)], ON_TIME)
     assert report.coefficients["theta1"].verdict != "determined"
     assert report.coefficients["theta1"].partner == "theta2"
-    advice = report.advice
-    assert advice is not None
-    amplitude, rate = 0.2 * np.abs(torque).max(), 2.65 * 5.0
-    if advice.sine is not None:
-        amplitude, rate = advice.sine.amplitude, advice.sine.angular_frequency
-    else:
-        assert "a second tone at 2.65 times" in advice.caution
-    t = FINE * np.arange(len(torque))
-    more = torque + amplitude * np.sin(rate * t)
-    mended = examine([read_log(write_log(tmp_path / "more.csv", more, start))], ON_TIME)
-    assert all_determined(mended)
+    assert report.advice is not None
+    second = 0.2 * np.abs(torque).max() * np.sin(2.65 * 5.0 * FINE * np.arange(len(torque)))
+    path = write_log(tmp_path / "more.csv", torque + second, start)
+    assert all_determined(examine([read_log(path)], ON_TIME))
 
 
 def test_a_rich_log_needs_nothing(examples):
@@ -119,7 +102,6 @@ def test_a_rich_log_needs_nothing(examples):
     assert report.advice is None
     assert report.identification.choices.hold == "zero"
     assert set(report.identification.choices.terms) == set(TERMS)
-    assert report.noise["link_position"] == pytest.approx(1.04e-4, rel=0.1)
 
 
 def test_given_coefficients_cost_nothing(tmp_path):
@@ -133,7 +115,7 @@ def test_given_coefficients_cost_nothing(tmp_path):
 
 def test_what_no_input_mends_is_said(faint):
     """Assert that a contradiction to what is given gets no sine but the reason."""
-    _, _, report = faint
+    _, report = faint
     found = report.identification
     contradicted = {
         name: replace(
@@ -142,8 +124,7 @@ def test_what_no_input_mends_is_said(faint):
         for name, c in found.coefficients.items()
     }
     contradicting = replace(found, coefficients=contradicted)
-    advice = advise(contradicting, None, None)  # pyright: ignore[reportArgumentType]
-    lines = list(advice_lines(advice, "N m"))
+    lines = list(advice_lines(advise(contradicting)))
     assert lines == ["Another input does not help: the log contradicts it."]
 
 
@@ -164,15 +145,14 @@ def test_a_rigid_joint_is_examined_too():
 def test_command_says_it_all(flexid, faint, tmp_path):
     """Assert that the command fits the page, and writes document and figure."""
     given = f"--terms {','.join(TERMS)} --hold zero --input-delay 0 --link-delay 0".split()
-    outcome = flexid("excitation", faint[1], *given, "--out", tmp_path)
+    outcome = flexid("excitation", faint[0], *given, "--out", tmp_path)
     assert outcome.status in (0, 1), outcome.stderr
     assert max(map(len, outcome.stdout.splitlines())) <= 80
-    assert "Add a sine of" in outcome.stdout
-    assert "rad/s" in outcome.stdout
+    assert "near the joint's resonance" in outcome.stdout
     names = {p.name for p in tmp_path.iterdir()}
     assert names == {"excitation.json", "report.html"}
     document = json.loads((tmp_path / "excitation.json").read_text())
-    assert document["advice"]["sine"]["angular_frequency"] > 0
+    assert document["advice"]["resonance"] > 0
     assert document["supported"] is (outcome.status == 0)
     assert len(document["provenance"]["inputs"][0]["sha256"]) == 64
 

@@ -1,26 +1,25 @@
 """From logs to what they determine: the work of ``flexid excitation``.
 
 The question is that of `identify`, and so is the answer: the logs are identified, with the terms,
-delays and noise that they show. What comes on top is what confuses the coefficients, and which
-input would distinguish them.
+delays and noise that they show. What comes on top is what confuses the coefficients, and where the
+next motion should have more.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
 from flexid.analysis.excitation import Excitation
 from flexid.arrays import FloatArray
-from flexid.experiment_design.advice import Advice, advise
-from flexid.identification.full_model.model import data_of
 from flexid.identification.identify import identify
-from flexid.identification.preparation.joint import joint_of
-from flexid.identification.preparation.recordings import prepare
+from flexid.identification.judgement.estimates import verdict
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate
+from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Log
@@ -120,6 +119,63 @@ def _lost_with(name: str, rows: Mapping[str, Excitation]) -> tuple[str, float]:
 
 
 @dataclass(frozen=True)
+class Advice:
+    """What the next motion should have more of."""
+
+    resonance: float | None = None  # rad/s, near which a part of the input tells most of the spring
+    longer: float | None = None  # s of the same motion that suffice
+    caution: str = ""  # a sentence on what another motion does not mend; or empty
+
+
+_MARGIN = 1.25  # on the length: the next log has other noise
+_MOST_TIMES = 100.0  # the length of the log
+# This brings the condition number of the joint of Huang (2003), Table I, near 1.
+_NO_MODEL = (
+    "The values themselves are lost. As a rule, add a second tone at 2.65 times the frequency of "
+    "the strongest one and a fifth of its amplitude, record 5 s or more, look again"
+)
+
+
+def advise(result: Identification) -> Advice | None:
+    """Say what the next motion should have more of; None where everything is determined."""
+    lacking = [c for c in result.coefficients.values() if c.verdict != "determined"]
+    if not lacking:
+        return None
+    impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
+    if impossible or not all(isfinite(c.std) for c in lacking):
+        return Advice(caution=_NO_MODEL)
+    if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
+        return Advice(caution=f"Another input does not help: {lacking[0].reason}")
+    return Advice(_resonance(result), _longer(result, lacking), _caution(result))
+
+
+def _resonance(result: Identification) -> float | None:
+    """Of link and motor against each other; of the link alone where its motor is driven."""
+    springs = [c.value for n, c in result.coefficients.items() if n in ("theta2", "alpha1")]
+    return float(np.sqrt(sum(springs))) if springs else None
+
+
+def _longer(result: Identification, lacking: Sequence[CoefficientEstimate]) -> float | None:
+    """Seconds of the same motion that suffice; a wrong model stays wrong however long."""
+    if result.model_error.share > 0.0 or not all(c.value for c in lacking):
+        return None
+    width = max(c.half_width / abs(c.value) for c in lacking)
+    times = _MARGIN * (width / THRESHOLDS.determined_width) ** 2
+    duration = sum(len(recording) * recording.sample_time for recording in result.recordings)
+    return times * duration if times <= _MOST_TIMES else None
+
+
+def _caution(result: Identification) -> str:
+    """What widens the intervals though the motion would do."""
+    if result.unexplained:
+        return (
+            "The residuals show a part of the drive that no term here describes. It widens the "
+            "intervals too: another motion narrows them less than predicted"
+        )
+    return ""
+
+
+@dataclass(frozen=True)
 class ExcitationReport:
     """What logs determine of a joint."""
 
@@ -127,26 +183,11 @@ class ExcitationReport:
     coefficients: Mapping[str, CoefficientAssessment]  # in the model's order
     correlations: Correlations
     advice: Advice | None  # None where every coefficient is determined
-    noise: Mapping[str, float]  # rad, root mean square of each position's residuals
-    input_unit: str
 
 
 def examine(
     logs: Sequence[Log], settings: Settings, progress: Progress = silent
 ) -> ExcitationReport:
-    """Say how well logs determine each coefficient, and what to add where they do not."""
+    """Say how well logs determine each coefficient, and what is lacking where they do not."""
     result = identify(logs, settings, progress)
-    recordings, _ = prepare(logs, settings.validation_share, settings.model)
-    recordings = result.choices.amplifier.split_behind(recordings)
-    joint = joint_of(result.model)
-    data = data_of(joint, recordings.whole, recordings.groups)
-    noise = data.noise * np.array(list(result.residual_excess.values()))
-    progress("what to add")
-    advice = advise(result, data, noise)
-    return ExcitationReport(
-        result,
-        *assess(result),
-        advice,
-        dict(zip(result.residual_excess, noise.tolist(), strict=True)),
-        "rad" if result.model == "link" else recordings.recorded[0].input_unit,
-    )
+    return ExcitationReport(result, *assess(result), advise(result))

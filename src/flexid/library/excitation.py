@@ -13,16 +13,19 @@ from flexid.library.arguments import entrance, joint_settings, one_thread, optio
 from flexid.library.identify import estimated, identify
 
 if TYPE_CHECKING:
-    from flexid.experiment_design.advice import Advice
     from flexid.experiment_design.design import Design
-    from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
+    from flexid.experiment_design.excitation_report import (
+        Advice,
+        CoefficientAssessment,
+        ExcitationReport,
+    )
     from flexid.library.arguments import FilePath
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
 
 
 class LogExcitation(Answer):
-    """How well a log determines each coefficient, what confuses it, and what to add."""
+    """How well a log determines each coefficient, what confuses it, and what it lacks."""
 
     _report = "excitation"
     _file = "excitation.json"
@@ -31,7 +34,7 @@ class LogExcitation(Answer):
     coefficients: Mapping[str, CoefficientAssessment]
     """By name: value, interval, verdict, and the coefficient that each is confused with."""
     advice: Advice | None
-    """What to add to the input; None where every coefficient is determined."""
+    """What the next motion should have more of; None where every coefficient is determined."""
 
     @property
     def estimate(self) -> JointEstimate:
@@ -71,10 +74,10 @@ def excitation(
     progress: Progress = silent,
     **options: Any,
 ) -> LogExcitation:
-    """Say what a log determines, and what motion to add.
+    """Say what a log determines, and what its motion lacks.
 
     The log is identified as flexid identify does it, with the same options and the same answers.
-    Added is what each coefficient is confused with, and which sine would help.
+    Added is what each coefficient is confused with, and what the next motion should have more of.
 
     Parameters
     ----------

@@ -6,9 +6,11 @@ from typing import Any
 
 from rich.text import Text
 
-from flexid.experiment_design.advice import Addition, Advice
-from flexid.experiment_design.excitation_report import CoefficientAssessment, ExcitationReport
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.experiment_design.excitation_report import (
+    Advice,
+    CoefficientAssessment,
+    ExcitationReport,
+)
 from flexid.report.identification import excitation_lines, negligible_line, verdict_reasons
 from flexid.report.page import Presenter, logs_of
 from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, numbers, value_texts
@@ -24,11 +26,9 @@ def parts(report: ExcitationReport) -> Iterator[Part]:
     yield from negligible_line(report.coefficients.values())
     yield ""
     yield from excitation_lines(report.identification.excitation)
-    noise = ", ".join(f"{name} {std:.3g} rad" for name, std in report.noise.items())
-    yield f"Residuals: {noise}"
     yield from report.identification.summary
     yield ""
-    yield from advice_lines(report.advice, report.input_unit)
+    yield from advice_lines(report.advice)
 
 
 def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
@@ -75,55 +75,24 @@ def _two_digits(number: float) -> str:
     return f"{float(f'{number:.2g}'):g}"
 
 
-def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
-    """What to add, in sentences."""
+def advice_lines(advice: Advice | None) -> Iterator[str]:
+    """What the next motion should have more of, in sentences."""
     if advice is None:
         yield "Nothing needs to be added: every coefficient is determined."
         return
-    yield from _additions(advice, unit)
-    if advice.caution:
-        yield f"{advice.caution}."
-
-
-def _additions(advice: Advice, unit: str) -> Iterator[str]:
-    if advice.sine is not None:
-        sine = advice.sine
+    if advice.resonance is not None:
+        hertz = advice.resonance / (2 * pi)
         yield (
-            f"Add a sine of {sine.amplitude:.3g} {unit} at {_frequency(sine.angular_frequency)}. "
-            f"{_outcome(sine, unit)}"
-        )
-    elif advice.largest > 0.0:
-        yield (
-            f"No single sine of up to {advice.largest:.3g} {unit} added to this input is enough "
-            f"within ten times this motion: see flexid design."
+            f"Put a part of the input near the joint's resonance, {advice.resonance:.3g} rad/s "
+            f"({hertz:.3g} Hz), small at first; or let flexid design --estimate find an input "
+            f"within the limits of the drive."
         )
     elif not advice.caution:
-        yield "The input never moves: play one that does (see flexid design)."
-    if advice.multiple is not None:
-        multiple = advice.multiple
-        yield (
-            f"Or play the same input {multiple.amplitude:.3g} times as large. "
-            f"{_outcome(multiple, unit)}"
-        )
+        yield "Play a larger input, or one with more tones."
     if advice.longer is not None:
         yield f"Or record about {_two_digits(advice.longer)} s of the same motion."
-
-
-def _frequency(rate: float) -> str:
-    return f"{rate:.3g} rad/s ({rate / (2 * pi):.3g} Hz)"
-
-
-def _outcome(addition: Addition, unit: str) -> str:
-    goal = THRESHOLDS.determined_width
-    kept = f", below {100 * goal:.0f} %" if addition.width <= goal else ", which is negligible"
-    deflection = (
-        f", deflection {addition.peak_deflection:.3g} rad" if addition.peak_deflection else ""
-    )
-    return (
-        f"Then the worst, {addition.weakest}, is known within {format_percent(addition.width)}"
-        f"{kept}; peaks: input {addition.peak_input:.3g} {unit}, position "
-        f"{addition.peak_position:.3g} rad{deflection}."
-    )
+    if advice.caution:
+        yield f"{advice.caution}."
 
 
 def heading(report: ExcitationReport) -> tuple[str, str]:
@@ -132,7 +101,7 @@ def heading(report: ExcitationReport) -> tuple[str, str]:
 
 
 def document(report: ExcitationReport) -> dict[str, Any]:
-    """What a log determines, and what to add, for JSON."""
+    """What a log determines, and what is lacking, for JSON."""
     found = report.identification
     alignment = found.choices.alignment
     return {
@@ -141,7 +110,6 @@ def document(report: ExcitationReport) -> dict[str, Any]:
         "excitation": {row: e.document for row, e in found.excitation.items()},
         "correlations": report.correlations,
         "advice": report.advice,
-        "noise": report.noise,
         "residual_excess": found.residual_excess,
         "terms": found.choices.terms,
         "hold": found.choices.hold,

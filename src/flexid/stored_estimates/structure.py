@@ -1,6 +1,6 @@
 """The structure of an estimate with its values, ready to run over another log."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from math import isclose
 
 import numpy as np
@@ -35,13 +35,9 @@ def delays_of(result: Identification) -> dict[str, float]:
 
 
 def structure_of(
-    result: Identification,
-    values: Mapping[str, float],
-    *,
-    given: Collection[str] = (),
-    smooth: bool = True,
+    result: Identification, values: Mapping[str, float], *, smooth: bool = True
 ) -> Structure:
-    """The joint with some coefficients, of which those given are not sought.
+    """The joint with some coefficients.
 
     A `SettingError` if none can be made of them. Friction may be taken as dry where the estimate
     smooths it.
@@ -58,9 +54,8 @@ def structure_of(
     delays = {name: d for name, d in delays_of(result).items() if d}
     if result.model == "rigid":
         delays.pop(LINK, None)
-    fixed = {c: value for c, value in values.items() if c in given}
-    fixed |= _untied(joint, values, absent)
-    return Structure(joint, absent, Timing(result.choices.hold, delays), fixed)
+    timing = Timing(result.choices.hold, delays)
+    return Structure(joint, absent, timing, _untied(joint, values, absent))
 
 
 def _with_constants(
