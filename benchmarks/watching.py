@@ -5,15 +5,9 @@ trials, drawn with seeds of their own; the watch is given the terms, or not even
 """
 
 import argparse
-import json
-import signal
-import socket
-import subprocess
-import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -153,39 +147,6 @@ def rates() -> Iterator[tuple[str, float]]:
     yield "text, with the health ten times a second", 1e6 * (time.perf_counter() - begun) / n
 
 
-def datagrams(seconds: int) -> None:
-    """Print how many samples of 10 kHz the command takes in, each of them a datagram."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    watch = [sys.executable, "-m", "flexid", "watch", f"udp://127.0.0.1:{port}", "--json"]
-    watch += ["--header", HEADER]
-    with subprocess.Popen(watch, stdout=subprocess.PIPE, text=True) as process:
-        while f":{port:04X} " not in Path("/proc/net/udp").read_text():  # until it listens
-            time.sleep(0.1)
-        subprocess.run([sys.executable, "-c", _SENDER, str(port), str(seconds)], check=True)
-        time.sleep(3.0)
-        process.send_signal(signal.SIGINT)
-        printed, _ = process.communicate()
-    samples = json.loads(printed.splitlines()[-1])["samples"]
-    print(f"datagrams at 10 kHz: {samples['taken']} of {10_000 * seconds}, {samples['gaps']} gaps")
-
-
-_SENDER = """
-import math, socket, sys, time
-port, n = int(sys.argv[1]), 10_000 * int(sys.argv[2])
-sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-begun = time.perf_counter()
-for k in range(n):
-    while time.perf_counter() - begun < 1e-4 * k:
-        pass
-    t, noise = 1e-4 * k, 1e-5 * (k * 7919 % 13)
-    link, motor = 0.5 * math.sin(2.0 * t) + noise, 0.5 * math.sin(2.0 * t + 0.01) - noise
-    line = f"{t:.6f},{link:.7f},{motor:.7f},{math.sin(3.0 * t):.6f}"
-    sender.sendto(line.encode(), ("127.0.0.1", port))
-"""
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3)
@@ -198,7 +159,6 @@ def main() -> None:
         return
     for name, microseconds in rates():
         print(f"{name}: {microseconds:.1f} us a sample, {1e3 / microseconds:.0f} kHz", flush=True)
-    datagrams(sized(10, 1))
     if not wanted.rates:
         coverage(wanted.seeds, with_terms=wanted.with_terms)
 

@@ -117,7 +117,7 @@ REFUSED = (
     ("validate a.json good.csv --min-fit nan", "--min-fit: must be 100 % or less, got nan"),
     ("watch", "SOURCE: is missing"),
     ("watch no.csv", "no such file"),
-    ("watch udp://127.0.0.1", "is not an address"),
+    ("watch udp://127.0.0.1:9000", "let another program write"),
     ("watch good.csv --terms magic", "'magic' is unknown"),
     ("watch good.csv --stop-at-end --model rigid --terms joint_damping", "rigid joint; it has"),
     ("watch good.csv --stop-at-end --model link --terms motor_drag", "no term of the link joint"),

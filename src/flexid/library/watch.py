@@ -268,8 +268,7 @@ def watch(
     Parameters
     ----------
     source : str or path, optional
-        A text file that may grow, - for standard input, udp://127.0.0.1:PORT,
-        serial:///dev/PORT?baud=RATE, or a log of another format such as MCAP.
+        A text file that may grow, - for standard input, or a log of another format such as MCAP.
     columns : path or mapping, optional
         A column map, as for logs.
     header : str, optional

@@ -31,7 +31,7 @@ from flexid.streaming.options import (
     wanted_kind,
 )
 from flexid.streaming.session import Session
-from flexid.streaming.sources import Datagrams, open_source
+from flexid.streaming.sources import open_source
 
 _DURATION = 20.0  # s that are looked at
 _FEWEST = 500  # samples of them
@@ -103,11 +103,6 @@ class Follower:
                 raise SettingError("header", "is for lines of text: leave it out for such a log")
             return Replay(Path(self.source), self.column_map, self._kind)
         source = open_source(self.source, stop_at_end=self.stop_at_end)
-        if isinstance(source, Datagrams) and source.is_open_to_others:
-            self.warnings += (
-                f"{source.name}: whoever reaches this machine can send samples: give "
-                f"udp://127.0.0.1:{source.port} to listen to this machine alone",
-            )
         known = self.chosen.get("sample_time") is not None
         fewest = LINES_FOR_LAYOUT if known else HEAD_LINES
         return TextSamples(
