@@ -27,7 +27,6 @@ from flexid.library.excitation import excitation as excitation
 from flexid.library.export import ExportedFiles as ExportedFiles
 from flexid.library.export import derive as derive
 from flexid.library.export import export as export
-from flexid.library.export import plant_io_system as plant_io_system
 from flexid.library.identify import identify as identify
 from flexid.library.identify import load as load
 from flexid.library.joint_estimate import JointEstimate as JointEstimate

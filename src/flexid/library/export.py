@@ -1,4 +1,4 @@
-"""Models as equations, estimates for other tools: `flexid.derive`, `export`, `plant_io_system`."""
+"""Models as equations, estimates for other tools: `flexid.derive` and `flexid.export`."""
 
 from __future__ import annotations
 
@@ -10,16 +10,11 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-import numpy as np
-
 from flexid.errors import SettingError, did_you_mean
 from flexid.library.arguments import entrance, one_thread
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
-    from control import NonlinearIOSystem
-    from numpy.typing import NDArray
-
     from flexid.arms.result import ArmIdentification
     from flexid.derivation.observer import SymbolicObserver
     from flexid.estimators.samples import Samples
@@ -184,7 +179,7 @@ def export(
     given = {name: value for name, value in settings.items() if value is not None}
     sampled = {"sample_time": sample_time, "log": log}
     _check_options(to, [*given, *(name for name, value in sampled.items() if value is not None)])
-    meant = what_is_meant(what, terms, with_memory=TARGETS[to].with_memory, arms=True)
+    meant = _what_is_meant(what, terms, with_memory=TARGETS[to].with_memory)
     if isinstance(meant, ExportRequest):
         samples = None if log is None else _longest(log, columns, meant)
         estimator = estimator_settings(meant, samples, sample_time, given)
@@ -210,10 +205,10 @@ def _check_options(to: str, given: Sequence[str]) -> None:
         )
 
 
-def what_is_meant(
-    what: Any, terms: Iterable[str] | None = None, *, with_memory: bool = False, arms: bool = False
+def _what_is_meant(
+    what: Any, terms: Iterable[str] | None, *, with_memory: bool
 ) -> ExportRequest | ArmIdentification:
-    """The model or the estimate that is meant; an arm is refused where there are to be none."""
+    """The model, or the estimate of a joint or of an arm, that is meant."""
     from flexid.exports.request import ExportRequest, request_of_identification
     from flexid.library.identify import estimated
     from flexid.library.joint_estimate import JointEstimate
@@ -224,7 +219,7 @@ def what_is_meant(
         if terms is not None:
             raise SettingError("terms", f"belongs to {_SHIPPED}; an estimate has its own terms")
         found = estimated(what)
-        if arms and found.result.model == "arm":
+        if found.result.model == "arm":
             return found.result
         return request_of_identification(found.of_joint, with_memory=with_memory)
     return ExportRequest(declared(what, terms, unknown_input_gain=what == _SHIPPED))
@@ -278,67 +273,3 @@ def _longest(log: Any, columns: Any, request: ExportRequest) -> Samples:
                 f"{known}: give a log of the same input",
             )
     return max(samples(read), key=len)
-
-
-@entrance
-def plant_io_system(
-    model: JointEstimate | ParametricSystem | FilePath,
-    coefficients: Mapping[str, float] | None = None,
-    *,
-    name: str = "plant",
-) -> NonlinearIOSystem:
-    """What was identified, or a model, as a system of python-control.
-
-    Parameters
-    ----------
-    model : JointEstimate, ParametricSystem or path
-        What `flexid.identify` returned, an ``estimate.json``, a model or a TOML model file. Coulomb
-        friction is smoothed over the constant ``coulomb_velocity``.
-    coefficients : mapping of str to float, optional
-        A value for each coefficient; of an estimate, those that are to be others.
-    name : str, optional
-        Of the system.
-
-    Returns
-    -------
-    control.NonlinearIOSystem
-        In continuous time, from the model's inputs to its states, with its coefficients and
-        constants as ``params``. Its signals have the names that the model gives them.
-    """
-    from flexid.exports.request import ExportRequest
-    from flexid.simulation.closed_loop import check_values
-    from flexid.simulation.sampled import plain_model
-
-    try:
-        import control
-    except ImportError:
-        raise SettingError(
-            "python-control", "is not installed: pip install 'flexid[control]'"
-        ) from None
-    meant = what_is_meant(model)
-    assert isinstance(meant, ExportRequest)  # no arm
-    system, values = meant.system, {**meant.values, **(coefficients or {})}
-    check_values("coefficients", values, system.coefficients)
-    numbers, count = plain_model(system), len(system.states)
-
-    def update(_t: float, x: Any, u: Any, given: Mapping[str, float]) -> NDArray[np.float64]:
-        rates = np.empty(count)
-        p = np.array([given[c] for c in system.coefficients], dtype=np.float64)
-        c = np.array([given[c] for c in system.constants], dtype=np.float64)
-        with np.errstate(all="ignore"):
-            numbers.right_hand_side(_vector(x), _vector(u), p, c, rates)
-        return rates
-
-    return control.nlsys(
-        update,
-        lambda _t, x, _u, _params: x,
-        inputs=list(system.inputs),
-        outputs=list(system.states),
-        states=list(system.states),
-        params={**{c: float(values[c]) for c in system.coefficients}, **system.constants},
-        name=name,
-    )
-
-
-def _vector(values: Any) -> NDArray[np.float64]:
-    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
