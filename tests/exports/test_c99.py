@@ -25,7 +25,8 @@ from drive import (
 import flexid
 from flexid.errors import SettingError
 from flexid.exports.c99 import DriveSource
-from flexid.exports.request import EstimatorSettings, ExportRequest
+from flexid.exports.fmu import plant_of
+from flexid.exports.request import EstimatorSettings, ExportRequest, rendered
 
 precisions = pytest.mark.parametrize("precision", PRECISIONS)
 
@@ -242,10 +243,9 @@ def test_a_row_that_is_too_long():
 
 def test_no_text_of_a_model_ends_a_comment():
     """Assert that names in comments are on one line and do not end them, in FMUs either."""
-    from flexid.exports.fmu import estimator_model
-
     model = arm({"gravity": "-sin(q)"}, "arm *\\\n/ int evil; /*")
-    unit = estimator_model(ExportRequest(model, settings=SETTINGS))
-    for text in (unit.header(), *unit.sources.values()):
+    drive = DriveSource(ExportRequest(model, settings=SETTINGS))
+    unit = plant_of(ExportRequest(model, {"gravity": 1.0}))
+    for text in (drive.header(), drive.source(), unit.source, rendered("fmu/plant.h", plant=unit)):
         assert "\\\n/" not in text
         assert "\n/ int" not in text

@@ -1,4 +1,4 @@
-"""Plant and estimator as FMUs: valid, compiled anywhere, and with the trajectories of Python."""
+"""The plant as FMUs: valid, compiled anywhere, and with the trajectories of Python."""
 
 # What FMPy returns depends on the version of FMI, which it does not declare.
 # pyright: reportOptionalMemberAccess=false, reportArgumentType=false
@@ -13,7 +13,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from drive import HERE, LOG, run, tool
+from drive import HERE, run, tool
 from fmpy.build import build_platform_binary
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
@@ -23,7 +23,7 @@ from fmpy.validation import validate_fmu
 import flexid
 from flexid.errors import SettingError
 from flexid.exports.fmu import write_fmu
-from flexid.exports.request import EstimatorSettings, ExportRequest
+from flexid.exports.request import ExportRequest
 from flexid.simulation.free_run import free_run
 
 TRUE = {
@@ -37,8 +37,6 @@ TRUE = {
     "beta1": 4.0,
 }
 STEP = 1e-3
-SETTINGS = EstimatorSettings(STEP)
-EVERY = tuple(f"{name}_fmi{version}" for name in ("plant", "estimator") for version in (2, 3))
 
 
 @pytest.fixture(scope="module")
@@ -48,12 +46,18 @@ def joint():
 
 
 @pytest.fixture(scope="module")
-def units(joint, tmp_path_factory):
-    """The four FMUs of that joint, and what was said of them."""
+def request_of_joint(joint):
+    """That joint with its values."""
+    known = {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)", "u": "N m", "coulomb_velocity": "rad/s"}
+    return ExportRequest(joint, TRUE, known)
+
+
+@pytest.fixture(scope="module")
+def units(request_of_joint, tmp_path_factory):
+    """The FMUs of that joint, and what was said of them."""
     tool("gcc")
     directory = tmp_path_factory.mktemp("units")
-    known = {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)", "u": "N m", "coulomb_velocity": "rad/s"}
-    return directory, write_fmu(ExportRequest(joint, TRUE, known, settings=SETTINGS), directory)
+    return directory, write_fmu(request_of_joint, directory)
 
 
 @pytest.fixture
@@ -86,10 +90,10 @@ def simulated(unit, time, inputs, outputs, **options):
     return np.array([found[name] for name in outputs]).T
 
 
-@pytest.mark.parametrize("name", EVERY)
-def test_it_is_valid(units, name):
+@pytest.mark.parametrize("version", [2, 3])
+def test_it_is_valid(units, version):
     """Assert that FMPy has no complaint about the description."""
-    assert validate_fmu(str(units[0] / f"{name}.fmu")) == []
+    assert validate_fmu(str(units[0] / f"plant_fmi{version}.fmu")) == []
 
 
 def torque(time):
@@ -115,50 +119,33 @@ def test_the_plant_moves_as_in_python(units, joint, version):
     np.testing.assert_allclose(found, own, atol=1e-7)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("built", ["here", pytest.param("by FMPy", marks=pytest.mark.thorough)])
-def test_the_estimator_estimates_as_in_python(units, joint, version, built, tmp_path, monkeypatch):
-    """Assert that its estimates are those of the replay, also where FMPy has compiled it."""
-    unit = units[0] / f"estimator_fmi{version}.fmu"
-    if built == "by FMPy":
-        unit = compiled_by_fmpy(unit, tmp_path, monkeypatch)
-    (samples,) = flexid.samples(LOG)
-    online = SETTINGS.twin(joint)
-    rows = online.pack(samples)[:1200]
-    own = online.replay(online.init(SETTINGS.start), rows).coefficients
-    time = STEP * np.arange(len(rows))
-    inputs = dict(zip(("x1", "x3", "u"), rows.T, strict=True))
-    outputs = [f"{name}_hat" for name in joint.coefficients]
-    found = simulated(unit, time, inputs, [*outputs, "health"])
-    determined = slice(800, None)  # before, eight coefficients magnify rounding
-    scale = np.abs(own[-1])
-    np.testing.assert_allclose(
-        found[1:, :-1][determined] / scale, own[:-1][determined] / scale, atol=1e-7
-    )
-    assert set(found[:, -1]) <= set(range(5))
-
-
-def compiled_by_fmpy(unit, directory, monkeypatch):
-    """The sources of an FMU compiled by FMPy, unpacked."""
+def test_fmpy_compiles_the_sources(units, version, tmp_path, monkeypatch):
+    """Assert that an importer makes the same plant of the sources alone."""
     tool("make")
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")  # its cmake
-    (directory / "build").mkdir()
+    unit, bare = units[0] / f"plant_fmi{version}.fmu", tmp_path / "bare"
+    (tmp_path / "build").mkdir()
     with zipfile.ZipFile(unit) as whole:
         sources = [name for name in whole.namelist() if not name.startswith("binaries")]
-        whole.extractall(directory / "bare", sources)
-    build_platform_binary(directory / "bare", directory / "build", "Unix Makefiles")
-    assert list((directory / "bare" / "binaries").glob("*/estimator.*"))
-    return directory / "bare"
+        whole.extractall(bare, sources)
+    build_platform_binary(bare, tmp_path / "build", "Unix Makefiles")
+    assert list((bare / "binaries").glob("*/plant.*"))
+    time = STEP * np.arange(200)
+    compiled, here = (
+        simulated(one, time, {"u": torque(time)}, ("x1", "x3")) for one in (bare, unit)
+    )
+    np.testing.assert_allclose(compiled, here, atol=1e-12)
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
-@pytest.mark.parametrize("name", EVERY)
-def test_its_sources_leave_compilers_silent(units, name, compiler, tmp_path):
+@pytest.mark.parametrize("version", [2, 3])
+def test_its_sources_leave_compilers_silent(units, version, compiler, tmp_path):
     """Assert that they are C99 without a warning, and link with a prefix for static use."""
-    with zipfile.ZipFile(units[0] / f"{name}.fmu") as unit:
+    with zipfile.ZipFile(units[0] / f"plant_fmi{version}.fmu") as unit:
         unit.extractall(tmp_path)
-    version = name[-1]
     strict = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
     files = sorted((tmp_path / "sources").glob("*.c"))
     prefix = f"-DFMI{version}_FUNCTION_PREFIX=my_"
@@ -170,10 +157,9 @@ def test_its_sources_leave_compilers_silent(units, name, compiler, tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["plant", "estimator"])
-def test_nothing_it_is_given_breaks_it(units, kind, tmp_path):
+def test_nothing_it_is_given_breaks_it(units, tmp_path):
     """Assert that absurd inputs and steps leave sanitizers silent, and that no memory is lost."""
-    with zipfile.ZipFile(units[0] / f"{kind}_fmi3.fmu") as unit:
+    with zipfile.ZipFile(units[0] / "plant_fmi3.fmu") as unit:
         unit.extractall(tmp_path)
     shutil.copy(HERE / "fmi3_driver.c", tmp_path / "sources")
     own = [f for f in (tmp_path / "sources").glob("*.c") if f.name != "fmi3.c"]
@@ -234,22 +220,17 @@ def test_a_kept_state_goes_on_as_it_was(units, version, tmp_path):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_what_cannot_be_is_refused(units, version, tmp_path):
-    """Assert that other steps, other variables and another token are errors, not wrong numbers."""
-    slave, places = opened(units[0] / f"estimator_fmi{version}.fmu", tmp_path / "estimator")
-    get, put = reals(slave)
+    """Assert that steps back, other variables and another token are errors, not wrong numbers."""
+    plant, places = opened(units[0] / f"plant_fmi{version}.fmu", tmp_path / "plant")
+    get, put = reals(plant)
     for wrong in (
-        lambda: slave.doStep(0.0, 2 * STEP),
-        lambda: put([places["theta2_hat"]], [1.0]),
+        lambda: plant.doStep(0.0, -STEP),
+        lambda: put([places["x1"]], [1.0]),  # initialisation is over
         lambda: get([999]),
         lambda: put([0], [1.0]),
     ):
         with pytest.raises(FMICallException):
             wrong()
-    slave.freeInstance()
-    plant, places = opened(units[0] / f"plant_fmi{version}.fmu", tmp_path / "plant")
-    get, put = reals(plant)
-    with pytest.raises(FMICallException):  # initialisation is over
-        put([places["x1"]], [1.0])
     put([places["alpha1"]], [-1e9])
     put([places["u"]], [1e9])
     with pytest.raises(FMICallException):
@@ -272,15 +253,6 @@ def test_what_it_lacks_is_said(units, joint, plain, tmp_path, monkeypatch):
         content = zipfile.ZipFile(tmp_path / "bare" / name).namelist()
         assert "sources/plant.c" in content
         assert not [path for path in content if path.startswith("binaries")]
-
-
-def test_a_value_that_is_missing_is_no_zero(units, joint, tmp_path):
-    """Assert that a plant without a value is left out, with a sentence, and not made with 0."""
-    values = {name: value for name, value in TRUE.items() if name != "alpha2"}
-    said = write_fmu(ExportRequest(joint, values, settings=SETTINGS), tmp_path)
-    assert any("the plant is left out" in w and "alpha2" in w for w in said)
-    names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == ["estimator_fmi2.fmu", "estimator_fmi3.fmu"]
 
 
 def test_a_jump_is_smoothed(tmp_path):
@@ -320,16 +292,15 @@ def test_names_that_it_has_itself_and_missing_values_are_refused(joint, tmp_path
     """Assert that a state called time, and a plant without values, are no invalid units."""
     row = flexid.Row("arm", "time", "v", {"stiffness": "-time"}, "u")
     odd = ExportRequest(flexid.ParametricSystem("odd", (row,)), {"stiffness": 1.0})
-    bare = ExportRequest(joint)
-    refusals({one.system.name: partial(write_fmu, one, tmp_path) for one in (odd, bare)})
+    some = {name: value for name, value in TRUE.items() if name != "alpha2"}
+    cases = {"a state called time": odd, "bare": ExportRequest(joint)}
+    cases["a value missing"] = ExportRequest(joint, some)
+    refusals({name: partial(write_fmu, one, tmp_path) for name, one in cases.items()})
 
 
-def test_the_same_model_is_the_same_file(tmp_path):
-    """Assert that a model gives an estimator alone, with the same bytes each time."""
-    once, again = (
-        flexid.export("flexible-joint", to="fmu", sample_time=1e-3, out=tmp_path / name)
-        for name in ("once", "again")
-    )
-    assert [path.name for path in once.paths] == ["estimator_fmi2.fmu", "estimator_fmi3.fmu"]
-    for one, other in zip(once.paths, again.paths, strict=True):
-        assert one.read_bytes() == other.read_bytes()
+def test_the_same_model_is_the_same_file(units, request_of_joint, tmp_path):
+    """Assert that a plant has the same bytes each time."""
+    write_fmu(request_of_joint, tmp_path)
+    for version in (2, 3):
+        name = f"plant_fmi{version}.fmu"
+        assert (tmp_path / name).read_bytes() == (units[0] / name).read_bytes()

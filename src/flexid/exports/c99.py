@@ -28,7 +28,7 @@ class DriveSource:
     """Header and source of one estimator."""
 
     def __init__(self, request: ExportRequest) -> None:
-        assert request.settings is not None  # export_to has seen to it
+        assert request.settings is not None  # flexid.export has seen to it
         self.system, self.settings = request.system, request.settings
         for row in self.system.rows:
             if len(row.coefficients) > _MOST_COEFFICIENTS:

@@ -6,7 +6,7 @@ from functools import cache
 from importlib import import_module
 from math import inf, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
 from flexid.estimators.state_variable_filter import check_filter_rate
@@ -179,28 +179,12 @@ class EstimatorSettings:
         )
 
 
-class Target(NamedTuple):
-    """A kind of files."""
-
-    summary: str  # for the help
-    # whether the settings of an online estimator belong to it
-    estimator: Literal["needed", "possible", "none"]
-    with_memory: bool = False  # it holds friction that remembers its path
-
-
-TARGETS = {
-    "c99": Target("the online estimator in C99, for a drive", "needed"),
-    "mjcf": Target("the joint or arm as a MuJoCo scene", "none", with_memory=True),
-    "fmu": Target("plant and online estimator for simulators, FMI 2.0 and 3.0", "possible"),
-}
-"""By name, which is that of a module here."""
+TARGETS = ("c99", "mjcf", "fmu")
+"""The online estimator, the scene, the plant; each has a module of that name here."""
 
 
 def export_to(target: str, request: ExportRequest, directory: Path) -> tuple[str, ...]:
     """Write the files of a target into an empty directory; return what they do not hold."""
-    chosen = TARGETS[target]
-    if request.settings is None and chosen.estimator == "needed":
-        raise SettingError("sample_time", "is missing: give the seconds between samples, or a log")
     module = import_module(f"flexid.exports.{target}")
     return tuple(vars(module)[f"write_{target}"](request, directory))
 

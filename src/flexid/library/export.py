@@ -139,9 +139,8 @@ def export(
 
     c99 is the online estimator as one header and one source in C, with an example and a test
     vector. mjcf is the joint or arm of an estimate as a scene for MuJoCo; what MuJoCo has no word
-    for is left out, with a warning. fmu is the plant of an estimate and, with a sample time, the
-    online estimator as FMUs for co-simulation, with sources and, where there is a compiler,
-    compiled.
+    for is left out, with a warning. fmu is the plant of an estimate as FMUs
+    for co-simulation, with sources and, where there is a compiler, compiled.
 
     Parameters
     ----------
@@ -149,7 +148,7 @@ def export(
         An estimate.json or the folder that holds it, a TOML model file, or flexible-joint. Or what
         `flexid.identify` returned, or a `ParametricSystem`.
     to : {"c99", "mjcf", "fmu"}
-        The online estimator in C99, a scene of MuJoCo, or FMUs of FMI 2.0 and 3.0.
+        The online estimator in C99, a scene of MuJoCo, or the plant as FMUs of FMI 2.0 and 3.0.
     out : path
         Directory for the files.
     sample_time : float, optional
@@ -179,11 +178,13 @@ def export(
     given = {name: value for name, value in settings.items() if value is not None}
     sampled = {"sample_time": sample_time, "log": log}
     _check_options(to, [*given, *(name for name, value in sampled.items() if value is not None)])
-    meant = _what_is_meant(what, terms, with_memory=TARGETS[to].with_memory)
+    meant = _what_is_meant(what, terms, with_memory=to == "mjcf")
     if isinstance(meant, ExportRequest):
-        samples = None if log is None else _longest(log, columns, meant)
-        estimator = estimator_settings(meant, samples, sample_time, given)
-        write = partial(export_to, to, replace(meant, settings=estimator, samples=samples))
+        if to == "c99":
+            samples = None if log is None else _longest(log, columns, meant)
+            estimator = _estimator_settings(meant, samples, sample_time, given)
+            meant = replace(meant, settings=estimator, samples=samples)
+        write = partial(export_to, to, meant)
     else:
         write = partial(export_arm, to, meant)
     with output_directory(Path(out)) as directory:
@@ -194,9 +195,7 @@ def export(
 
 def _check_options(to: str, given: Sequence[str]) -> None:
     """Refuse options of an estimator that the target does not have, or that exclude each other."""
-    from flexid.exports.request import TARGETS
-
-    if given and TARGETS[to].estimator == "none":
+    if given and to != "c99":
         raise SettingError(given[0], f"is of an online estimator, and {to} has none: leave it out")
     of_least_squares = [name for name in ("filter_rate", "memory") if name in given]
     if "gain" in given and of_least_squares:
@@ -225,30 +224,23 @@ def _what_is_meant(
     return ExportRequest(declared(what, terms, unknown_input_gain=what == _SHIPPED))
 
 
-def estimator_settings(
+def _estimator_settings(
     request: ExportRequest,
     samples: Samples | None,
     sample_time: float | None,
     given: Mapping[str, Any],
-) -> EstimatorSettings | None:
-    """Settings of the estimator: what is given, else as identified; None if none is meant."""
+) -> EstimatorSettings:
+    """Settings of the estimator: what is given, else as identified."""
     from flexid.exports.request import EstimatorSettings
 
-    if sample_time is None and samples is None:
-        if given:
-            raise SettingError(
-                "sample_time", "is missing: give the seconds between samples, or a log"
-            )
-        return None
-    if sample_time is None or samples is None:
-        h = samples.sample_time if sample_time is None else sample_time  # type: ignore[union-attr]
-    elif abs(sample_time - samples.sample_time) > 1e-6 * samples.sample_time:
+    of_log = sample_time if samples is None else samples.sample_time
+    h = of_log if sample_time is None else sample_time
+    if h is None or of_log is None:
+        raise SettingError("sample_time", "is missing: give the seconds between samples, or a log")
+    if abs(h - of_log) > 1e-6 * of_log:
         raise SettingError(
-            "sample_time",
-            f"is {sample_time:g} s and the log's is {samples.sample_time:g} s: leave one out",
+            "sample_time", f"is {h:g} s and the log's is {of_log:g} s: leave one out"
         )
-    else:
-        h = sample_time
     found: dict[str, Any] = {}
     if request.identification is not None:
         choices = request.identification.choices

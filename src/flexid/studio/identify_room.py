@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _BUSY = "Identifying ... (the first run on a machine compiles for up to a minute)"
 EXPORTS = {
     "c99": "the online estimator in C99",
-    "fmu": "plant and estimator as FMUs",
+    "fmu": "the plant as FMUs",
     "mjcf": "the joint as a MuJoCo scene",
 }
 _FILLED = ("columns", "check", "check-charts", "run", "run-state", "result")

@@ -143,7 +143,7 @@ def export(to: str, sample_time: float, folder: str) -> tuple[str, tuple[str, ..
     from flexid.library.export import export as write
 
     place = Path(folder)
-    options = {"sample_time": sample_time} if to in ("c99", "fmu") else {}
+    options = {"sample_time": sample_time} if to == "c99" else {}
     with tempfile.TemporaryDirectory(dir=place) as made:
         written = write(place / ESTIMATE, to=to, out=made, **options)  # type: ignore[arg-type] - one of EXPORTS
         archive = place / f"{to}.zip"

@@ -6,13 +6,14 @@
 #ifndef FLEXID_FMI_H
 #define FLEXID_FMI_H
 
-#include "model.h"
+#include "plant.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
-#if defined(__GNUC__) /* the model has no use for some arguments of the standard */
+#if defined(__GNUC__) /* the plant has no use for some arguments of the standard */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
 
@@ -29,15 +30,13 @@
 typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } status;
 
 typedef struct {
-    flexid_model model;
+    flexid_plant plant;
     double time;
     bool begun; /* initialisation is over */
     logger log;
     void *environment;
     char name[64];
 } instance;
-
-static const reference integers = FLEXID_INTEGERS;
 
 static status refused(const instance *self, const char *why)
 {
@@ -47,7 +46,7 @@ static status refused(const instance *self, const char *why)
     return ERROR;
 }
 
-/* A function that the standard asks for and that this model has no use for; its first argument is
+/* A function that the standard asks for and that this plant has no use for; its first argument is
  * the component c. */
 #define NOT_PROVIDED(name, ...)                                                                   \
     EXPORT status FMI(name)(__VA_ARGS__) { return refused(c, #name " is not provided"); }
@@ -55,7 +54,7 @@ static status refused(const instance *self, const char *why)
 #define NOTHING_TO_DO(name, ...)                                                                  \
     EXPORT status FMI(name)(__VA_ARGS__) { return OK; }
 
-/* Access to variables of a type that the model does not have. */
+/* Access to variables of a type that the plant does not have. */
 #define NO_VARIABLE(name, ...)                                                                    \
     EXPORT status FMI(name)(component c, const reference vr[], size_t n, __VA_ARGS__)             \
     {                                                                                             \
@@ -72,7 +71,7 @@ static instance *instantiated(text name, text token, logger log, void *environme
         self->log = log;
         self->environment = environment;
         strncpy(self->name, (name != NULL) ? name : "", sizeof self->name - 1U);
-        flexid_begin(&self->model);
+        flexid_begin(&self->plant);
     }
     return self;
 }
@@ -94,7 +93,7 @@ EXPORT status FMI(Reset)(component c)
     instance *self = c;
     self->begun = false;
     self->time = 0.0;
-    flexid_begin(&self->model);
+    flexid_begin(&self->plant);
     return OK;
 }
 
@@ -106,9 +105,9 @@ static status get_reals(const instance *self, const reference vr[], size_t n, do
     }
     for (size_t i = 0; i < n; i++) {
         if (vr[i] > FLEXID_REALS) {
-            return refused(self, "there is no real variable of that value reference");
+            return refused(self, "there is no variable of that value reference");
         }
-        value[i] = (vr[i] == 0U) ? self->time : self->model.real[vr[i] - 1U];
+        value[i] = (vr[i] == 0U) ? self->time : self->plant.real[vr[i] - 1U];
     }
     return OK;
 }
@@ -116,31 +115,14 @@ static status get_reals(const instance *self, const reference vr[], size_t n, do
 static status set_reals(instance *self, const reference vr[], size_t n, const double value[],
                         size_t count)
 {
-    const bool outputs = (FLEXID_STARTS != 0) && !self->begun;
     if (n != count) {
         return refused(self, "every variable is one number");
     }
     for (size_t i = 0; i < n; i++) {
-        if ((vr[i] == 0U) || (vr[i] > FLEXID_REALS) || ((vr[i] <= FLEXID_OUTPUTS) && !outputs)) {
+        if ((vr[i] == 0U) || (vr[i] > FLEXID_REALS) || ((vr[i] <= FLEXID_OUTPUTS) && self->begun)) {
             return refused(self, "that variable cannot be set, or not now");
         }
-        self->model.real[vr[i] - 1U] = value[i];
-    }
-    return OK;
-}
-
-static status get_integers(const instance *self, const reference vr[], size_t n, int32_t value[],
-                           size_t count)
-{
-    if (n != count) {
-        return refused(self, "every variable is one number");
-    }
-    for (size_t i = 0; i < n; i++) {
-        const reference place = vr[i] - FLEXID_FIRST_INTEGER; /* wraps below the first */
-        if (place >= integers) {
-            return refused(self, "there is no integer variable of that value reference");
-        }
-        value[i] = self->model.integer[place];
+        self->plant.real[vr[i] - 1U] = value[i];
     }
     return OK;
 }
@@ -159,7 +141,7 @@ static status kept(const instance *self, void **state)
 
 static status set_back(instance *self, const instance *state)
 {
-    self->model = state->model;
+    self->plant = state->plant;
     self->time = state->time;
     self->begun = state->begun;
     return OK;
@@ -174,7 +156,7 @@ static status freed(void **state)
 
 static status advanced(instance *self, double at, double span)
 {
-    const char *const wrong = flexid_advance(&self->model, span);
+    const char *const wrong = flexid_advance(&self->plant, span);
     if (wrong != NULL) {
         return refused(self, wrong);
     }
