@@ -141,6 +141,24 @@ def test_largest_real_part_of_the_poles(exponents, largest):
     assert closed_loop_poles(exponents).real.max() == pytest.approx(largest, rel=5e-3, abs=5e-4)
 
 
+@pytest.mark.parametrize(("exponents", "slope"), [((1, 2, 3), -1.17), ((2, 2, 3), -1.0)])
+def test_a_square_in_the_second_gain_moves_the_poles_left(exponents, slope):
+    """Assert that the slowest pole follows k, whether or not the stray 2 is read as a square."""
+    for k in (200.0, 400.0, 800.0):
+        assert closed_loop_poles(exponents, k).real.max() / k == pytest.approx(slope, abs=0.01)
+
+
+def test_other_readings_are_not_cured_by_a_larger_k():
+    """Assert that the literal ones become more unstable, and that (1,1,3) stays just unstable."""
+    gains = np.geomspace(20.0, 1000.0, 9)
+    for exponents in ((1, 1, 0), (1, 1, 1)):
+        largest = [closed_loop_poles(exponents, k).real.max() for k in gains]
+        assert largest[0] > 1.0
+        assert np.all(np.diff(largest) > 0)
+    for k in gains:
+        assert 0.0 < closed_loop_poles((1, 1, 3), k).real.max() < 0.03
+
+
 def test_poles_are_those_of_the_plant_written_by_hand():
     """Assert that the derived loop has the poles of eq. (4) under u_F in plain coordinates."""
     k, first, second, third = 50.0, 50 * 1.4 / 60, 50.0**2, 50.0**3 * 0.42
