@@ -131,13 +131,12 @@ def test_the_chart_shows_the_motion(designed):
 
 def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     """Assert that the command prints within the page and leaves a log that flexid can read."""
-    outcome = flexid("design", tiny_drive, "--out", tmp_path, "--criterion", "D")
+    outcome = flexid("design", tiny_drive, "--out", tmp_path)
     assert outcome.status == 0, outcome.stderr
     assert max(map(len, outcome.stdout.splitlines())) <= 80
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"command.csv", "design.json", "design.png", "report.html"}
     document = json.loads((tmp_path / "design.json").read_text())
-    assert document["drive"]["criterion"] == "D"
     assert document["provenance"]["inputs"][0]["file"] == "drive.toml"
     header = (tmp_path / "command.csv").read_text().splitlines()[0]
     assert header == "time [s],motor_torque [N m]"
@@ -202,24 +201,17 @@ INFORMATION = np.diag([4.0, 100.0, 1e4])
 def test_e_is_the_worst_direction():
     """Assert that E is one over the root of the smallest eigenvalue, in any orientation."""
     turn, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
-    assert deviation(turn @ INFORMATION @ turn.T, "E") == pytest.approx(0.5)
+    assert deviation(turn @ INFORMATION @ turn.T) == pytest.approx(0.5)
 
 
-def test_d_is_the_geometric_mean():
-    """Assert that D is the geometric mean of the axes of the confidence ellipsoid."""
-    assert deviation(INFORMATION, "D") == pytest.approx((0.5 * 0.1 * 0.01) ** (1 / 3))
-
-
-@pytest.mark.parametrize("criterion", ["E", "D"])
-def test_nothing_known_is_infinite_but_searchable(criterion):
+def test_nothing_known_is_infinite_but_searchable():
     """Assert that a singular matrix determines nothing, and that the search still sees a number."""
     singular = np.diag([1.0, 0.0])
-    assert np.isinf(deviation(singular, criterion))
-    assert np.isfinite(smooth_cost(singular, criterion))
+    assert np.isinf(deviation(singular))
+    assert np.isfinite(smooth_cost(singular))
 
 
-@pytest.mark.parametrize("criterion", ["E", "D"])
-def test_search_sees_the_criterion(criterion):
+def test_search_sees_the_criterion():
     """Assert that the smooth cost is the logarithm of the deviation where eigenvalues are apart."""
-    exact = np.log(deviation(INFORMATION, criterion))
-    assert smooth_cost(INFORMATION, criterion) == pytest.approx(exact, abs=0.01)
+    exact = np.log(deviation(INFORMATION))
+    assert smooth_cost(INFORMATION) == pytest.approx(exact, abs=0.01)

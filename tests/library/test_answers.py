@@ -75,13 +75,13 @@ def test_a_design(examples, command, tmp_path):
     drive = tmp_path / "drive.toml"
     drive.write_text(text.replace("sample_time = 0.001", "sample_time = 0.004\nharmonics = 3"))
     steps = []
-    design = flexid.design(drive, criterion="D", progress=steps.append)
-    printed = command("design", drive, "--criterion", "D", "--json")
+    design = flexid.design(drive, progress=steps.append)
+    printed = command("design", drive, "--json")
     design.save(tmp_path / "design.json")
     assert json.loads((tmp_path / "design.json").read_text()) == json.loads(printed.stdout)
     assert steps
     assert isinstance(design.plot(), Figure)
-    assert design._page().title == "A D-optimal multisine"
+    assert design._page().title == "The designed multisine"
     assert max(design.deviations.values()) == design.result.prediction.worst
     assert "multisine of 2 s" in repr(design)
 

@@ -30,7 +30,6 @@ class Prediction:
     # predicted standard deviation of each coefficient over its value
     deviations: Mapping[str, float]
     e_deviation: float  # criterion E as a relative standard deviation
-    d_deviation: float  # criterion D likewise
     peaks: Mapping[str, float]  # torque in N m, velocity in rad/s, position and deflection in rad
     torque_rms: float  # N m
     within_limits: bool  # of the drive as believed
@@ -39,10 +38,6 @@ class Prediction:
     def worst(self) -> float:
         """Largest of the deviations."""
         return max(self.deviations.values())
-
-    def criterion(self, drive: Drive) -> float:
-        """The deviation by the criterion that the drive's experiment asks for."""
-        return self.e_deviation if drive.experiment.criterion == "E" else self.d_deviation
 
 
 @dataclass(frozen=True)
@@ -105,7 +100,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
         command = search.command(search.fine, scale * found)
         run = nominal.play(command, sample_time)
         candidates.append((predict(drive, nominal, run), scale, found, command, run))
-    best = min(candidates, key=lambda one: one[0].criterion(drive))
+    best = min(candidates, key=lambda one: one[0].e_deviation)
     prediction, scale, weights, command, run = best
     finished("limits checked on wrong drives")
     wrong = {case.name: (case, case.play(command, sample_time)) for case in search.cases}
@@ -140,8 +135,7 @@ def predict(drive: Drive, case: Case, run: CaseRun) -> Prediction:
     information = information_at(*run.motion(case, drive.sensors.noise))
     return Prediction(
         dict(zip(information.names, information.relative_deviations.tolist(), strict=True)),
-        deviation(information.relative, "E"),
-        deviation(information.relative, "D"),
+        deviation(information.relative),
         run.peaks(),
         float(np.sqrt(np.mean(run.torque**2))),
         max(run.use(drive.limits).values()) <= 1.0,

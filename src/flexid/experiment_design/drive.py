@@ -25,8 +25,6 @@ from flexid.simulation.free_run import Command, play
 from flexid.stored_estimates.estimate_file import StoredEstimate
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
-Criterion = Literal["E", "D"]
-
 DOUBT = 0.3
 """Relative error of every parameter that a design must bear."""
 
@@ -104,7 +102,6 @@ class Experiment(_Table):
     duration: Annotated[float, Field(ge=1, le=600, allow_inf_nan=False)]  # s
     sample_time: Annotated[float, Field(ge=1e-5, le=0.05, allow_inf_nan=False)]  # s
     kind: Literal["multisine", "trajectory"] = "multisine"  # torque, or motor position to follow
-    criterion: Criterion = "E"  # the worst direction's information, or all directions'
     harmonics: Annotated[int, Field(ge=2, le=40)] = 8  # number of tones
     bandwidth: Positive | None = None  # rad/s, of the position loop; None: the resonance
 

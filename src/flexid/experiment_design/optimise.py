@@ -19,7 +19,7 @@ from flexid.analysis.excitation import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.experiment_design.drive import Case, CaseRun, Criterion, Drive
+from flexid.experiment_design.drive import Case, CaseRun, Drive
 from flexid.simulation.free_run import Command
 
 _BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory
@@ -146,8 +146,7 @@ class Search:
             return _LOST
         uses = np.array([use for one in runs for use in self._smooth_uses(one)])
         log_use = float(np.log(np.mean(uses**_NORM_OF_USES))) / _NORM_OF_USES
-        cost = smooth_cost(information.relative, self.drive.experiment.criterion)
-        return cost + log_use + _TIE * log_use**2
+        return smooth_cost(information.relative) + log_use + _TIE * log_use**2
 
     def _smooth_uses(self, run: CaseRun) -> list[float]:
         """Use of each limit, the largest magnitudes replaced by a smooth stand-in."""
@@ -208,28 +207,21 @@ class Search:
         return size * result.x
 
 
-def deviation(relative_information: FloatArray, criterion: Criterion) -> float:
-    """What optimal design calls D and E, as a relative standard deviation; smaller is better.
+def deviation(relative_information: FloatArray) -> float:
+    """What optimal design calls E, as a relative standard deviation; smaller is better.
 
-    With M the information about the coefficients' logarithms, so that 1/√λ is the relative standard
-    deviation along an eigenvector of eigenvalue λ: 1/√(min λ) for E, the worst direction, and det M
-    to the power -1/(2k) for D, the volume of the confidence ellipsoid.
+    With M the information about the coefficients' logarithms, 1/√λ is the relative standard
+    deviation along an eigenvector of eigenvalue λ, and 1/√(min λ) that of the worst direction.
     """
-    eigenvalues = np.linalg.eigvalsh(relative_information)
-    if eigenvalues[0] <= 0.0:
-        return float("inf")
-    if criterion == "E":
-        return float(eigenvalues[0] ** -0.5)
-    return float(np.exp(-0.5 * np.mean(np.log(eigenvalues))))
+    lowest = float(np.linalg.eigvalsh(relative_information)[0])
+    return lowest**-0.5 if lowest > 0.0 else float("inf")
 
 
-def smooth_cost(relative_information: FloatArray, criterion: Criterion) -> float:
+def smooth_cost(relative_information: FloatArray) -> float:
     """Logarithm of about that deviation, smooth where eigenvalues cross, finite everywhere."""
     eigenvalues = np.linalg.eigvalsh(relative_information)
     eigenvalues = np.maximum(eigenvalues, max(_FLOOR * eigenvalues[-1], 1e-300))
     logs = np.log(eigenvalues)
-    if criterion == "D":
-        return float(-0.5 * logs.mean())
     lowest = logs.min()
     spread = np.log(np.sum(np.exp(-_SHARPNESS * (logs - lowest)))) / _SHARPNESS
     return float(0.5 * (spread - lowest))

@@ -121,7 +121,6 @@ def design(
     drive: FilePath,
     *,
     kind: Literal["multisine", "trajectory"] | None = None,
-    criterion: Literal["E", "D"] | None = None,
     duration: float | None = None,
     estimate: JointEstimate | FilePath | Mapping[str, Any] | None = None,
     seed: int = 0,
@@ -137,8 +136,6 @@ def design(
         A TOML file with parameters, limits and sensors of the drive.
     kind : {"multisine", "trajectory"}, optional
         A torque to play, or a motor position to follow; as the file says if not given.
-    criterion : {"E", "D"}, optional
-        Make the worst direction small, or the volume; as the file says if not given.
     duration : float, optional
         Seconds that the experiment lasts; as the file says if not given.
     estimate : JointEstimate or path, optional
@@ -154,7 +151,7 @@ def design(
 
     if seed < 0:
         raise SettingError("seed", "give a whole number, 0 or more")
-    given = {"kind": kind, "criterion": criterion, "duration": duration}
+    given = {"kind": kind, "duration": duration}
     choices: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     earlier = None if estimate is None else estimated(estimate)
     return ExperimentDesign(run(read_drive(Path(drive), earlier, choices), seed, progress))

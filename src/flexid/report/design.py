@@ -34,14 +34,12 @@ def _predictions(result: Design) -> Table:
     found, wanted = result.prediction, result.drive.experiment
     worst = Column(f"±{100 * DOUBT:.0f} %, worst drive")
     columns = (Column("coefficient"), *numbers("design"), worst)
-    title = f"Predicted standard deviations, {wanted.criterion}-optimal {wanted.kind}"
-    table = Table(title, columns)
+    table = Table(f"Predicted standard deviations, {wanted.kind}", columns)
     for name, deviation in found.deviations.items():
         extreme = result.largest_deviations[name]
         table.add(name, _percent(deviation), f"{100 * extreme.value:.3g} % ({extreme.case})")
     table.add("worst", _percent(found.worst))
-    table.add("criterion E", _percent(found.e_deviation))
-    table.add("criterion D", _percent(found.d_deviation))
+    table.add("worst direction", _percent(found.e_deviation))
     table.add("torque, rms", number(found.torque_rms, 3, "N m"))
     return table
 
@@ -113,8 +111,7 @@ def _rounded(values: np.ndarray) -> np.ndarray:
 def heading(result: Design) -> tuple[str, str]:
     """What is designed."""
     wanted = result.drive.experiment
-    article = "An" if wanted.criterion == "E" else "A"
-    return f"{article} {wanted.criterion}-optimal {wanted.kind}", f"{wanted.duration:g} s"
+    return f"The designed {wanted.kind}", f"{wanted.duration:g} s"
 
 
 def document(result: Design) -> dict[str, Any]:
