@@ -6,10 +6,10 @@ from typing import TypeVar
 
 import numpy as np
 import pytest
-from made_campaign import NAN, made_of, made_summary
+from made_campaign import made_summary
 from made_result import VALIDATION, made_result
 
-from flexid.campaigns.summary import Correlation, Result
+from flexid.campaigns.summary import Result
 from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
 from flexid.identification.vocabulary.estimate import Estimate
@@ -20,8 +20,7 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.library.simulate import CampaignResult
 from flexid.report import simulated_run
-from flexid.report.campaign import charts as campaign_charts
-from flexid.report.chart import Band, Level, Line, Panel, Points
+from flexid.report.chart import Band, Level, Line, Panel
 from flexid.report.page import page_html
 from flexid.report.reproduction import parts
 from flexid.report.reproduction_charts import error_chart, reproduction_charts, theorem_chart
@@ -192,19 +191,9 @@ def test_theorem_chart_has_value_and_rates(reproduction):
 
 def test_the_document_is_json():
     """Assert that numbers that JSON does not have become null."""
-    nothing = Result("settling_time.theta1", np.array([NAN]), 1, (NAN, NAN, NAN), ())
+    nothing = Result("settling_time.theta1", 0, 1, (np.nan, np.nan, np.nan), ())
     document = CampaignResult(made_summary(results=(nothing,))).document
     found = document["results"]["settling_time.theta1"]
     assert found["quantiles"] == {"0.05": None, "0.5": None, "0.95": None}
     assert (found["finite"], found["missing"]) == (0, 1)
     assert document["complete"]
-
-
-def test_dependence_is_of_the_runs_that_have_both():
-    """Assert that each point is a finite result over the input of the same run."""
-    correlated = [Correlation("controller.k", 1.0, True)]
-    result = made_of(correlated, values=(1.0, NAN, 3.0))
-    (chart,) = campaign_charts(made_summary(results=(result,)))
-    (points,) = chart.panels[0].marks
-    assert isinstance(points, Points)
-    assert (points.x.tolist(), points.y.tolist()) == ([1.0, 3.0], [1.0, 3.0])

@@ -60,10 +60,10 @@ class Result:
     """One result over all finished runs."""
 
     name: str  # column of the rows
-    # (n_finished,), in SI units, in the order of the runs; NaN where a run has none
-    values: FloatArray
-    missing: int  # finished runs without a finite value, for example those that never settle
-    quantiles: tuple[float, ...]  # of the finite values, at QUANTILES; NaN if there are none
+    finite: int  # finished runs with a finite value
+    missing: int  # and those without, for example runs that never settle
+    # of the finite values in SI units, at QUANTILES; NaN if there are none
+    quantiles: tuple[float, ...]
     # with the inputs, the strongest first; of signed results, that of the magnitude
     correlations: tuple[Correlation, ...]
 
@@ -79,7 +79,6 @@ class Summary:
     damaged: tuple[str, ...]
     statuses: Mapping[str, int]  # how many runs ended how, the most frequent first
     first_error: str  # text of the first run with the status "error"; empty if there is none
-    inputs: Mapping[str, FloatArray]  # values of the inputs in the finished runs
     results: tuple[Result, ...]
 
     @property
@@ -108,7 +107,6 @@ def summarise(out: str | Path) -> Summary:
         damaged,
         dict(counts.iter_rows()),
         errors[0] if len(errors) else "",
-        {name: finished[name].to_numpy() for name in inputs},
         tuple(_result(n, finished, inputs) for n in rows.columns if n not in apart),
     )
 
@@ -141,7 +139,7 @@ def _result(name: str, finished: pl.DataFrame, inputs: Sequence[str]) -> Result:
     judged = np.abs(values) if name.startswith(_SIGNED) else values
     return Result(
         name,
-        values,
+        len(finite),
         len(values) - len(finite),
         tuple(map(float, quantiles)),
         rank_correlations(inputs, finished.select(inputs).to_numpy(), judged),

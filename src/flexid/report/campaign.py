@@ -1,14 +1,10 @@
-"""A campaign as tables, JSON and figures."""
+"""A campaign as tables and JSON."""
 
 from collections.abc import Iterator, Sequence
 from math import isfinite
 from typing import Any
 
-import numpy as np
-
-from flexid.arrays import FloatArray
-from flexid.campaigns.summary import QUANTILES, Result, Summary
-from flexid.report.chart import Axis, Chart, Panel, Points, whole_decades
+from flexid.campaigns.summary import QUANTILES, Summary
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
@@ -88,69 +84,6 @@ def _sentence(significant: Sequence[str], inputs: int) -> str:
     return ", ".join(parts) + (f"; {others} not significant" if others else "")
 
 
-_COLUMNS = 3
-_MOST_POINTS = 3000
-_MANY = 200  # points, from which on each is small and faint
-_LOGARITHMIC_FROM = 30.0  # ratio of the largest value to the smallest
-_SMALLEST = 1e-12  # share of the largest value below which all values are drawn alike
-
-
-def charts(summary: Summary) -> tuple[Chart, ...]:
-    """Each result over what it depends on, where it does."""
-    shown = [result for result in summary.results if _drawable(result)]
-    depending = {result.name: name for result in shown if (name := _strongest(result))}
-    if not depending:
-        return ()
-    clouds = (_cloud(r, depending[r.name], summary) for r in shown if r.name in depending)
-    strongest = "; ".join(f"{result}: {name}" for result, name in [*depending.items()][:3])
-    says = f"The input that matters most for each result is below it ({strongest})."
-    title = "Each result against the input that matters most for it, SI units"
-    return (Chart("dependence", title, says, tuple(clouds), _COLUMNS, linked=False),)
-
-
-def _drawable(result: Result) -> bool:
-    finite = result.values[np.isfinite(result.values)]
-    varies = len(finite) > 1 and bool(np.ptp(finite) > 0.0)
-    return varies and not result.name.startswith(DETAILS)
-
-
-def _cloud(result: Result, name: str, summary: Summary) -> Panel:
-    """A result over an input, run by run."""
-    values, inputs = result.values[:_MOST_POINTS], summary.inputs[name][:_MOST_POINTS]
-    there = np.isfinite(values)
-    values, said, limits = _scaled(values[there])
-    inputs = inputs[there]
-    across = whole_decades(inputs) if _logarithmic(inputs) else None
-    many = len(values) >= _MANY
-    points = Points("runs", inputs, values, "blue", 3.0 if many else 3.7, faint=many)
-    return Panel(
-        result.name + said,
-        Axis(name, logarithmic=across is not None, limits=across),
-        Axis("value", logarithmic=limits is not None, limits=limits),
-        (points,),
-    )
-
-
-def _scaled(values: FloatArray) -> tuple[FloatArray, str, tuple[float, float] | None]:
-    """Values as they are drawn, what is said of small ones, and whole decades if they need them."""
-    if not _logarithmic(values):
-        return values, "", None
-    edge = _SMALLEST * values.max()
-    few = int(np.sum(values < edge))
-    values = np.maximum(values, edge)
-    return values, f"\n{few} below {edge:.0e} are drawn there" if few else "", whole_decades(values)
-
-
-def _strongest(result: Result) -> str | None:
-    """The input that matters most, if one does."""
-    significant = [one.input for one in result.correlations if one.significant]
-    return significant[0] if significant else None
-
-
-def _logarithmic(values: FloatArray) -> bool:
-    return bool(values.min() > 0.0 and values.max() > _LOGARITHMIC_FROM * values.min())
-
-
 def heading(summary: Summary) -> tuple[str, str]:
     """Name and folder."""
     return f"Campaign {summary.directory.name}", str(summary.directory)
@@ -170,7 +103,7 @@ def document(summary: Summary) -> dict[str, Any]:
         "inputs": manifest.inputs,
         "results": {
             result.name: {
-                "finite": len(result.values) - result.missing,
+                "finite": result.finite,
                 "missing": result.missing,
                 "quantiles": dict(
                     zip(map("{:g}".format, QUANTILES), result.quantiles, strict=True)
@@ -187,4 +120,4 @@ def document(summary: Summary) -> dict[str, Any]:
     }
 
 
-PRESENTER = Presenter(heading, parts, document, charts)
+PRESENTER = Presenter(heading, parts, document)
