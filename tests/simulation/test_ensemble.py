@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from flexid.analysis.excitation import excitation
 from flexid.control.laws import pd_gravity
 from flexid.control.loop import sinusoid
+from flexid.experiments.measures import measure, settling_times
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.ensemble import (
     STATUS,
@@ -42,11 +42,24 @@ def columns(ensemble: Ensemble) -> dict[str, np.ndarray]:
     return {f.name: getattr(ensemble, f.name) for f in fields(ensemble) if f.name != "system"}
 
 
-def condition_numbers(run: Run) -> list[float]:
-    """Return the excitation of both rows from a run's samples."""
-    x1, _, x3, x4 = run.states.T
-    link, motor = (-np.sin(x1), x3 - x1), (x1 - x3, -x4)
-    return [excitation("", ("", ""), np.stack(r, axis=1)).condition_number for r in (link, motor)]
+def assert_measured_alike(
+    ensemble: Ensemble, place: int, run: Run, sums: float, conditions: float, times: float
+) -> None:
+    """Assert that a run's measures in an ensemble are those of its samples, within tolerances."""
+    measures = measure(run)
+    for found, own in (
+        (ensemble.final_states, measures.final_states),
+        (ensemble.final_errors, measures.final_errors),
+        (ensemble.peak_input, measures.peak_inputs),
+    ):
+        assert found[place] == pytest.approx([*own.values()], rel=sums, abs=1e-6)
+    assert ensemble.tracking_rms[place] == pytest.approx(measures.tracking_rms, rel=sums)
+    assert ensemble.tracking_peak[place] == pytest.approx(measures.tracking_peak, rel=sums)
+    numbers = [one.condition_number for one in measures.excitation.values()]
+    assert ensemble.excitation[place] == pytest.approx(numbers, rel=conditions)
+    settled = np.array([*measures.settling_times.values()])
+    assert np.isfinite(settled).any()
+    np.testing.assert_allclose(ensemble.settling_time[place], settled, atol=times)
 
 
 def test_ends_are_those_of_simulate() -> None:
@@ -113,34 +126,22 @@ def test_measures_are_those_of_a_fine_run(stiff: bool) -> None:
     ensemble = simulate_ensemble(loops, 6.0, relative_tolerance=1e-9, stiff=stiff)
     for place, loop in enumerate(loops):
         run = simulate(loop, 6.0, 1e-4, 1e-9)
-        error = run.tracking_error
-        assert ensemble.tracking_rms[place] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-4)
-        assert ensemble.tracking_peak[place] == pytest.approx(np.max(np.abs(error)), rel=1e-4)
-        assert ensemble.peak_input[place] == pytest.approx(
-            np.max(np.abs(run.inputs), axis=0), rel=1e-4
-        )
-        assert ensemble.excitation[place] == pytest.approx(condition_numbers(run), rel=1e-3)
-        np.testing.assert_allclose(ensemble.settling_time[place], settling_times(run), atol=0.02)
-
-
-def settling_times(run: Run) -> list[float]:
-    """Return the last time each estimate was 5 % of its truth away; NaN if it was at the end."""
-    outside = np.abs(run.parameter_errors) > 0.05 * np.abs(run.loop.true_coefficients)
-    last = [np.flatnonzero(column)[-1] if column.any() else 0 for column in outside.T]
-    return [np.nan if n == len(run.time) - 1 else run.time[n] for n in last]
+        assert_measured_alike(ensemble, place, run, sums=1e-4, conditions=1e-3, times=0.02)
 
 
 def test_sampled_measures_are_those_of_the_samples() -> None:
     """Assert that the measures of a sampled run are those of its own samples."""
     ensemble = simulate_sampled_ensemble([LOOP], 20.0, [NOISY])
     run = simulate_sampled(LOOP, 20.0, NOISY)
-    error = run.tracking_error
-    assert ensemble.tracking_rms[0] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
-    assert ensemble.tracking_peak[0] == np.max(np.abs(error))
-    assert ensemble.peak_input[0] == np.max(np.abs(run.inputs), axis=0)
-    assert ensemble.excitation[0] == pytest.approx(condition_numbers(run), rel=1e-9)
-    np.testing.assert_allclose(ensemble.settling_time[0], settling_times(run), rtol=1e-12)
-    assert np.isfinite(ensemble.settling_time[0]).any()
+    assert_measured_alike(ensemble, 0, run, sums=1e-12, conditions=1e-9, times=1e-12)
+
+
+def test_settling_time_is_the_last_time_beyond() -> None:
+    """Assert settling for errors that leave the band again, never enter and never leave it."""
+    time = np.array([0.0, 1.0, 2.0, 3.0])
+    errors = np.array([[1.0, -9.0, 0.4], [0.1, -9.0, 0.4], [-0.6, -9.0, -0.4], [0.5, -9.0, 0.4]])
+    found = settling_times(time, errors, np.array([-10.0, 10.0, 10.0]))
+    np.testing.assert_array_equal(found, [2.0, np.nan, 0.0])
 
 
 def test_a_fast_transient_is_weighted_by_its_time() -> None:
@@ -151,11 +152,11 @@ def test_a_fast_transient_is_weighted_by_its_time() -> None:
     """
     loop = table_1()
     ensemble = simulate_ensemble([loop], 5.0)
-    run = simulate(loop, 5.0, 1e-4)
-    assert ensemble.tracking_rms[0] == pytest.approx(
-        np.sqrt(np.mean(run.tracking_error**2)), rel=1e-3
-    )
-    assert ensemble.peak_input[0] == pytest.approx(np.max(np.abs(run.inputs)), rel=1e-6)
+    fine, coarse = (measure(simulate(loop, 5.0, step)) for step in (1e-4, 1e-3))
+    assert ensemble.tracking_rms[0] == pytest.approx(fine.tracking_rms, rel=1e-3)
+    assert ensemble.peak_input[0, 0] == pytest.approx(fine.peak_inputs["u"], rel=1e-6)
+    # Samples of 1 ms count microseconds as one: `measure` says so.
+    assert coarse.excitation["motor"].condition_number > 2.0 * ensemble.excitation[0, 1]
 
 
 def test_an_unexcited_row_has_no_condition() -> None:
