@@ -21,7 +21,6 @@ LOG = Path("examples/flexible_joint.csv")
 DRIVES = {
     "least squares, encoders": {"log": LOG},
     "least squares, encoders, straight lines": {"sample_time": 1e-3, "hold": "linear"},
-    "constant gain": {"sample_time": 1e-3, "gain": {"link": 1.0, "motor": 2.0}},
     "velocities from positions": {
         "sample_time": 1e-3,
         "terms": ("gravity", "motor_viscous", "motor_coulomb"),

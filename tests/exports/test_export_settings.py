@@ -58,7 +58,6 @@ REFUSED = {
         f"a filter of {rate}": {"sample_time": 1e-3, "filter_rate": rate}
         for rate in (0.009, 501.0, -20.0)
     },
-    "a gain of one row": {"sample_time": 1e-3, "gain": {"link": 1.0}},
     "too short a memory": {"sample_time": 1e-3, "memory": 0.0},
     "another sample time": {"sample_time": 2e-3, "log": LOG},
     "another machine": {"what": "examples/models/pendulum.toml", "log": LOG},

@@ -140,7 +140,6 @@ OPTIONS = {
     "estimate": _FILE,
     "every": _SECONDS,
     "filter_rate": Option(str, "1/S", parse_number),
-    "gain": _pairs("NAME=VALUE", parse_values),
     "header": Option(
         str,
         "NAMES",

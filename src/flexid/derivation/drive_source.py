@@ -31,8 +31,8 @@ class CFunctions:
     held: tuple[bool, ...] = ()  # by signal (regressors, then known parts): an input occurs in it
 
 
-def drive_functions(system: ParametricSystem, positions_only: bool) -> CFunctions:
-    """Print what an estimator needs from a model."""
+def drive_functions(system: ParametricSystem) -> CFunctions:
+    """Print what an estimator needs from a model, whose samples hold positions alone."""
     symbolic = symbolic_system(system)
     printer = _Printer(symbolic)
     labels = [*system.coefficients, *(f"known part of {row.name}" for row in system.rows)]
@@ -42,27 +42,24 @@ def drive_functions(system: ParametricSystem, positions_only: bool) -> CFunction
     expressions = [r for row in symbolic.rows for r in row.regressor]
     expressions += [row.known for row in symbolic.rows]
     parts = [split_regressor(expression, symbolic) for expression in expressions]
-    if positions_only:
-        expressions = [part.memoryless + part.remainder for part in parts]
     sampled = [
-        (f"signal[{i}] =", expression, comment)
-        for i, (expression, comment) in enumerate(zip(expressions, comments, strict=True))
+        (f"signal[{i}] =", part.memoryless + part.remainder, comment)
+        for i, (part, comment) in enumerate(zip(parts, comments, strict=True))
+    ]
+    velocities = [row.velocity for row in symbolic.rows]
+    linear = [
+        (f"signal[{i}] +=", factor * v, comment)
+        for i, (part, comment) in enumerate(zip(parts, comments, strict=True))
+        for factor, v in zip(part.velocity_factors, velocities, strict=True)
+        if factor != 0
     ]
     arrays = {"states": symbolic.states, "inputs": symbolic.inputs}
-    functions = [printer.function("sampled_parts", arrays, "signal", sampled, system.constants)]
-    if positions_only:
-        velocities = [row.velocity for row in symbolic.rows]
-        linear = [
-            (f"signal[{i}] +=", factor * v, comment)
-            for i, (part, comment) in enumerate(zip(parts, comments, strict=True))
-            for factor, v in zip(part.velocity_factors, velocities, strict=True)
-            if factor != 0
-        ]
-        functions.append(
-            printer.function(
-                "add_velocity_parts", {"velocities": velocities}, "signal", linear, system.constants
-            )
-        )
+    moving = {"velocities": velocities}
+    constants = system.constants
+    functions = (
+        printer.function("sampled_parts", arrays, "signal", sampled, constants),
+        printer.function("add_velocity_parts", moving, "signal", linear, constants),
+    )
     names = (*system.states, *system.inputs, *system.coefficients)
     return CFunctions(
         "\n".join(functions),

@@ -10,8 +10,6 @@ from flexid.arrays import FloatArray
 from flexid.derivation.drive_source import MACROS, comment, drive_functions
 from flexid.errors import SettingError, SimulationError
 from flexid.estimators.online import History, Status
-from flexid.estimators.parametric_observer import ParametricObserver
-from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
 from flexid.estimators.samples import Samples
 from flexid.exports.request import ExportRequest, rendered
 from flexid.models.parametric_system import Row
@@ -21,7 +19,6 @@ _LARGEST_SAMPLE = 1e9  # a number in a sample beyond this, in its unit, is a fau
 _MOST_COEFFICIENTS = 31  # of a row: which of them are determined stands in the bits of one number
 
 _RECENT = 10.0  # time constants of the filter that "lately" reaches back over
-_RECENT_TIME = 0.5  # s, where there is no filter
 
 
 class DriveSource:
@@ -38,14 +35,11 @@ class DriveSource:
                     f"of a row that an estimator in C takes: leave some out",
                 )
         self.twin = self.settings.twin(self.system)
-        self.constant = isinstance(self.twin, ParametricObserver)  # the gain
-        self.functions = drive_functions(self.system, not self.constant)
+        self.functions = drive_functions(self.system)
         self._units = request.units
         # For the templates: identifiers in C of states, inputs, coefficients; what a sample holds.
         self.names = self.functions.names
-        states = self.system.states
-        measured = states if self.constant else states[::2]
-        self.sample_names = (*measured, *self.system.inputs)
+        self.sample_names = (*self.system.states[::2], *self.system.inputs)
         # Numbers of coefficients, where those of each row begin, and what they are at first.
         self.counts = [len(row.coefficients) for row in self.system.rows]
         self.row_starts = [0, *(part.stop for _, part in self.system.row_slices())]
@@ -53,15 +47,13 @@ class DriveSource:
         self.start = dict(zip(self.system.coefficients, begun, strict=True))
         # The sample whose input acts until the next one, and functions of math.h, as macros.
         self.held_input = "state->latest" if self.settings.hold == "zero" else "latest"
-        used = self.functions.calls | {"FABS"} | (set() if self.constant else {"SQRT"})
+        used = self.functions.calls | {"FABS", "SQRT"}
         self.calls = [name for name in MACROS if name in used]
 
     @property
     def recent_weight(self) -> float:
         """Weight of the latest sample in what is called recent."""
-        h = self.settings.sample_time
-        spans = h / _RECENT_TIME if self.constant else h * self.settings.filter_rate / _RECENT
-        return 1.0 - exp(-spans)
+        return 1.0 - exp(-self.settings.sample_time * self.settings.filter_rate / _RECENT)
 
     def unit(self, coefficient: str) -> str:
         """Unit of a coefficient, for a comment."""
@@ -73,7 +65,7 @@ class DriveSource:
             return "in the model's unit"
         if name in self.system.inputs:
             return comment(self._units.get(name) or "the input, in the model's unit")
-        return "rad/s" if name in self.system.states[1::2] else "rad"
+        return "rad"
 
     def equation(self, row: Row) -> str:
         """The right-hand side of a row, as eq. (1) has it."""
@@ -93,13 +85,11 @@ class DriveSource:
 
     def text(self, name: str, **more: object) -> str:
         """A template filled for this estimator."""
-        law = None if isinstance(self.twin, ParametricObserver) else self.twin.law
-        settings = self.settings
         return rendered(
             f"c99/{name}",
             drive=self,
-            settings=settings,
-            law=law,
+            settings=self.settings,
+            law=self.twin.law,
             largest=_LARGEST_SAMPLE,
             **more,
         )
@@ -245,8 +235,6 @@ def _first_check(drive: DriveSource, history: History) -> int:
     Before the filter's past is gone, there are more unknowns, and rounding weighs more.
     """
     n = len(history.status)
-    if not isinstance(drive.twin, RecursiveLeastSquares):
-        return n // 4
     open_ = np.flatnonzero(history.status != Status.USED)
     determined = int(open_[-1]) + 1 if len(open_) else 0
     settled = 2 * drive.twin.law.memory  # samples: the filter remembers nothing of its start

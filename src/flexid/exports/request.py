@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
     from flexid.arms.result import ArmIdentification
-    from flexid.estimators.parametric_observer import ParametricObserver
     from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
     from flexid.estimators.samples import Samples
     from flexid.identification.preparation.joint import Joint
@@ -146,32 +145,25 @@ class EstimatorSettings:
 
     sample_time: float  # s
     hold: "Hold" = "zero"  # the input between samples
-    # by coefficient or row: the paper's observer, whose samples hold measured velocities
-    gain: Mapping[str, float] = field(default_factory=dict)
     filter_rate: float = 20.0  # 1/s, of the filter that positions pass
     memory: float = _MEMORY  # s, after which a sample weighs 1/e as much
     start: Mapping[str, float] = field(default_factory=dict)  # 0 where no value is given
 
     def __post_init__(self) -> None:
         check_sample_time(self.sample_time)
-        if not self.gain:
-            check_filter_rate(self.filter_rate, self.sample_time)
+        check_filter_rate(self.filter_rate, self.sample_time)
 
-    def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":
+    def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares":
         """The same estimator in Python."""
-        from flexid.estimators.parametric_observer import parametric_observer
         from flexid.estimators.recursive_least_squares import recursive_least_squares
 
-        h, hold, memory = self.sample_time, self.hold, self.memory
-        if self.gain:
-            return parametric_observer(system, self.gain, h, hold)
-        return recursive_least_squares(system, h, self.filter_rate, hold, memory)
+        return recursive_least_squares(
+            system, self.sample_time, self.filter_rate, self.hold, self.memory
+        )
 
     @property
     def summary(self) -> str:
         """What is estimated from what, in a line."""
-        if self.gain:
-            return "Constant gain, from positions, velocities and inputs."
         memory = "" if self.memory == inf else f", memory {self.memory:g} s"
         return (
             f"Least-squares gain{memory}, from positions and inputs through a filter of "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from math import isfinite
@@ -128,7 +128,6 @@ def export(
     out: FilePath,
     sample_time: float | None = None,
     hold: Literal["zero", "linear"] | None = None,
-    gain: Mapping[str, float] | None = None,
     filter_rate: float | None = None,
     memory: float | None = None,
     log: OneLog | None = None,
@@ -155,9 +154,6 @@ def export(
         Seconds between the estimator's samples; the log's if there is one.
     hold : {"zero", "linear"}, optional
         The input between samples; as it was identified, else zero.
-    gain : mapping of str to float, optional
-        Constant gains by row or coefficient: the paper's observer, which takes measured velocities,
-        too. Least squares if not given.
     filter_rate : float, optional
         Rate in 1/s of the filter that positions pass; as it was identified, else 20.
     memory : float, optional
@@ -174,10 +170,12 @@ def export(
 
     if to not in TARGETS:
         raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), TARGETS)}")
-    settings = {"hold": hold, "gain": gain, "filter_rate": filter_rate, "memory": memory}
+    settings = {"hold": hold, "filter_rate": filter_rate, "memory": memory}
     given = {name: value for name, value in settings.items() if value is not None}
-    sampled = {"sample_time": sample_time, "log": log}
-    _check_options(to, [*given, *(name for name, value in sampled.items() if value is not None)])
+    of_estimator = [n for n, v in (("sample_time", sample_time), ("log", log)) if v is not None]
+    if to != "c99" and (of_estimator or given):
+        option = [*given, *of_estimator][0]
+        raise SettingError(option, f"is of an online estimator, and {to} has none: leave it out")
     meant = _what_is_meant(what, terms, with_memory=to == "mjcf")
     if isinstance(meant, ExportRequest):
         if to == "c99":
@@ -191,17 +189,6 @@ def export(
         warnings = write(directory)
         names = sorted(path.name for path in directory.iterdir())
     return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
-
-
-def _check_options(to: str, given: Sequence[str]) -> None:
-    """Refuse options of an estimator that the target does not have, or that exclude each other."""
-    if given and to != "c99":
-        raise SettingError(given[0], f"is of an online estimator, and {to} has none: leave it out")
-    of_least_squares = [name for name in ("filter_rate", "memory") if name in given]
-    if "gain" in given and of_least_squares:
-        raise SettingError(
-            of_least_squares[0], "is of least squares, and a gain is given: leave one out"
-        )
 
 
 def _what_is_meant(

@@ -19,18 +19,11 @@
 %% endfor
 #endif
 
-%% if law
 #define FEWEST {{ law.fewest }}U /* equations before anything is called determined */
 #define PATIENCE {{ 8 * law.fewest }}U /* equations after which what is still open is open because of the motion */
 #define MEMORY {{ law.memory }}U /* equations after which the filter remembers nothing of the time before a gap */
 #define HALF_WINDOW {{ law.half_window }}U /* samples to either side that a velocity is the slope over */
 #define MIDDLE {{ law.half_window + 2 }}U /* the place in the window that equations are for */
-%% else
-#define SAMPLE_TIME {{ settings.sample_time | real }} /* h, s */
-%% endif
-%% if not law
-#define SLOWEST REAL(0.1) /* 1/s; where r^T G r is less, nothing converges */
-%% else
 #define FADING {{ law.fading | real }} /* mu, by which what was learnt fades per sample */
 #define FORGOTTEN {{ (1.0 - law.fading) | real }} /* 1 - mu */
 #define KEPT {{ ((1.0 - law.fading) * law.least_information) | real }} /* (1 - mu) of the part of the largest A[i][i] that is never forgotten */
@@ -45,7 +38,6 @@
 #define SAMPLES_PER_SECOND {{ (1.0 / settings.sample_time) | real }} /* 1/h, 1/s */
 #define POLE {{ law.pole | real }} /* of the filter lambda^2/(s + lambda)^2, exp(-lambda h) */
 #define ONE_LESS_POLE {{ (1.0 - law.pole) | real }} /* 1 - POLE */
-%% endif
 #define RECENT {{ drive.recent_weight | real }} /* weight of the latest sample in what is called recent */
 %% for is_float in (true, false)
 %% if is_float
@@ -54,12 +46,10 @@
 #else
 %% endif
 #define LARGEST_POWER {{ (1e36 if is_float else 1e300) | real }} /* beyond it a sum is taken for an overflow */
-%% if law
 #define RIDGE {{ (1e-6 if is_float else law.ridge) | real }} /* rho */
 #define LEAST_DIAGONAL {{ (1e-30 if is_float else 1e-200) | real }} /* below it a sum of squares counts as zero */
 #define LEAST_SQUARE {{ (1e-7 if is_float else 1e-16) | real }} /* part of A[i][i] that a factor's diagonal has at least, squared */
 #define LEAST_PIVOT {{ (1e-6 if is_float else 1e-12) | real }} /* part of the other past unknown's square that one must have */
-%% endif
 %% endfor
 #endif
 
@@ -107,13 +97,9 @@ bool flexid_restore(flexid_state *state, uint32_t checksum)
     }
     return whole;
 }
-%% if drive.constant
-%% include "c99/constant_gain.c"
-%% else
 %% include "c99/triangle.c"
 %% include "c99/rows_positions.c"
 %% include "c99/least_squares.c"
-%% endif
 flexid_health flexid_step(flexid_state *state, const flexid_sample *sample)
 {
     const flexid_real latest[FLEXID_SAMPLE_SIZE] = {
@@ -137,14 +123,10 @@ flexid_health flexid_step(flexid_state *state, const flexid_sample *sample)
 
 void flexid_estimates(const flexid_state *state, flexid_values *values)
 {
-%% for row, part in drive.system.row_slices()
+%% for row in drive.system.rows
 %% set place = loop.index0
 %% for name in row.coefficients
-%% if drive.constant
-    values->{{ drive.names[name] }} = state->value[{{ part.start + loop.index0 }}];
-%% else
     values->{{ drive.names[name] }} = state->row[{{ place }}].unknown[{{ loop.index0 }}];
-%% endif
 %% endfor
 %% endfor
 }

@@ -2,8 +2,6 @@
 #define FLEXID_COEFFICIENTS {{ drive.counts | sum }}U
 #define FLEXID_SIGNALS {{ drive.counts | sum + drive.counts | length }}U
 #define FLEXID_SAMPLE_SIZE {{ drive.sample_names | length }}U
-%% if law
 #define FLEXID_WIDTH {{ drive.counts | max + 2 }}U
 #define FLEXID_WINDOW {{ 2 * law.half_window + 3 }}U
-%% endif
 #define FLEXID_LARGEST ((flexid_real){{ largest }}) /* of a sample, in its unit */

@@ -1,4 +1,3 @@
-%% if law
 #define FLEXID_TRIANGLE ((FLEXID_WIDTH * (FLEXID_WIDTH + 1U)) / 2U)
 
 /* A sum, with what rounding took from it so far: what makes a float of years of samples. */
@@ -22,22 +21,6 @@ typedef struct {
     flexid_real recent_power;             /* mean of y^2, lately */
 } flexid_row;
 
-%% endif
-%% if drive.constant
-/* All that is kept from one sample to the next. A copy of it is a saved estimation; there is no
- * padding in it. */
-typedef struct {
-    uint32_t version; /* FLEXID_VERSION */
-    uint32_t health;  /* flexid_health of the last sample */
-    uint32_t samples; /* since the last gap, at most 1 */
-    uint32_t spare;   /* 0 */
-    flexid_real value[FLEXID_COEFFICIENTS];    /* the estimates */
-    flexid_real before[FLEXID_SIGNALS];        /* signals at the last sample */
-    flexid_real latest[FLEXID_SAMPLE_SIZE];    /* the last sample */
-    flexid_real innovation[FLEXID_ROWS];       /* measured less predicted change of velocity */
-    flexid_real convergence_rate[FLEXID_ROWS]; /* mean of r^T G r, lately, in 1/s */
-} flexid_state;
-%% else
 /* All that is kept from one sample to the next. A copy of it is a saved estimation; there is no
  * padding in it. */
 typedef struct {
@@ -57,4 +40,3 @@ typedef struct {
     flexid_real weight;                      /* the faded number of equations */
     flexid_row row[FLEXID_ROWS];
 } flexid_state;
-%% endif
