@@ -12,26 +12,17 @@ PD control on the motor with gravity compensation: P. Tomei, "A simple PD contro
 elastic joints", IEEE Transactions on Automatic Control 36 (1991) 1208. For a constant reference the
 equilibrium is the reference, globally so if joint and motor-side stiffness exceed the gravity's.
 Along a moving reference the damping acts on the motor's speed relative to that of its reference.
-
-Computed torque is feedback linearisation of the joint's fourth-order chain. The link's position x1
-is a flat output: differentiated four times, x1'''' meets the input, so
-
-    u makes  x1'''' = q_d'''' - Σ stiffness_i (x1 - q_d)^(i),   i = 0 … 3,
-
-exactly where the nominal coefficients are the true ones.
 """
 
 import hashlib
 import json
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
-from flexid.errors import ModelError, SettingError
+from flexid.errors import ModelError
 from flexid.models.expression import evaluate
 
 MAXIMUM_REFERENCE_ORDER = 4  # highest derivative of the reference that a controller may use
@@ -170,22 +161,3 @@ def pd_gravity(
         "derivative": derivative,
     }
     return Controller(**_DECLARED["pd-gravity"], parameters=parameters)
-
-
-COEFFICIENTS = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
-
-
-def computed_torque(
-    nominal: Mapping[str, float],  # values of `COEFFICIENTS` in SI units
-    poles: Sequence[float] = (-10.0, -10.0, -10.0, -10.0),  # of the tracking error, real, in 1/s
-) -> Controller:
-    """Declare the law for the flexible joint of Huang (2003), eq. (4)."""
-    missing = [name for name in COEFFICIENTS if name not in nominal]
-    if missing:
-        raise SettingError("nominal", f"{', '.join(missing)} missing: give a value for each")
-    if len(poles) != 4 or max(poles) >= 0.0:
-        raise SettingError("poles", f"{tuple(poles)} are not four negative numbers")
-    stiffness = np.poly(np.asarray(poles, dtype=float))[:0:-1]
-    parameters = {f"nominal_{name}": nominal[name] for name in COEFFICIENTS}
-    parameters |= {f"stiffness{i}": float(value) for i, value in enumerate(stiffness)}
-    return Controller(**_DECLARED["computed-torque"], parameters=parameters)

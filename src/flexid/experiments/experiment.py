@@ -10,7 +10,7 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any, Literal
 
-from flexid.control.laws import COEFFICIENTS, Controller, computed_torque, pd_gravity, robust_law
+from flexid.control.laws import Controller, pd_gravity, robust_law
 from flexid.control.loop import Multisine, constant, sinusoid
 from flexid.errors import (
     AccelerationError,
@@ -21,12 +21,10 @@ from flexid.errors import (
     did_you_mean,
 )
 from flexid.experiments.tables import (
-    ComputedTorqueLaw,
     ContinuousRun,
     ContinuousTables,
     FileModel,
     JointModel,
-    Law,
     Reference,
     SampledTables,
     Tables,
@@ -271,7 +269,7 @@ def _loop(
         "initial_estimates": {name: guessed.get(name, 0.0) for name in system.coefficients},
         "initial_state": tuple(tables.initial_state.values()),
         "reference": _reference(tables.reference, refuse),
-        "controller": _controller(tables.controller, refuse),
+        "controller": _LAWS[tables.controller.law](**tables.controller.model_dump(exclude={"law"})),
     }
     if like is not None:
         return like.with_values(**parts)
@@ -286,7 +284,6 @@ def _loop(
 _LAWS: dict[str, Callable[..., Controller]] = {
     "robust": robust_law,
     "pd-gravity": pd_gravity,
-    "computed-torque": computed_torque,
     "expressions": partial(Controller, "own law"),
 }
 _REFERENCES: dict[str, Callable[..., Multisine]] = {
@@ -295,16 +292,6 @@ _REFERENCES: dict[str, Callable[..., Multisine]] = {
     "constant": constant,
 }
 # Their arguments are called as the keys of their tables.
-
-
-def _controller(table: Law, refuse: Refuse) -> Controller:
-    values = table.model_dump(exclude={"law"})
-    if isinstance(table, ComputedTorqueLaw):
-        nominal = values["nominal"]
-        values["nominal"] = coefficient_values(
-            "controller.nominal", nominal, COEFFICIENTS, True, refuse, needed=COEFFICIENTS
-        )
-    return _LAWS[table.law](**values)
 
 
 def _reference(table: Reference, refuse: Refuse) -> Multisine:

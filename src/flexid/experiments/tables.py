@@ -49,7 +49,6 @@ def _printable(text: str) -> str:
 Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_of_a_drive)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
-Negative = Annotated[Number, Field(lt=0)]
 Exponent = Annotated[float, Field(ge=-6, le=6)]
 Whole = Annotated[int, BeforeValidator(_whole)]
 Numbers = Annotated[list[Number], Field(max_length=50)]
@@ -135,14 +134,6 @@ class PdGravityLaw(Table):
     nominal: PdNominal
 
 
-class ComputedTorqueLaw(Table):
-    """Feedback linearisation."""
-
-    law: Literal["computed-torque"]
-    poles: Annotated[list[Negative], Field(min_length=4, max_length=4)]  # 1/s
-    nominal: Values
-
-
 class OwnLaw(Table):
     """A law in expressions."""
 
@@ -225,7 +216,7 @@ Model = Annotated[
     Annotated[JointModel, Tag("a joint")] | Annotated[FileModel, Tag("a file")],
     Discriminator(_kind_of_model),
 ]
-Law = RobustLaw | PdGravityLaw | ComputedTorqueLaw | OwnLaw
+Law = RobustLaw | PdGravityLaw | OwnLaw
 Reference = SineReference | MultisineReference | ConstantReference
 
 
