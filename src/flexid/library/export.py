@@ -138,8 +138,8 @@ def export(
 
     c99 is the online estimator as one header and one source in C, with an example and a test
     vector. mjcf is the joint or arm of an estimate as a scene for MuJoCo; what MuJoCo has no word
-    for is left out, with a warning. fmu is the plant of an estimate as FMUs
-    for co-simulation, with sources and, where there is a compiler, compiled.
+    for is left out, with a warning. fmu is the plant of an estimate as FMUs for co-simulation, with
+    sources and, where there is a compiler, compiled.
 
     Parameters
     ----------
