@@ -76,12 +76,6 @@ class Store:
             return None
         return rows if rows["run"].to_list() == list(self.manifest.runs_of(part)) else None
 
-    @property
-    def kept(self) -> int:
-        """Number of runs whose files are there, read or not."""
-        there = (part for part in self.manifest.parts if self.path(part).exists())
-        return sum(len(self.manifest.runs_of(part)) for part in there)
-
     def missing(self) -> list[int]:
         """Numbers of the parts that have to be run, damaged ones among them."""
         return [part for part in self.manifest.parts if self.read(part) is None]

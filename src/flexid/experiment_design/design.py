@@ -67,12 +67,6 @@ class Design:
     warnings: tuple[str, ...]  # parts of an estimate that are not used, or are uncertain
 
     @property
-    def amplitudes(self) -> FloatArray:
-        """Amplitude of each tone, shape (m,), in the weights' unit."""
-        cosines, sines = np.split(self.weights, 2)
-        return np.hypot(cosines, sines)
-
-    @property
     def supported(self) -> bool:
         """Whether every coefficient would be known to 10 % or better."""
         return self.prediction.worst <= DETERMINED_DEVIATION
