@@ -44,8 +44,8 @@ def main() -> None:
     ]
     channels = {
         "time [s]": logs[0]["t_s"],
-        "motor_position [rad]": logs[0]["position_m"],
-        "motor_torque [N m]": logs[0]["force_N"],
+        "motor_position [m]": logs[0]["position_m"],
+        "motor_torque [N]": logs[0]["force_N"],
     }
     found = flexid.identify(channels, model="rigid")
     for name, value in found.parameters.items():

@@ -47,7 +47,7 @@ def coverage(seeds: int, *, with_terms: bool) -> None:
         held, widths, errors, healths, changes = [], [], [], [], 0
         for seed in range(_FIRST_SEED, _FIRST_SEED + seeds):
             trial = make_trial(family, seed)
-            session = watched(trial, trial.terms if with_terms else USUAL_TERMS)
+            session = watched(trial, trial.terms if with_terms else USUAL_TERMS["revolute"])
             healths.append(session.health.health.words)
             changes += session.n_changes
             for name, claim in session.parameters.items():
@@ -101,7 +101,7 @@ def departed(seeds: int) -> None:
     for family in sized([*FAMILIES], ["basic"]):
         for seed in range(_FIRST_SEED, _FIRST_SEED + seeds):
             trial = make_trial(family, seed)
-            session = watched(trial, USUAL_TERMS)
+            session = watched(trial, USUAL_TERMS["revolute"])
             drives += 1
             for less in _SHIFTS:
                 for half in (False, True):

@@ -132,6 +132,11 @@ def test_an_estimate_without_any_of_its_parameters_is_refused(examples, stored, 
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
+        (
+            "[parameters]",
+            'joint = "prismatic"\n[parameters]',
+            "prismatic joint has no gravity_torque",
+        ),
         ("torque = 30.0", "torque = nan", "limits.torque"),
         ("torque = 30.0", "torque = inf", "limits.torque"),
         ("torque = 30.0", "torque = -1.0", "limits.torque"),

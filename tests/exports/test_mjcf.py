@@ -84,6 +84,20 @@ def test_accelerations_are_those_of_the_model(unit, theta1):
     assert len(scene.notes) == (unit == "V")
 
 
+@pytest.mark.parametrize("unit", ["N", "A"])
+def test_a_linear_axis_slides(unit):
+    """Assert that bodies of a prismatic joint move on slides as the equations say."""
+    coefficients = {**PAPER, **SMOOTH, "theta1": 0.0, "theta_cosine": 0.0}
+    scene = mjcf_scene("flexible", coefficients, unit, "prismatic")
+    model = mujoco.MjModel.from_xml_string(scene.xml)
+    assert (model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE).all()
+    for x in np.random.default_rng(2).normal(size=(8, 4)):
+        found = _accelerations(scene, x, 1.7)
+        np.testing.assert_allclose(found, _by_hand(coefficients, x, 1.7), rtol=1e-6)
+    assert all("1 kg," in note for note in scene.notes)
+    assert len(scene.notes) == (unit == "A")
+
+
 def test_without_gravity():
     """Assert that a link which nothing pulls down has no lever."""
     described = {c: v for c, v in PAPER.items() if c != "theta1"}

@@ -134,7 +134,7 @@ def test_a_product_of_determined_values_has_a_width_of_its_own():
 def test_constants_of_shapes_are_judged_by_their_width():
     """Assert value, interval, unit and verdict of a constant."""
     found = constant_estimates(
-        {"stribeck_velocity": (0.15, 0.01, 50.0), "bend_deflection": (0.3, 0.1, 50.0)}
+        flexible(), {"stribeck_velocity": (0.15, 0.01, 50.0), "bend_deflection": (0.3, 0.1, 50.0)}
     )
     velocity, bend = found["stribeck_velocity"], found["bend_deflection"]
     half = 0.01 * float(t.ppf(0.975, 50.0))

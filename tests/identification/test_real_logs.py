@@ -75,14 +75,14 @@ def test_arm_has_one_stiffness_whatever_the_voltage(identified):
     assert max(a, c) <= min(b, d)
 
 
-def test_slide_has_its_published_mass_and_friction(identified):
+def test_slide_has_its_published_mass_and_friction(shared_data):
     """Assert that EMPS has no gravity, and what Janot, Gautier and Brunot (2019) published.
 
-    A prismatic axis, 1 m called 1 rad and 1 N called 1 N m.
+    It is known as a linear axis by the names of its columns.
     """
-    slide = identified(
-        "emps/emps_train.csv", motor_position=("position_m", "rad"), motor_torque=("force_N", "N m")
-    )
+    slide = identify([read_log(shared_data / "emps/emps_train.csv")])
+    assert slide.joint == "prismatic"
+    assert slide.parameters["inertia"].unit == "kg"
     published = {"inertia": 95.1, "viscous_friction": 203.5, "coulomb_friction": 20.39}
     for name, value in published.items():
         lower, upper = slide.parameters[name].interval

@@ -36,14 +36,15 @@ USUAL = {
     ),
     "motor_voltage": ("u_V", "voltage", "v_m (V)", "V [mV]"),
     "deflection": ("torsion angle [deg]", "Verdrehwinkel / °", "joint_deflection", "扭转角度"),
-    "position": ("position", "angle", "q", "ActualPosition"),
-    "velocity": ("velocity", "speed_rpm"),
+    "position": ("position", "angle", "q", "ActualPosition", "Weg [mm]", "displacement_um"),
+    "velocity": ("velocity", "speed_rpm", "v [m/s]", "speed_mm/s"),
+    "force": ("force", "Kraft [kN]", "motor_force"),
 }
 STRANGE = (
     *("x1", "a1_q_link_deg", "motor", "load [N m]", "motor [bar]", "tau_l", "link_torque", "i"),
     *("u", "temperature", "torque_cmd", "position_desired", "motor_link_angle", "q_dot_dot"),
     *("position[0]", "pot_V", "", "torque ²", "Winkel * 2", "q̇_m", "-tau", "T [°C]", "tau*1000"),
-    *("last_position", "POS_A", "pos_V", "v", "v [m/s]", "u [rad]", "position error", "τ̇"),
+    *("last_position", "POS_A", "pos_V", "v", "u [rad]", "position error", "τ̇"),
     *("tension", "spring_torque", "torsional torque", "link_deflection", "twist.linear.x", "input"),
 )
 
@@ -102,6 +103,10 @@ NAMED: dict[str, dict[str, Any]] = {
     "times in paths": named(time="out.position.Time") | {"out.link.Time": TIME},
     "a voltage of the q axis": named(time="Target", link_position="Voltage_q"),
     "metres": {"time": TIME, "position [m]": MOTOR, "current [A]": TORQUE},
+    "newtons": {"t_s": TIME, "position_m": MOTOR, "force_N": TORQUE},
+    "a force without a unit": {"time": TIME, "q_l": LINK, "q_m": MOTOR, "Kraft": TORQUE},
+    "a force beside a torque": {"time": TIME, "q_m": MOTOR, "tau": TORQUE, "force": TORQUE},
+    "metres and radians": {"time": TIME, "q_l [m]": LINK, "q_m [rad]": MOTOR, "tau": TORQUE},
     "two names": named("motor_position") | {"theta_m": MOTOR, "motor_angle": 2.0 * MOTOR},
 }
 
@@ -129,6 +134,12 @@ UNITS = {
     (1.0, "N m"): ("Nm", "N·m", "N\u22c5m", "N.m", "Newton metre"),
     (1e-3, "N m"): ("mNm", "Nmm"),
     (1e3, "N m"): ("kN m",),
+    (1e-3, "m"): ("mm", "millimetres", "1e-3 m"),
+    (1e-6, "m"): ("um", "µm", "micron"),
+    (1.0, "m/s"): ("m/s", "m s^-1"),
+    (1e-3 / 60.0, "m/s"): ("mm/min",),
+    (1e3, "N"): ("kN",),
+    (9.80665, "N"): ("kgf",),
     (1e-3, "V"): ("mV",),
     (1e-3, "A"): ("mA",),
     (1e-3, "s"): ("ms",),
@@ -154,10 +165,12 @@ REFUSED = (  # what has the dimension by accident, or another; and what is no un
 
 def test_units_that_are_refused(golden: Any) -> None:
     """Assert that the message says what to write instead."""
+    turns = dict.fromkeys(REFUSED, ("s", "rad", "rad/s", "N m", "V", "A"))
+    slides = dict.fromkeys(("MM", "deg", "mN m", "cnts", "%"), ("m", "N"))
     found = {}
-    for text in REFUSED:
+    for text, units in (turns | slides).items():
         with pytest.raises(UnitError) as caught:
-            scale_to_si(text, tuple(EXAMPLES))
+            scale_to_si(text, units)
         found[repr(text)] = str(caught.value)
     golden(found)
 

@@ -18,6 +18,7 @@ def test_an_address_says_all():
         "offset.motor_position": "1e-9",
         "column.time": "t",
         "gear_ratio": "101",
+        "lead": "1/200",
         "model": "flexible",
         "hold": "zero",
         "terms": "gravity,motor_viscous",
@@ -25,7 +26,7 @@ def test_an_address_says_all():
     }
     sources = {"motor_position": Source("q & <b>", "deg", -0.5, 1e-9), "time": Source("t")}
     terms = ("gravity", "motor_viscous")
-    assert read_choices(values) == Choices(sources, 101.0, "flexible", "zero", terms, True)
+    assert read_choices(values) == Choices(sources, 101.0, "flexible", "zero", terms, True, 0.005)
     assert read_choices({}) == Choices()
     assert read_choices({"terms": ""}).terms == ()  # which is not what the log shows
 

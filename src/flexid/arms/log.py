@@ -73,6 +73,9 @@ def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog
         own = _columns_of(file, table, given, joint, joints)
         whole = table if is_text else table_of_file(path, own)
         logs.append(log_of_table(whole, own))
+        if logs[-1].recordings[0].joint == "prismatic":
+            reason = "slides, and the joints of a planar arm turn: identify it alone"
+            raise RecordingError(file, f"joint {joint}", reason)
     return ArmLog(
         _together(file, logs),
         tuple(log.recordings[0].input_unit for log in logs),

@@ -135,7 +135,7 @@ OPTIONS = {
     ),
     "checkpoint": _FILE._replace(note="Saved into each minute, at the end, and on Ctrl-C."),
     "columns": _FILE,
-    "coulomb_velocity": Option(str, "RAD/S", parse_number),
+    "coulomb_velocity": Option(str, "VELOCITY", parse_number),
     "duration": _SECONDS,
     "estimate": _FILE,
     "every": _SECONDS,

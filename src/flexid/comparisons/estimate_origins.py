@@ -70,6 +70,8 @@ def _facts(estimate: Either) -> dict[str, Any]:
         "flexid": provenance.get("flexid_version"),
     }
     asked = provenance.get("settings", {})
+    if estimate.model != "arm":
+        facts["joint"] = estimate.joint
     facts |= {f"{name} (asked)": value for name, value in asked.items() if name != "model"}
     for channel, origin in next(iter(logs), {}).get("columns", {}).items():
         facts[f"column of {channel}"] = {k: v for k, v in origin.items() if k != "unit"}
@@ -95,10 +97,11 @@ def _chosen(estimate: Either) -> dict[str, Any]:
 
 def doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
     """What limits a comparison, a sentence each."""
-    if a.model != b.model:
+    first, second = map(_joint, (a, b))
+    if first != second:
         yield (
-            f"A is of {_JOINTS[a.model]} and B of {_JOINTS[b.model]}: only what has the same "
-            f"name, meaning and unit in both is compared"
+            f"A is of {first} and B of {second}: only what has the same name, meaning and unit in "
+            f"both is compared"
         )
     if logs == "some shared":
         yield (
@@ -133,6 +136,13 @@ _JOINTS = {
     "rigid": "a rigid joint",
     "arm": "an arm",
 }
+
+
+def _joint(estimate: Either) -> str:
+    """What an estimate is of, in words."""
+    words = _JOINTS[estimate.model]
+    slides = estimate.model != "arm" and estimate.joint == "prismatic"
+    return f"{words} that slides" if slides else words
 
 
 def _is_unexplained(estimate: Either) -> bool:

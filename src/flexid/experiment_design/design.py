@@ -30,8 +30,8 @@ class Prediction:
     # predicted standard deviation of each coefficient over its value
     deviations: Mapping[str, float]
     e_deviation: float  # criterion E as a relative standard deviation
-    peaks: Mapping[str, float]  # torque in N m, velocity in rad/s, position and deflection in rad
-    torque_rms: float  # N m
+    peaks: Mapping[str, float]  # of each channel that has a limit
+    torque_rms: float
     within_limits: bool  # of the drive as believed
 
     @property
@@ -54,7 +54,7 @@ class Design:
 
     drive: Drive
     angular_frequencies: FloatArray  # (m,): rad/s
-    weights: FloatArray  # (2 m,): of cosines and sines; N m for a torque, rad for a trajectory
+    weights: FloatArray  # (2 m,): of cosines and sines, of a torque or a trajectory
     time: FloatArray  # (n,): s
     command: Command
     run: CaseRun  # of the drive as believed

@@ -19,8 +19,10 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.models.flexible_joint import SHAPE_TERMS, flexible_joint
+from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
+from flexid.models.terms import COULOMB_VELOCITY
 from flexid.simulation.free_run import Command, play
 from flexid.stored_estimates.estimate_file import StoredEstimate
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
@@ -65,9 +67,9 @@ class Parameters(_Table):
 
 
 class Limits(_Table):
-    """Largest magnitudes: torque in N m, velocity in rad/s, position and deflection in rad.
+    """Largest magnitudes, of which velocity and position hold for link and motor.
 
-    Velocity and position hold for link and motor.
+    Torque in N m, velocity in rad/s, position and deflection in rad; of a prismatic joint in N, m.
     """
 
     torque: Positive
@@ -77,7 +79,7 @@ class Limits(_Table):
 
 
 class Sensors(_Table):
-    """Noise of both encoders: in rad, or as bits per turn of the joint."""
+    """Noise of both encoders: in rad or m, or as bits per turn of the joint."""
 
     position_noise: Positive | None = None
     encoder_bits: Annotated[int, Field(ge=6, le=32)] | None = None
@@ -90,7 +92,7 @@ class Sensors(_Table):
 
     @property
     def noise(self) -> float:
-        """Standard deviation of each encoder in rad."""
+        """Standard deviation of each encoder."""
         if self.position_noise is not None:
             return self.position_noise
         return float(2.0 * np.pi / 2.0 ** (self.encoder_bits or 0) / np.sqrt(12.0))
@@ -114,11 +116,22 @@ class Experiment(_Table):
 class Drive(_Table):
     """A drive as it is believed to be, and the experiment wanted on it: a whole file."""
 
+    joint: JointType = "revolute"
     known: list[Literal["motor_inertia"]] = []  # known exactly; only this can be known alone
     parameters: Parameters
     limits: Limits
     sensors: Sensors
     experiment: Experiment
+
+    @model_validator(mode="after")
+    def _has_angles(self) -> "Drive":
+        angular = self.parameters.gravity_torque, self.sensors.encoder_bits
+        if self.joint == "prismatic" and any(value is not None for value in angular):
+            raise ValueError(
+                "a prismatic joint has no gravity_torque and no encoder_bits: give a "
+                "link_offset_torque in N, and position_noise in m"
+            )
+        return self
 
     @property
     def values(self) -> dict[str, float]:
@@ -128,6 +141,7 @@ class Drive(_Table):
     def document(self) -> dict[str, Any]:
         """What is believed and wanted, with all defaults."""
         return {
+            "joint": self.joint,
             "parameters": self.values,
             "known": self.known,
             "limits": self.limits.model_dump(),
@@ -160,7 +174,7 @@ class Drive(_Table):
             term for term, parameter in TERM_PARAMETERS.items() if parameter in parameters
         )
         known = {"beta1": coefficients["beta1"]} if self.known else {}
-        system = flexible_joint(terms, known)
+        system = flexible_joint(terms, known, COULOMB_VELOCITY[self.joint])
         return Case(name, system, {c: coefficients[c] for c in system.coefficients})
 
     @property
@@ -244,7 +258,7 @@ class CaseRun:
     """What a case did under a command."""
 
     states: FloatArray  # (n, 4): link position and velocity, motor position and velocity
-    torque: FloatArray  # (n,): N m, held from each sample to the next
+    torque: FloatArray  # (n,): held from each sample to the next
     sample_time: float  # s
 
     def _channels(self) -> dict[str, FloatArray]:
@@ -269,7 +283,7 @@ class CaseRun:
         return {name: peak / getattr(limits, name) for name, peak in self.peaks().items()}
 
     def motion(self, case: Case, noise: float) -> tuple[SegmentedMotion, Point]:
-        """The case's motion over segments, as two encoders with white noise in rad see it."""
+        """The case's motion over segments, as two encoders with white noise see it."""
         samples = Samples(self.states[:, ::2], None, self.torque[:, None], self.sample_time)
         segments = divide([samples], SEGMENT_DURATION)
         point = Point(case.values, self.states[segments.starts])
@@ -320,7 +334,10 @@ def read_drive(
 def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
     """Replace parameters by estimates of the same name; returns warnings."""
     estimate = stored.of_joint
-    believed = content["parameters"]
+    believed, joint = content["parameters"], content.get("joint", "revolute")
+    if estimate.joint != joint:
+        reason = f"is {estimate.joint!r}, and that of the drive file {joint!r}: let them agree"
+        raise stored.refuse("joint", reason)
     shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
     missing = [n for n in estimate.parameters if n in Parameters.model_fields and n not in believed]
     warnings, guessed = [], []

@@ -68,7 +68,7 @@ class JointModel(Table):
 
     terms: list[Name] = list(PAPER_TERMS)
     known: list[Name] = ["beta1"]
-    coulomb_velocity: Positive = COULOMB_VELOCITY  # rad/s
+    coulomb_velocity: Positive = COULOMB_VELOCITY["revolute"]  # rad/s
 
     def system(self, _folder: Path, refuse: Refuse) -> ParametricSystem:
         """The model; known coefficients have the value 1."""

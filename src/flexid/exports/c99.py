@@ -61,11 +61,7 @@ class DriveSource:
 
     def sample_unit(self, name: str) -> str:
         """Unit of what a sample holds, for a comment."""
-        if not self._units:
-            return "in the model's unit"
-        if name in self.system.inputs:
-            return comment(self._units.get(name) or "the input, in the model's unit")
-        return "rad"
+        return comment(self._units.get(name) or "in the model's unit")
 
     def equation(self, row: Row) -> str:
         """The right-hand side of a row, as eq. (1) has it."""

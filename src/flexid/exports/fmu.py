@@ -76,7 +76,7 @@ class Plant:
 
 def plant_of(request: ExportRequest) -> Plant:
     """The model with its values, as a plant."""
-    system = without_jumps(request.system)
+    system = without_jumps(request.system, request.joint)
     missing = [name for name in system.coefficients if name not in request.values]
     if missing:
         raise SettingError(
@@ -86,15 +86,13 @@ def plant_of(request: ExportRequest) -> Plant:
     values = {name: float(request.values[name]) for name in system.coefficients}
     regressors = {name: text for row in system.rows for name, text in row.regressors.items()}
     named = (*system.inputs, *regressors, *system.constants)
-    units = {**dict.fromkeys(named, ""), **request.units}
+    angles = dict.fromkeys(system.states[::2], "rad") | dict.fromkeys(system.states[1::2], "rad/s")
+    units = {**dict.fromkeys(named, ""), **angles, **request.units}
     variables = (
         *(
-            Variable(name, "output", 0.0, unit, f"{what} of the {row.name}")
+            Variable(name, "output", 0.0, units[name], f"{what} of the {row.name}")
             for row in system.rows
-            for name, unit, what in (
-                (row.coordinate, "rad", "position"),
-                (row.velocity, "rad/s", "velocity"),
-            )
+            for name, what in ((row.coordinate, "position"), (row.velocity, "velocity"))
         ),
         *(Variable(name, "input", 0.0, units[name], "held over a step") for name in system.inputs),
         *(Variable(n, "parameter", values[n], units[n], text) for n, text in regressors.items()),
@@ -141,8 +139,8 @@ def _warnings(request: ExportRequest, plant: Plant) -> list[str]:
     found = []
     if SMOOTHING in {v.name for v in plant.variables}:
         found.append(
-            f"the plant's friction changes its sign over {SMOOTHING}, a parameter in rad/s: it "
-            f"creeps where the drive sticks"
+            f"the plant's friction changes its sign over {SMOOTHING}, a parameter: it creeps "
+            f"where the drive sticks"
         )
     if request.identification is not None:
         found += request.doubts

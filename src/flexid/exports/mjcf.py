@@ -1,9 +1,10 @@
 """An identified joint as a MuJoCo scene.
 
-Link and motor are two hinges about one axis, and a fixed tendon between them is the spring. The
-link hangs under gravity at a lever that, with its mass, gives the identified torque; the motor's
-inertia is its hinge's armature. What MuJoCo has no word for is left out, and named. A scene is
-bodies on hinges, springs between them, actuators and sensors; that of an arm is made of the same.
+Link and motor are two hinges about one axis, or two slides along one that is level, and a fixed
+tendon between them is the spring. The link hangs under gravity at a lever that, with its mass,
+gives the identified torque; the motor's inertia is its hinge's armature. What MuJoCo has no word
+for is left out, and named. A scene is bodies on hinges, springs between them, actuators and
+sensors; that of an arm is made of the same.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from flexid.exports.request import ExportRequest, check_known, rendered
 from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.identification.preparation.joint import Kind
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, TIES
+from flexid.models.motion import FORCES, JointType, unit_of
 from flexid.stored_estimates.structure import delays_of, values_of
 
 NOTHING = 1e-9  # of the armature: the engine wants every body to have some inertia
@@ -51,7 +53,7 @@ class Spring(NamedTuple):
     damping: float = 0.0
     hysteresis: float = 0.0
     half_gap: float = 0.0
-    rest: float = 0.0  # rad, of link less motor, where it has no torque
+    rest: float = 0.0  # of link less motor, where it has no torque
 
 
 class Shape(NamedTuple):
@@ -86,6 +88,19 @@ class Joint(NamedTuple):
     gain: float  # torque over input
     motor_offset: float  # constant torques
     link_offset: float = 0.0
+
+
+class Hinge(NamedTuple):
+    """How all bodies of a scene move."""
+
+    type: str  # in MuJoCo's words
+    axis: str
+
+
+_HINGES: Mapping[JointType, Hinge] = {
+    "revolute": Hinge("hinge", "0 1 0"),
+    "prismatic": Hinge("slide", "1 0 0"),
+}
 
 
 @dataclass(frozen=True)
@@ -128,7 +143,7 @@ def scene(
     joints: Sequence[Joint],
     *,
     gravity: tuple[float, float, float],
-    axis: str,  # of all hinges
+    hinge: Hinge,
     delay: float,  # s, of the inputs
     step: float,  # s
 ) -> Scene:
@@ -141,7 +156,7 @@ def scene(
         bodies=bodies,
         joints=joints,
         gravity=gravity,
-        axis=axis,
+        hinge=hinge,
         # The engine draws straight lines between inputs that are held over a step: half a step.
         delay=delay + 0.5 * step if delay > 0.0 else 0.0,
         step=step,
@@ -162,15 +177,14 @@ def _text(*numbers: float) -> str:
     return " ".join(f"{number + 0.0:.10g}" for number in numbers)
 
 
-TORQUE = "N m"
-
 _GRAVITY = 9.81  # m/s^2; only its product with mass and lever acts
 _LONGEST_LEVER = 1.0  # m
 
 _HEADING = (
-    "A joint that flexid identified. SI units; angles at the link's side of the gear.",
+    "A joint that flexid identified. SI units; positions at the link's side of the gear.",
     "Of mass, lever and gravity only the product acts on the link.",
 )
+_SLIDING = 1e-3  # kg m^2 of a body that does not turn: the engine wants some
 
 
 def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
@@ -184,6 +198,7 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
         result.model,
         values,
         result.input_unit,
+        result.joint,
         delays=delays_of(result),
     )
     (directory / "joint.xml").write_text(made.xml, encoding="utf-8")
@@ -198,7 +213,8 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
 def mjcf_scene(
     kind: Kind,
     coefficients: Mapping[str, float],
-    input_unit: str = TORQUE,
+    input_unit: str = "N m",
+    joint: JointType = "revolute",
     *,
     delays: Mapping[str, float] = MappingProxyType({}),  # s, by name
 ) -> Scene:
@@ -210,8 +226,8 @@ def mjcf_scene(
             "with the motor's torque",
         )
     values = dict(coefficients)  # what the scene has is taken out of them
-    torque = input_unit == TORQUE
-    notes = [] if torque else [_scaled(input_unit)]
+    torque = input_unit in FORCES
+    notes = [] if torque else [_scaled(input_unit, joint)]
     gain = values.pop("beta1")
     inertia = 1.0 / gain if torque else 1.0
     by_motor, by_link = values.pop("alpha1", 0.0), values.pop("theta2", 0.0)
@@ -232,22 +248,33 @@ def mjcf_scene(
     motor = motor._replace(coulomb=possible(motor.coulomb, "the motor's Coulomb friction", notes))
     dry = any(side is not None and side.coulomb > 0.0 for side in (link, motor))
     dry |= spring is not None and spring.hysteresis > 0.0
-    bodies = [_pendulum("motor", motor)]
-    if link is not None:
+    if joint == "prismatic":
+        sides = {"motor": motor} if link is None else {"link": link, "motor": motor}
+        bodies = [_carriage(name, side) for name, side in sides.items()]
+    elif link is None:
+        bodies = [_pendulum("motor", motor)]
+    else:
         seen = Shape("cylinder", (0.0, 0.05, 0.0, 0.0, 0.1, 0.0), 0.05)
         bodies = [_pendulum("link", link), rotor("motor", motor, shape=seen)]
     link_offset = 0.0 if link is None else link.offset
     return scene(
         "rigid joint" if link is None else "flexible joint",
-        _HEADING,
+        _HEADING[: 2 if joint == "revolute" else 1],
         notes,
         bodies,
         [Joint("", spring, gain * motor.inertia, motor.offset, link_offset)],
         gravity=(0.0, 0.0, -_GRAVITY),
-        axis="0 1 0",
+        hinge=_HINGES[joint],
         delay=delay,
         step=timestep(fastest, dry=dry),
     )
+
+
+def _carriage(name: str, side: Side) -> Body:
+    """A body that slides."""
+    place = 0.1 if name == "motor" else 0.0
+    shape = Shape("capsule", (0.0, place, 0.0, 0.1, place, 0.0), 0.04)
+    return Body(name, side, side.inertia, _SLIDING, shape=shape)
 
 
 def _pendulum(name: str, side: Side) -> Body:
@@ -268,10 +295,10 @@ def _pendulum(name: str, side: Side) -> Body:
     )
 
 
-def _scaled(unit: str) -> str:
+def _scaled(unit: str, joint: JointType) -> str:
     return (
         f"the input is in {unit}, so that no torque is known: the motor's inertia is set to "
-        f"1 kg m^2, and all torques follow from that"
+        f"1 {unit_of('kg m^2', joint)}, and all torques follow from that"
     )
 
 

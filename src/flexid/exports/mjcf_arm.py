@@ -15,8 +15,8 @@ from flexid.arms.disturbed import resonances
 from flexid.arms.result import ArmIdentification
 from flexid.exports.mjcf import (
     NOTHING,
-    TORQUE,
     Body,
+    Hinge,
     Joint,
     Scene,
     Side,
@@ -29,7 +29,7 @@ from flexid.exports.mjcf import (
 from flexid.exports.request import check_known, impossible
 from flexid.models.planar_arm import PlanarArm, planar_arm
 
-_AXIS = "0 -1 0"  # about which x turns towards z
+_HINGE = Hinge("hinge", "0 -1 0")  # about which x turns towards z
 _SLACKS = (2.0, 1.2, 1.02)  # mass over the least that a body of some moment and inertia has
 _HEADING = (
     "An arm that flexid identified. SI units; angles at the link's side of the gear.",
@@ -51,7 +51,7 @@ def arm_scene(result: ArmIdentification) -> Scene:
     arm, notes = result.arm, []
     values = {**result.fit.by_name, **result.fixed}
     check_known(values)
-    if TORQUE not in result.input_units:
+    if "N m" not in result.input_units:
         notes.append(
             "no input is a torque, so that no inertia is known: the torque constant of joint 1 is "
             "set to 1, and all inertias follow from that"
@@ -92,7 +92,7 @@ def arm_scene(result: ArmIdentification) -> Scene:
             for joint in joints
         ],
         gravity=(along, 0.0, across),
-        axis=_AXIS,
+        hinge=_HINGE,
         delay=result.input_delay,
         step=timestep(float(resonances(planar_arm(arm), values).max()), dry=dry),
     )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from flexid.errors import SettingError
 from flexid.estimators.state_variable_filter import check_filter_rate
 from flexid.models.flexible_joint import CONSTANT_UNITS, SQUARES
+from flexid.models.motion import JointType, unit_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import SMOOTHING, declared_row
 from flexid.recording.sampling import check_sample_time
@@ -32,10 +33,16 @@ class ExportRequest:
 
     system: ParametricSystem  # given coefficients are its constants, Coulomb friction is smoothed
     values: Mapping[str, float] = field(default_factory=dict)  # of its coefficients, where known
-    units: Mapping[str, str] = field(default_factory=dict)  # of coefficients, constants and inputs
+    # of coefficients, constants, inputs and states; empty where the model has none
+    units: Mapping[str, str] = field(default_factory=dict)
     identification: "Identification | None" = None
     settings: "EstimatorSettings | None" = None  # of the online estimator
     samples: "Samples | None" = None  # motion to test it with
+
+    @property
+    def joint(self) -> JointType:
+        """How the joint moves."""
+        return "revolute" if self.identification is None else self.identification.joint
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -59,7 +66,7 @@ def request_of_identification(
 
     values = values_of(result, 0)
     given = (result.given | SQUARES) & {*values}
-    joint = joint_of(result.model)
+    joint = joint_of(result.model, result.joint)
     _check_possible(result)
     for name in () if with_memory else joint.grips.keys() & values.keys():
         term = joint.of_coefficient(name) or name
@@ -74,11 +81,11 @@ def request_of_identification(
         constants[SMOOTHING] = result.choices.coulomb_velocity
     system = _with_terms(joint, values, given, constants)
     units = {name.partition("[")[0]: c.unit for name, c in result.coefficients.items()}
-    units |= {name: unit for name, unit in CONSTANT_UNITS.items() if name in system.constants}
-    if result.model == "link":  # the motor's motion is its input
-        units |= dict(zip(system.inputs, ("rad", "rad/s"), strict=True))
-    else:
-        units |= dict.fromkeys(system.inputs, result.input_unit)
+    motion = [*system.states, *(system.inputs if result.model == "link" else ())]
+    declared = {name: unit for name, unit in CONSTANT_UNITS.items() if name in system.constants}
+    declared |= dict.fromkeys(motion[::2], "rad") | dict.fromkeys(motion[1::2], "rad/s")
+    units |= dict.fromkeys(system.inputs, result.input_unit)
+    units |= {name: unit_of(unit, result.joint) for name, unit in declared.items()}
     return ExportRequest(
         system,
         {name: values[name] for name in system.coefficients if isfinite(values[name])},

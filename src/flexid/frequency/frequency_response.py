@@ -28,6 +28,7 @@ from flexid.identification.vocabulary.intervals import (
     checked_level,
     logarithmic_interval,
 )
+from flexid.models.motion import unit_of
 from flexid.recording.recording import Hold, Recording
 
 _SEGMENTS = 8  # that a log is cut into; with those that overlap by half, 15 are averaged
@@ -251,10 +252,11 @@ def frequency_response(
 def _input(joint: LinearJoint, result: Identification) -> tuple[str, str]:
     """Name of the input, and the unit of a response to it."""
     if not joint.shown.by_force:
-        return "motor position", "rad/rad"
-    per_input = result.coefficients["beta1"].unit.removeprefix("rad/s^2")
-    names = {"/(N m)": "torque", "/A": "current", "/V": "voltage"}
-    return names.get(per_input, "input"), f"rad/s{per_input}"
+        return "motor position", "{0}/{0}".format(unit_of("rad", result.joint))
+    names = {"N m": "torque", "N": "force", "A": "current", "V": "voltage"}
+    per_input = result.coefficients["beta1"].unit.partition("/s^2")[2]
+    name = names.get(result.input_unit, "input")
+    return name, unit_of("rad/s", result.joint) + per_input
 
 
 def _characteristic(joint: LinearJoint, level: float) -> tuple[Frequency, ...]:

@@ -123,7 +123,7 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}
     rest = _hanging(found) if position is None else position
     if not np.isfinite(rest):
-        raise SettingError("position", f"must be a finite angle in rad, got {rest}")
+        raise SettingError("position", f"must be a finite position in rad or m, got {rest}")
     slopes = slopes_of([result.coefficients.get(name) for name in found], result.fit.names)
     finite = np.isfinite(np.diag(result.fit.covariance))
     free = (slopes[:, ~finite] != 0.0).any(axis=1) | lost

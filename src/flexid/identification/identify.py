@@ -52,6 +52,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.intervals import interval
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.motion import unit_of
 from flexid.models.parameter_kinds import Directional
 from flexid.models.terms import SMOOTHING
 from flexid.recording.caution import Rank, cautions, ranked
@@ -93,7 +94,8 @@ def identify(
     exact = found.disturbances is None
     compliance = _compliance(job, numbers.coefficients, validation)
     if (found.doubts or not exact) and np.isfinite(compliance.deflection):
-        reason = f"the deflection moves by {compliance.deflection:.2g} rad, {found.prediction}"
+        moved = f"{compliance.deflection:.2g} {unit_of('rad', job.joint.type)}"
+        reason = f"the deflection moves by {moved}, {found.prediction}"
         visible = not found.doubts or "theta2" not in found.doubted
         compliance = replace(compliance, visible=visible, reason=reason)
     choices = replace(_choices(fits, numbers.estimate, settings), amplifier=amplifier)
@@ -104,6 +106,7 @@ def identify(
         choices = replace(choices, alignment=skewed.delays_the_link(choices.alignment))
     return Identification(
         model=job.joint.kind,
+        joint=job.joint.type,
         coefficients=numbers.coefficients,
         parameters=numbers.parameters,
         least_squares={n: v for n, v in fits.squares.by_name.items() if n in numbers.coefficients},
@@ -187,7 +190,7 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     parameters = {name: p.because(*_widest(p, found)) for name, p in parameters.items()}
     if not reported.problem.observer:
         constants = sought_constants(joined.estimate, reported)
-        parameters |= constant_estimates(constants, thresholds)
+        parameters |= constant_estimates(job.joint, constants, thresholds)
     against = contradicted[0] if contradicted else "" if reported.converged else _ENDLESS
     if against:  # nothing that rests on it is known
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": against}
@@ -270,7 +273,7 @@ def _removed(
     # Friction by direction of a model without asymmetry is its mean, which is reported.
     known = {*kept} | {
         p.name
-        for p in job.joint.parameters(full.structure.joint.units, job.input_unit == "N m")
+        for p in job.joint.parameters(full.structure.joint.units, job.input_unit)
         if isinstance(p, Directional)
     }
     return {name: p for name, p in found.items() if name not in known}

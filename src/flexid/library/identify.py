@@ -68,7 +68,7 @@ def identify(
         Logs of one drive. Paths of files, data frames of pandas, Polars, PyArrow or another library
         that `narwhals` knows, mappings of arrays, or what `flexid.read_log` read. Columns are found
         by name, with their unit in brackets: ``"time [s]"``, ``"link_position [deg]"``,
-        ``"motor_position [deg]"``, ``"motor_torque [N m]"``.
+        ``"motor_position [deg]"``, ``"motor_torque [N m]"``; of a prismatic joint in m and N.
     columns : path or mapping, optional
         A column map, which renames, scales and combines raw columns: a TOML file. Or what it would
         hold, ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
@@ -91,7 +91,7 @@ def identify(
     link_delay : float, optional
         Seconds by which the link's encoder lags behind the motor's.
     coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes sign; auto: at once.
+        Velocity in rad/s or m/s over which Coulomb friction changes sign; auto: at once.
     filter_rate : float, optional
         Rate in 1/s of the filter of least squares.
     segment_duration : float, optional

@@ -48,6 +48,8 @@ class JointEstimate(Answer):
     result: Identification
     model: str
     """``"flexible"``; ``"link"`` where there is no input, ``"rigid"`` with one encoder."""
+    joint: str
+    """``"revolute"``; ``"prismatic"`` where it slides, and values are in m, N and kg."""
     parameters: Mapping[str, ParameterEstimate]
     """Physical parameters by name: value, unit, interval, verdict and reason of each."""
     coefficients: Mapping[str, CoefficientEstimate]
@@ -82,7 +84,7 @@ class JointEstimate(Answer):
 
     @property
     def residuals(self) -> Mapping[str, NDArray[np.float64]]:
-        """Measured minus simulated held-out data in rad by channel; none of a loaded estimate."""
+        """Measured minus simulated held-out data in rad or m by channel; none of a loaded one."""
         found = self.result.validation
         off = [run.measured - run.simulated for run in found.runs]
         return dict(zip(found.fit_percent, np.concatenate(off).T, strict=True)) if off else {}
@@ -270,7 +272,7 @@ class JointEstimate(Answer):
         frequency : array_like, shape (n,), optional
             In Hz; chosen if not given, dense where a peak may be.
         position : float, optional
-            Angle in rad about which link and motor move; where gravity has no torque, if not given.
+            In rad or m, about which link and motor move; where gravity has no torque, if not given.
         level : float, optional
             Nominal coverage of the intervals, at each frequency for itself.
         """
@@ -287,4 +289,5 @@ class JointEstimate(Answer):
         determined = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
         fits = [fit for fit in self.fit_percent.values() if not np.isnan(fit)]
         worst = f", free run {min(fits):.1f} %" if fits else ""
-        return f"<JointEstimate: {self.model} joint, parameters: {determined}{worst}>"
+        slides = "" if self.joint == "revolute" else f"{self.joint} "
+        return f"<JointEstimate: {slides}{self.model} joint, parameters: {determined}{worst}>"

@@ -40,9 +40,9 @@ class EstimateValidation(Answer):
     horizons: Mapping[float, Mapping[str, float]]
     """The same for predictions that begin again every so many seconds."""
     residuals: Mapping[float, Mapping[str, float]]
-    """Root mean square of what each channel is off in rad, by horizon; inf for the free run."""
+    """Root mean square of each channel's error in rad or m, by horizon; inf for the free run."""
     noise: Mapping[str, float]
-    """Standard deviation of each channel's noise in rad."""
+    """Standard deviation of each channel's noise in rad or m."""
 
     def supports(self, min_fit: float | None = None) -> bool:
         """Whether the free run explains enough of every channel that moves.
@@ -57,7 +57,7 @@ class EstimateValidation(Answer):
 
     @property
     def series(self) -> Mapping[str, NDArray[np.float64]]:
-        """The free runs: time in s, and each channel in rad, measured and predicted.
+        """The free runs: time in s, and each channel in rad or m, measured and predicted.
 
         Recordings of a log with gaps follow each other.
         """

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from flexid.library.arguments import FilePath, Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
+    from flexid.models.motion import JointType
     from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
     from flexid.streaming.learner import Departure
@@ -122,11 +123,11 @@ class Watch(Answer):
         Parameters
         ----------
         motor_position : float or array, shape (n,)
-            In rad, at the link's side of the gear.
+            In rad, at the link's side of the gear; in m where the joint is prismatic.
         link_position, deflection : float or array, shape (n,), optional
-            One of them, in rad; without either the joint is taken as rigid.
+            One of them, in the same unit; without either the joint is taken as rigid.
         motor_torque, motor_current, motor_voltage : float or array, shape (n,)
-            One of them, in N m, A or V; without any the link alone is watched, driven by the
+            One of them, in N m or N, A or V; without any the link alone is watched, driven by the
             motor's measured motion.
         time : float or array, shape (n,), optional
             In s; without it every sample follows the one before after a sample time.
@@ -168,15 +169,17 @@ class Watch(Answer):
             self._catch_up(session)
 
     def _begin(self, arrays: Mapping[str, FloatArray]) -> Session:
-        from flexid.recording.channel import SI_UNITS, Channel, Origin
+        from flexid.recording.channel import Channel, Origin, si_units
         from flexid.streaming.checkpoint import opened_session
         from flexid.streaming.options import chosen_channels, options_of_stream, wanted_kind
 
         if self._follower is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
+        made = "revolute" if self._estimate is None else self._estimate.joint
+        joint: JointType = self._chosen["joint_type"] or made
         channels = {}
         for name, values in {"time": arrays["motor_position"][:0], **arrays}.items():
-            origin = Origin({name: 1.0}, 1.0, 0.0, SI_UNITS[name][0], None)
+            origin = Origin({name: 1.0}, 1.0, 0.0, si_units(name, joint)[0], None)
             channels[name] = Channel(values, name, True, origin)
         kind = wanted_kind(self._chosen, self._estimate)
         chosen = chosen_channels("feed", channels, (), kind)
@@ -270,7 +273,7 @@ def watch(
     source : str or path, optional
         A text file that may grow, - for standard input, or a log of another format such as MCAP.
     columns : path or mapping, optional
-        A column map, as for logs.
+        A column map, as for logs; of samples that are fed, only its ``joint`` counts.
     header : str, optional
         Names of the columns, where the source does not begin with them.
     sample_time : float, optional
@@ -297,8 +300,8 @@ def watch(
     memory : float, optional
         Seconds after which a sample counts 1/e as much.
     coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes its sign; that of the estimate, or
-        0.1, if not given.
+        Velocity over which Coulomb friction changes its sign; that of the estimate, or 0.1 rad/s
+        or 0.005 m/s, if not given.
     checkpoint : path, optional
         A file to go on from, if it is there. See `Watch.save_checkpoint`.
     every : float, optional
@@ -313,7 +316,7 @@ def watch(
     >>> watch.health.reason  # doctest: +SKIP
     """
     from flexid.library.identify import estimated
-    from flexid.library.logs import as_columns
+    from flexid.library.logs import as_columns, stated_joint
     from flexid.streaming.follower import Follower
     from flexid.streaming.options import check_comparable, wanted_kind
 
@@ -330,6 +333,7 @@ def watch(
         "filter_rate": filter_rate,
         "coulomb_velocity": coulomb_velocity,
         "sample_time": sample_time,
+        "joint_type": None,
     }
     made = None if estimate is None else estimated(estimate).of_joint
     if made is not None:
@@ -337,6 +341,8 @@ def watch(
     wanted_kind(chosen, made)  # raises
     file = None if checkpoint is None else Path(checkpoint)
     follower = None
+    if source is None and columns is not None:
+        chosen["joint_type"] = stated_joint(columns)
     if source is not None:
         follower = Follower(
             str(source),

@@ -53,10 +53,10 @@ CONSTANT_UNITS = {
     BACKLASH_WIDTH: "rad",
     SPRING_CENTRE: "rad",
     BEND_DEFLECTION: "rad",
-    RIPPLE_NUMBER: "1",
+    RIPPLE_NUMBER: "rad/rad",
     RIPPLE_ORIGIN: "rad",
 }
-"""Unit of each constant that a term may bring."""
+"""Unit of each constant that a term may bring; the ripple's is periods in 2π of the position."""
 
 TIES: dict[str, tuple[str, str, str]] = {
     f"theta_{name}": (f"alpha_{name}", "theta2", "alpha1")
@@ -100,6 +100,9 @@ DISSIPATIVE = frozenset(
 HARDENING = frozenset({"alpha_cubic", "theta_cubic"})
 """Coefficients of a spring that hardens or softens."""
 
+ANGULAR_TERMS = frozenset({"gravity", "gravity_cosine", "eccentricity"})
+"""Terms that repeat with the angle of a link, which one that slides does not have."""
+
 PAPER_TERMS = ("gravity", "motor_viscous")
 """The terms of Huang (2003), eq. (4)."""
 
@@ -107,7 +110,7 @@ PAPER_TERMS = ("gravity", "motor_viscous")
 def flexible_joint(
     terms: Collection[str] = PAPER_TERMS,
     known: Mapping[str, float] | None = None,
-    coulomb_velocity: float = COULOMB_VELOCITY,
+    coulomb_velocity: float = COULOMB_VELOCITY["revolute"],
 ) -> ParametricSystem:
     """Declare a flexible joint.
 

@@ -46,7 +46,7 @@ RIGID_UNITS: dict[str, str] = {
 def rigid_joint(
     terms: Collection[str],
     known: Mapping[str, float] | None = None,
-    coulomb_velocity: float = COULOMB_VELOCITY,
+    coulomb_velocity: float = COULOMB_VELOCITY["revolute"],
 ) -> ParametricSystem:
     """Declare a rigid joint.
 

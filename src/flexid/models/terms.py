@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flexid.errors import SettingError, did_you_mean
+from flexid.models.motion import JointType
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
 
 DECLARED: Mapping[str, Any] = tomllib.loads(
@@ -24,8 +25,8 @@ CONTENTS: Sequence[Mapping[str, Any]] = [
 ]
 """The same of all terms of the flexible joint, in the order of their coefficients."""
 
-COULOMB_VELOCITY = 0.1
-"""Velocity in rad/s over which the smoothed Coulomb friction, a tanh, changes sign."""
+COULOMB_VELOCITY: Mapping[JointType, float] = {"revolute": 0.1, "prismatic": 0.005}
+"""Velocity in rad/s or m/s over which the smoothed Coulomb friction, a tanh, changes sign."""
 
 SMOOTHING = "coulomb_velocity"
 """The constant of that name in the regressors of Coulomb friction."""
@@ -90,7 +91,7 @@ def model_constants(
                 f"{coefficient!r} is no coefficient of this model; it has {', '.join(regressors)}",
             )
     if not (isfinite(coulomb_velocity) and coulomb_velocity > 0):
-        raise SettingError(SMOOTHING, f"{coulomb_velocity:g} is not positive: give it in rad/s")
+        raise SettingError(SMOOTHING, f"{coulomb_velocity:g} is not positive: give a velocity")
     smoothed = any(SMOOTHING in regressor for regressor in regressors.values())
     return dict(known) | ({SMOOTHING: coulomb_velocity} if smoothed else {})
 
@@ -106,12 +107,12 @@ def with_dry_friction(system: ParametricSystem) -> ParametricSystem:
     return ParametricSystem(name, rows, system.inputs, constants, system.memories)
 
 
-def without_jumps(system: ParametricSystem) -> ParametricSystem:
+def without_jumps(system: ParametricSystem, joint: JointType) -> ParametricSystem:
     """The same with the sign of a row's own velocity smoothed as Coulomb friction is."""
     rows = _rewritten(system, "sign({v})", _SMOOTHED)
     if rows == system.rows:
         return system
-    constants = {SMOOTHING: COULOMB_VELOCITY, **system.constants}
+    constants = {SMOOTHING: COULOMB_VELOCITY[joint], **system.constants}
     return ParametricSystem(system.name, rows, system.inputs, constants)
 
 

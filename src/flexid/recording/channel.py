@@ -8,6 +8,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
+from flexid.models.motion import JointType, unit_of
 from flexid.recording.caution import Caution, Rank
 from flexid.recording.names import MOST_TIMES, first_times
 
@@ -32,7 +33,7 @@ def check_cells(file: str, rows: int, columns: int) -> None:
 
 VELOCITIES = ("link_velocity", "motor_velocity")
 INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference
-SI_UNITS: dict[str, tuple[str, ...]] = {
+SI_UNITS: dict[str, tuple[str, ...]] = {  # of a revolute joint
     "time": ("s",),
     "link_position": ("rad",),
     "link_velocity": ("rad/s",),
@@ -45,6 +46,11 @@ SI_UNITS: dict[str, tuple[str, ...]] = {
 }
 # They differ at the two sides of the gear: angles are divided, the torque multiplied.
 GEARED = ("motor_position", "motor_velocity", "motor_torque")
+
+
+def si_units(name: str, joint: JointType) -> tuple[str, ...]:
+    """Units that a channel may have once it is read, the one of a column without a unit first."""
+    return tuple(unit_of(unit, joint) for unit in SI_UNITS[name])
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,11 @@ class Channel:
     def unit(self) -> str:
         """Of the values."""
         return self.origin.unit
+
+    @property
+    def joint(self) -> JointType:
+        """How the joint moves that it is a position of."""
+        return "prismatic" if self.unit == unit_of("rad", "prismatic") else "revolute"
 
     @property
     def place(self) -> str:
@@ -107,6 +118,11 @@ class Draft:
     def names(self) -> list[str]:
         """The channels but the time."""
         return [name for name in self.channels if name != "time"]
+
+    @property
+    def joint(self) -> JointType:
+        """How the joint moves."""
+        return self.channels["motor_position"].joint
 
     def those_of(self, names: Iterable[str]) -> list[str]:
         """The channels of some that there are."""

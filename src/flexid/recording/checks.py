@@ -13,8 +13,11 @@ from flexid.recording.names import first_times
 from flexid.recording.velocities import is_noise, position_noise
 
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
-FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm
-DEGREES = 180.0 / np.pi
+FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm; m/s, as no axis slides
+_MISREAD = {  # by unit: factor of the unit that is taken for it, the units, and how one is written
+    "rad": (180.0 / np.pi, "in degrees and the other in radians", "deg"),
+    "m": (1e3, "in millimetres and the other in metres", "mm"),
+}
 MOST_POWER = 2e4  # W that the drive of a joint gives
 _LARGEST_INPUT = {"A": 500.0, "V": 2000.0}
 _FEWEST_LEVELS, _LEAST_LEVEL = 20, 50.0  # of whole numbers that are a drive's own unit
@@ -49,12 +52,16 @@ def check_varies(log: Draft, name: str) -> None:
 def check_moves(log: Draft, name: str) -> None:
     """Raise if a position is white noise about a constant."""
     if is_noise(log[name]):
-        raise _dead(log, name, f"constant but for noise of {np.std(log[name]):.2g} rad")
+        raise _dead(
+            log,
+            name,
+            f"constant but for noise of {np.std(log[name]):.2g} {log.channels[name].unit}",
+        )
 
 
 def _is_constant(values: FloatArray, about: FloatArray) -> bool:
     """Whether a signal is constant but for the rounding of another one."""
-    return bool(np.ptp(values) <= _SMALLEST_MOTION * max(1.0, float(np.abs(about).max())))
+    return bool(np.ptp(values) <= _SMALLEST_MOTION * np.abs(about).max())
 
 
 def _dead(log: Draft, name: str, what: str) -> RecordingError:
@@ -126,9 +133,12 @@ def check_speed(log: Draft, name: str) -> None:
     fast = float(np.quantile(np.abs(_speed(log, name)), 0.95))
     if fast <= FASTEST_JOINT:
         return
-    found = f"{name} turns at {fast:.3g} rad/s, faster than a joint does at the link side"
-    if not log.channels[name].unit_stated:
-        raise log.refusal(name, f"{found}: name its unit in the header, as in {name} [deg]")
+    channel, turns = log.channels[name], "turns" if log.joint == "revolute" else "moves"
+    found = f"{name} {turns} at {fast:.3g} {channel.unit}/s, faster than a joint does"
+    found += " at the link side" if log.joint == "revolute" else ""
+    if not channel.unit_stated:
+        smaller = _MISREAD[channel.unit][2]
+        raise log.refusal(name, f"{found}: name its unit in the header, as in {name} [{smaller}]")
     log.warn(name, f"{found}: check the unit and the gear ratio", Rank.SCALE)
 
 
@@ -182,12 +192,15 @@ def _has_limit(values: FloatArray) -> bool:
 
 
 def check_two_encoders(log: Draft) -> None:
-    """Check that link and motor position are two angles at the same side of the gear."""
+    """Check that link and motor position are two of the same kind at one side of the gear."""
     link, motor = (log[name] for name in ENCODERS)
     correlation = float(np.corrcoef(link, motor)[0, 1])
     factor = float(motor.std() / link.std())
     larger, smaller = ("motor", "link") if factor > 1.0 else ("link", "motor")
+    misread, units, _ = _MISREAD[log.channels["motor_position"].unit]
     remedy = "write the drive's gear_ratio (1 if the link is held and there is none)"
+    if log.joint == "prismatic":
+        remedy = "write the unit of each, and the lead of a motor that turns,"
     stated = larger == "motor" and log.channels["motor_position"].origin.gear_ratio is not None
     if larger == "link":
         factor, remedy = 1.0 / factor, f"scale the link position by {factor:.3g}"
@@ -197,14 +210,13 @@ def check_two_encoders(log: Draft) -> None:
     faults = {
         "link and motor position are one and the same signal, so nothing is known of the spring: "
         "log the second encoder": _is_constant(link - motor, link),
-        f"the {larger} position is about 57.3 times the {smaller} position, so one is in degrees "
-        f"and the other in radians: write the unit in brackets": (
-            is_one_motion and abs(factor / DEGREES - 1.0) < 0.05
-        ),
+        f"the {larger} position is about {misread:.4g} times the {smaller} position, so one is "
+        f"{units}: write the unit in brackets": is_one_motion
+        and abs(factor / misread - 1.0) < 0.05,
         f"{moves}, as if by a gear: {remedy} in a column map": (
             is_one_motion and factor > 20.0 and not stated
         ),
-        "link and motor position turn in opposite directions: scale one by -1 in a column map": (
+        "link and motor position move in opposite directions: scale one by -1 in a column map": (
             correlation < -0.98 and factor < 1.1
         ),
     }

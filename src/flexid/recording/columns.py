@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
-from flexid.recording.channel import INPUTS, POSITIONS, SI_UNITS, Channel
+from flexid.recording.channel import INPUTS, POSITIONS, SI_UNITS, Channel, si_units
 from flexid.recording.clock import Clock, is_stamp
 from flexid.recording.names import (
     Usual,
@@ -19,7 +19,15 @@ from flexid.recording.names import (
     split_header,
     words_of,
 )
-from flexid.recording.recipes import ColumnMap, MapSource, Recipe, made, read_map, recipe_of_column
+from flexid.recording.recipes import (
+    ColumnMap,
+    MapSource,
+    Recipe,
+    joint_of,
+    made,
+    read_map,
+    recipe_of_column,
+)
 from flexid.recording.table import Table
 from flexid.recording.units import is_relative
 
@@ -68,8 +76,8 @@ class _Plan:
     def __init__(self, table: Table, columns: MapSource | None) -> None:
         self.table = table
         self.warnings: list[str] = []
-        self.is_mapped = columns is not None
         self.map = _NO_MAP if columns is None else read_map(columns)
+        self.is_mapped = bool(self.map.recipes or self.map.unread)
         self.found: dict[str, Recipe] = {}  # by the names of columns
         self._add_canonical()
         if not self.is_mapped:
@@ -88,13 +96,15 @@ class _Plan:
         if "link_velocity" in wanted and not wanted & {"link_position", "deflection"}:
             left_out = {"link_velocity": "there is no link position: log it", **left_out}
         self.warnings += [f"{name} is not used, since {why}" for name, why in left_out.items()]
-        return {
+        recipes = {
             name: self.map.recipe(self.table, name)
             if name in self.map.recipes
-            else self.found[name]
+            else self.found[name]._replace(gear=self.map.gear_ratio)
             for name in SI_UNITS
             if name in wanted - {*left_out}
         }
+        joint = self.map.joint or joint_of(recipes.values())
+        return {name: recipe._replace(joint=joint) for name, recipe in recipes.items()}
 
     def name_unused(self) -> None:
         """Name columns that no channel is made of; a bag holds much that no joint needs."""
@@ -122,8 +132,7 @@ class _Plan:
                     f"the columns {self.found[name].header!r} and {header!r} are both {name}: "
                     f"rename or remove one of them"
                 )
-            recipe = recipe_of_column(self.table, header, unit)
-            self.found[name] = recipe._replace(gear=self.map.gear_ratio)
+            self.found[name] = recipe_of_column(self.table, header, unit)
 
     def _add_usual(self) -> None:
         """Add columns that have usual names where no column has the channel's own."""
@@ -151,9 +160,10 @@ class _Plan:
             if len(stamped) == 1:
                 added["time"] = recipe_of_column(self.table, stamped[0], None)
         self.found |= added
+        joint = self.map.joint or joint_of(self.found.values())
         shown = ", ".join(
             f"{' + '.join(map(repr, recipe.weights))} for {name} in "
-            f"{recipe.unit or SI_UNITS[name][0]}"
+            f"{recipe.unit or si_units(name, joint)[0]}"
             for name, recipe in added.items()
         )
         if added:
@@ -193,6 +203,8 @@ class _Plan:
             is_springs = quantity == "torque" and known & {*POSITIONS}
             if side and quantity in found and name not in known and not is_springs:
                 found[name] = found[quantity]
+        if "force" in found and "motor_torque" not in known:
+            found["motor_torque"] = found["force"]
         if stamp:
             found.setdefault("time", [(stamp, Usual("time", "s"))])
         return found

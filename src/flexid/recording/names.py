@@ -13,7 +13,7 @@ from flexid.recording.units import is_usual, quantity_of, unit_of_word
 QUANTITIES = {  # in English, German, French, Italian, Spanish, Portuguese, Dutch, Chinese, Japanese
     "position": (
         "position pos angle ang q theta phi winkel lage posizione angolo angulo posicion posicao "
-        "hoek positie jiaodu weizhi 角度 位置"
+        "hoek positie jiaodu weizhi 角度 位置 displacement travel stroke weg"
     ),
     "velocity": (
         "velocity vel speed omega qd dq qdot dtheta thetadot drehzahl geschwindigkeit vitesse "
@@ -23,6 +23,7 @@ QUANTITIES = {  # in English, German, French, Italian, Spanish, Portuguese, Dutc
         "torque tau trq effort drehmoment moment couple coppia par momento binario koppel zhuanju "
         "liju 转矩 力矩 トルク"
     ),
+    "force": "force kraft forza fuerza forca kracht 力",
     "current": "current cur curr i iq strom courant corrente corriente stroom dianliu 电流 電流",
     "voltage": "voltage volt u v spannung tension tensione tensao spanning dianya 电压 電圧",
     "deflection": (
@@ -37,7 +38,7 @@ SIDES = {
     "motor": "motor mot m rotor drive input moteur motore antrieb dianji 电机 モータ モーター",
     "link": (
         "link load l arm output secondary external last abtrieb charge bras sortie carico braccio "
-        "uscita carga brazo braco fuzai 负载 リンク"
+        "uscita carga brazo braco fuzai 负载 リンク carriage slide slider schlitten"
     ),
     "joint": "joint jnt gelenk articulation giunto articulacion guanjie 关节 axis axe achse asse",
 }
@@ -163,7 +164,7 @@ _SPOKEN_UNIT = re.compile(r"(.*?[^\s/,:])(?:\s+/\s*|\s*,\s*|\s*:\s*|\s+in\s+)([^
 _LAST_WORDS = re.compile(r"[\s_.\-/]+|(?<=[a-z])(?=[A-Z])")
 _PARTING = re.compile(r"[/.](?=[^\s\d])")  # of the parts of a path
 _MOST_PARTS = 8  # of a path that are looked at for its shortest end
-_INPUTS = ("torque", "current", "voltage")
+_INPUTS = ("torque", "force", "current", "voltage")
 _BY_UNIT = {"u": _INPUTS, "v": ("voltage", "velocity")}  # symbols of what their unit says
 _JOINT_NUMBER = re.compile(r"(?:(?:joint|jnt|j|axis|axe|achse|asse|gelenk|a) )?(\d{1,2})")
 
@@ -297,6 +298,8 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
         # What a sensor in the joint measures is the spring's torque, not the motor's.
         is_apart = quantity == "torque" and (of_joint or "sensor" in words.all) and not number
         name = "torque" if is_apart else f"motor_{quantity}"
+        if quantity == "force":
+            name, unit = "force", unit or "N"
         return Usual(name, unit, words.is_command, number)
     if words.is_command:
         return None

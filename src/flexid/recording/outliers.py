@@ -336,9 +336,9 @@ def _mend_spikes(log: Draft, name: str) -> None:
     single = "sample is" if len(found) == 1 else "samples are"
     log.warn(
         name,
-        f"{len(found)} {single} off the samples around by up to {np.abs(sizes).max():.2g} rad (at "
-        f"{log.at(places)}), so a cubic through these was taken instead: check the sensor and its "
-        f"cable",
+        f"{len(found)} {single} off the samples around by up to {np.abs(sizes).max():.2g} "
+        f"{log.channels[name].unit} (at {log.at(places)}), so a cubic through these was taken "
+        f"instead: check the sensor and its cable",
         Rank.DATA,
     )
 

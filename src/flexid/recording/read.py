@@ -112,4 +112,5 @@ def _recording_of(
         motor_velocity=sampled("motor_velocity"),
         source=log.file,
         link_from_deflection="deflection" in log.channels,
+        joint=log.joint,
     )

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.files import shown
+from flexid.models.motion import JOINT_TYPES, JointType, unit_of
 from flexid.recording.channel import (
     GEARED,
     LONGEST_SAMPLE_TIME,
@@ -22,11 +23,12 @@ from flexid.recording.channel import (
     SI_UNITS,
     Channel,
     Origin,
+    si_units,
 )
 from flexid.recording.clock import Clock
 from flexid.recording.names import cut, did_you_mean, folded, quoted, split_header
 from flexid.recording.table import Table
-from flexid.recording.units import UnitError, scale_to_si
+from flexid.recording.units import UnitError, is_of_a_slide, scale_to_si
 from flexid.toml_file import parse_toml, read_bytes
 
 MapSource: TypeAlias = Path | Mapping[str, object]
@@ -39,6 +41,7 @@ REMEDY = (
 )
 _RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
 _GEAR_REMEDY = 'write how often the motor turns in one turn of the link, as 101 or "1/101"'
+_LEADS = 1e-6, 100.0  # m in a turn of the motor
 
 
 class Recipe(NamedTuple):
@@ -51,6 +54,7 @@ class Recipe(NamedTuple):
     scale: float = 1.0  # in `unit` per raw unit
     offset: float = 0.0  # in `unit`
     gear: float | None = None  # the ratio that may act on the channel
+    joint: JointType = "revolute"  # that the channel is of
     is_mapped: bool = False  # whether a column map gives it, not a name
 
     @property
@@ -65,8 +69,10 @@ class ColumnMap:
 
     file: str  # its path, for messages; `ARGUMENT` where it is no file
     recipes: Mapping[str, Recipe]  # by channel, columns by the names that the map has for them
-    gear_ratio: float | None  # turns of the motor in one of the link; < 0: opposite ones
+    # turns of the motor in one of the link, or its rad in a m; < 0: opposite ones
+    gear_ratio: float | None
     unread: frozenset[str]  # channels that are not read, whatever columns there are
+    joint: JointType | None = None  # None: as the units of the columns say
 
     @property
     def described(self) -> str:
@@ -108,7 +114,14 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
     """A column map from its keys and values."""
     if not content:
         raise RecordingError(file, "", "the column map is empty: name the columns in it")
+    joint, lead = _joint(file, content.pop("joint", None)), _lead(file, content.pop("lead", None))
     gear_ratio = _gear_ratio(file, content.pop("gear_ratio", None))
+    if lead is not None and (gear_ratio is not None or joint == "revolute"):
+        other = "joint" if gear_ratio is None else "gear_ratio"
+        reason = f"a lead is for a prismatic joint, and this {other} for a revolute one: write one"
+        raise RecordingError(file, "key 'lead'", reason)
+    if lead is not None:
+        joint, gear_ratio = "prismatic", 2.0 * np.pi / lead
     seconds = _sample_time(file, content.pop("sample_time", None), content.get("time", False))
     for key in content:
         if key not in SI_UNITS:
@@ -116,14 +129,14 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
                 file,
                 f"key {key!r}",
                 f"this is not a channel{did_you_mean(str(key), SI_UNITS)}: use one of "
-                f"{', '.join(SI_UNITS)}, gear_ratio or sample_time",
+                f"{', '.join(SI_UNITS)}, joint, gear_ratio, lead or sample_time",
             )
     unread = frozenset(key for key, value in content.items() if value is False)
     recipes = {k: _entry(file, k, v, gear_ratio) for k, v in content.items() if k not in unread}
     if seconds is not None:
         place = "key 'sample_time'"
         recipes["time"] = Recipe({}, file, place, scale=seconds, is_mapped=True)
-    return ColumnMap(file, recipes, gear_ratio, unread)
+    return ColumnMap(file, recipes, gear_ratio, unread, joint)
 
 
 def _entry(file: str, name: str, value: object, gear_ratio: float | None) -> Recipe:
@@ -220,6 +233,28 @@ def _gear_ratio(file: str, value: object) -> float | None:
     raise RecordingError(file, "key 'gear_ratio'", reason)
 
 
+def _joint(file: str, value: object) -> JointType | None:
+    """How the joint moves, where that is stated."""
+    for joint in JOINT_TYPES:
+        if joint == value:
+            return joint
+    if value is None:
+        return None
+    reason = f"{cut(repr(value))} is no joint: write {' or '.join(map(repr, JOINT_TYPES))}"
+    raise RecordingError(file, "key 'joint'", reason)
+
+
+def _lead(file: str, value: object) -> float | None:
+    """Metres that the link moves in a turn of the motor."""
+    lead, (least, most) = _quotient(value), _LEADS
+    if value is None or (_is_number(lead) and least <= abs(lead) <= most):
+        return lead
+    reason = (
+        f"{cut(repr(value))} is no lead: write how many m the link moves in a turn of the motor"
+    )
+    raise RecordingError(file, "key 'lead'", f"{reason}, as 0.005 for a screw of 5 mm")
+
+
 def _sample_time(file: str, value: object, time: object) -> float | None:
     """Seconds between the rows of a log without a time."""
     if value is None:
@@ -268,6 +303,12 @@ def recipe_of_column(table: Table, header: str, unit: str | None, nanoseconds: s
     return Recipe(weights, table.file, place, unit)
 
 
+def joint_of(recipes: Iterable[Recipe]) -> JointType:
+    """How a joint moves by the units of its columns: one that slides has some in m or N."""
+    stated = [unit for recipe in recipes if recipe.weights and (unit := _unit(recipe))]
+    return "prismatic" if any(map(is_of_a_slide, stated)) else "revolute"
+
+
 def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
     """A channel by its recipe; raise where a cell or a unit is bad."""
     if not recipe.weights:
@@ -281,13 +322,7 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
     unit = _unit(recipe)
     if name == "time" and unit is None and clock.counts_nanoseconds(table, recipe.header):
         unit = "ns"
-    factor, si_unit = 1.0, SI_UNITS[name][0]
-    if unit is not None:
-        try:
-            factor, si_unit = scale_to_si(unit, SI_UNITS[name])
-        except UnitError as error:
-            raise RecordingError(recipe.file, recipe.place, str(error)) from error
-    gear = None if name not in GEARED or si_unit in ("V", "A") else recipe.gear
+    factor, si_unit, gear = _in_si(name, recipe, unit)
     if gear is not None:
         factor *= gear if name == "motor_torque" else 1.0 / gear
     total = np.zeros(table.frame.height)
@@ -302,6 +337,23 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
     scale, offset = factor * recipe.scale, factor * recipe.offset
     origin = Origin(recipe.weights, scale, offset, si_unit, gear)
     return Channel(values, " + ".join(recipe.weights), unit is not None, origin)
+
+
+def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, float | None]:
+    """Factor and SI unit of a channel, and the ratio that carries it to the link's side."""
+    units, gear = si_units(name, recipe.joint), recipe.gear if name in GEARED else None
+    if unit is None:
+        factor, si_unit = 1.0, units[0]
+    else:
+        # What turns in front of a screw or a pulley.
+        turning = SI_UNITS[name] if gear is not None else ()
+        try:
+            factor, si_unit = scale_to_si(unit, tuple(dict.fromkeys((*units, *turning))))
+        except UnitError as error:
+            raise RecordingError(recipe.file, recipe.place, str(error)) from error
+    slides = unit_of(si_unit, recipe.joint)
+    is_geared = slides != si_unit or (recipe.joint == "revolute" and si_unit not in ("V", "A"))
+    return factor, slides, gear if is_geared else None
 
 
 def _unit(recipe: Recipe) -> str | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
+from flexid.models.motion import JointType
 from flexid.recording.channel import Origin
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
@@ -29,20 +30,22 @@ class Recording:
     start_time : float
         Time of the first sample on the file's own clock in s.
     link_position : FloatArray, shape (n,), or None
-        Link angle in rad; None where only one encoder was logged.
+        Link angle in rad; None where only one encoder was logged. Of a prismatic joint in m.
     motor_position : FloatArray, shape (n,)
-        Motor angle in rad, at the link side of the gear; of a drive with one encoder, its angle.
+        The motor's, at the link side of the gear; of a drive with one encoder, its position.
     input : FloatArray, shape (n,), or None
         What drives the motor, in `input_unit`; None where only positions were logged.
     input_unit : str
-        ``"N m"``, ``"V"`` or ``"A"``; empty where there is no input.
+        ``"N m"`` or ``"N"``, ``"V"`` or ``"A"``; empty where there is no input.
     link_velocity, motor_velocity : FloatArray, shape (n,), or None
-        Velocities in rad/s; None where they were not measured.
+        Velocities in rad/s or m/s; None where they were not measured.
     source : str
         The file, as its path was given.
     link_from_deflection : bool
         Whether the link position is the motor's plus a measured deflection, which alone is late if
         it is.
+    joint : str
+        ``"revolute"``; ``"prismatic"`` where positions are in m.
 
     Raises
     ------
@@ -60,6 +63,7 @@ class Recording:
     motor_velocity: FloatArray | None = None
     source: str = ""
     link_from_deflection: bool = False
+    joint: JointType = "revolute"
 
     def __post_init__(self) -> None:
         for name in CHANNELS:
@@ -90,7 +94,7 @@ class Recording:
 
     @property
     def needed_link_position(self) -> FloatArray:
-        """Link position, shape (n,), in rad."""
+        """Link position, shape (n,)."""
         if self.link_position is None:
             raise RecordingError(
                 self.source or "recording",
@@ -114,7 +118,7 @@ class Recording:
 
     @property
     def deflection(self) -> FloatArray:
-        """Link position minus motor position, shape (n,), in rad."""
+        """Link position minus motor position, shape (n,)."""
         return self.needed_link_position - self.motor_position
 
     def window(self, start_index: int, stop_index: int) -> Recording:

@@ -49,12 +49,30 @@ joint, or one that is moved from outside, whose deflection the motion does not e
 
 
 def check_motion(log: Draft, recording: Recording) -> None:
-    """Warn of scales and units of angles that the motion in a recording contradicts."""
+    """Warn of scales and units of positions that the motion in a recording contradicts."""
+    place, wrong = log.those_of(ENCODERS), _wrong_unit(recording)
+    share, error = (0.0, 0.0) if wrong else scales_apart(recording)
+    if wrong:
+        log.warn(place, wrong, Rank.SCALE)
+    elif share:
+        ratio = "gear_ratio divided" if recording.joint == "revolute" else "lead multiplied"
+        log.warn(
+            place,
+            f"the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as the motor, "
+            f"beyond what gravity and inertia bend the joint by: check the scales of both encoders "
+            f"and the gear ratio (motor position times {1.0 + share:.4f}, or {ratio} by it, would "
+            f"agree)",
+            Rank.SCALE,
+        )
+
+
+def _wrong_unit(recording: Recording) -> str:
+    """What to say of angles in another unit than gravity acts by; empty where there is nothing."""
+    smoothed = _smoothing(recording)
+    if smoothed is None or recording.joint == "prismatic":
+        return ""
     motor, link = recording.motor_position, recording.link_position
     sensed = motor if link is None else link
-    smoothed = _smoothing(recording)
-    if smoothed is None:
-        return
     acts = recording.input
     moved = smoothed(recording.deflection if acts is None else acts)
     others = [smoothed(sensed, 2), smoothed(motor, 2), smoothed(motor, 1), smoothed.sign(motor)]
@@ -65,28 +83,13 @@ def check_motion(log: Draft, recording: Recording) -> None:
 
     # What a spring or a controller makes in proportion to the angle is no gravity in degrees.
     as_read, as_spring = left(1.0, *others), left(1.0, *others, smoothed(sensed))
-    wrong = ""
     for factor, beside, words in _WRONG_UNITS:
-        if not wrong and left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
-            wrong = words
-    place = log.those_of(ENCODERS)
-    share, error = (0.0, 0.0) if wrong else scales_apart(recording)
-    if wrong:
-        log.warn(
-            place,
-            f"the load repeats with the angle, which moves by {np.ptp(sensed):.3g} rad as it is "
-            f"read, as gravity does for {wrong}: check the unit",
-            Rank.SCALE,
-        )
-    elif share:
-        log.warn(
-            place,
-            f"the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as the motor, "
-            f"beyond what gravity and inertia bend the joint by: check the scales of both encoders "
-            f"and the gear ratio (motor position times {1.0 + share:.4f}, or gear_ratio divided by "
-            f"it, would agree)",
-            Rank.SCALE,
-        )
+        if left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
+            return (
+                f"the load repeats with the angle, which moves by {np.ptp(sensed):.3g} rad as it "
+                f"is read, as gravity does for {words}: check the unit"
+            )
+    return ""
 
 
 def late_input(recording: Recording) -> Iterator[str]:
@@ -135,9 +138,11 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     """By how much more the link moves than the motor than mechanics allow, and its error; or 0."""
     smoothed = _smoothing(recording)
     motor, link = recording.motor_position, recording.link_position
-    if smoothed is None or link is None or np.ptp(motor) <= _WIDE:
+    turns = recording.joint == "revolute"
+    if smoothed is None or link is None or (turns and np.ptp(motor) <= _WIDE):
         return 0.0, 0.0
-    share, error = _own_share(smoothed, link, motor)
+    gravity = [smoothed(np.sin(link)), smoothed(np.cos(link))] if turns else []
+    share, error = _own_share(smoothed, link, motor, gravity)
     named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
     return (share, error) if named else (0.0, 0.0)
 
@@ -183,9 +188,11 @@ def _left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
     return float(np.sum((target - matrix @ solution) ** 2))
 
 
-def _own_share(smoothed: _Smoothing, link: FloatArray, motor: FloatArray) -> tuple[float, float]:
+def _own_share(
+    smoothed: _Smoothing, link: FloatArray, motor: FloatArray, gravity: Sequence[FloatArray]
+) -> tuple[float, float]:
     """The motor position's own share in the deflection, and its standard error (jackknife)."""
-    signals = [smoothed(motor), smoothed(np.sin(link)), smoothed(np.cos(link))]
+    signals = [smoothed(motor), *gravity]
     signals += [smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
     matrix, sizes = _scaled([*signals, np.ones_like(signals[0])])
     target = smoothed(link - motor)

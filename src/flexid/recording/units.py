@@ -6,12 +6,17 @@ import re
 from functools import cache
 from math import pi
 
+from flexid.models.motion import unit_of
+
 # The SI unit of every quantity a column may hold, with what a user may write instead.
 EXAMPLES = {
     "s": ("s", "ms", "us"),
     "rad": ("rad", "deg", "turn"),
     "rad/s": ("rad/s", "deg/s", "rpm"),
     "N m": ("N m", "mN m"),
+    "m": ("m", "mm", "um"),
+    "m/s": ("m/s", "mm/s"),
+    "N": ("N", "kN"),
     "V": ("V", "mV"),
     "A": ("A", "mA"),
 }
@@ -52,6 +57,22 @@ _KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in smal
     "lbf ft": (1.3558179483314003, "N m", "ft-lb|ft-lbf|ft lb|ftlb|lb-ft|lbf-ft|lbf ft|lbft"),
     "lbf in": (0.11298482902761671, "N m", "in-lb|in-lbf|in lb|inlb|lb-in|lbf-in|lbf in|lbin"),
     "ozf in": (0.007061551814226044, "N m", "oz-in|oz in|ozin|in-oz|ozf in"),
+    "m": (1.0, "m", "m|metre|metres|meter|meters|米"),
+    "cm": (1e-2, "m", "cm|centimetre|centimetres|centimeter|centimeters"),
+    "mm": (1e-3, "m", "mm|millimetre|millimetres|millimeter|millimeters|毫米"),
+    "um": (1e-6, "m", "um|µm|μm|micron|microns|micrometre|micrometres|micrometer|micrometers|微米"),
+    "in": (0.0254, "m", "inch|inches"),
+    "m/s": (1.0, "m/s", "m/s|m_s|mps|m/sec|m s-1|m.s-1|m s^-1|m·s^-1"),
+    "cm/s": (1e-2, "m/s", "cm/s"),
+    "mm/s": (1e-3, "m/s", "mm/s|mm_s|mmps|mm/sec"),
+    "um/s": (1e-6, "m/s", "um/s|µm/s|μm/s"),
+    "m/min": (1.0 / 60.0, "m/s", "m/min"),
+    "mm/min": (1e-3 / 60.0, "m/s", "mm/min"),
+    "N": (1.0, "N", "n|newton|newtons|牛"),
+    "mN": (1e-3, "N", "mn"),
+    "kN": (1e3, "N", "kn"),
+    "kgf": (9.80665, "N", "kgf"),
+    "lbf": (4.4482216152605, "N", "lbf"),
     "V": (1.0, "V", "v|volt|volts"),
     "mV": (1e-3, "V", "mv"),
     "A": (1.0, "A", "a|amp|amps|ampere|amperes|arms|a_rms|a rms|安"),
@@ -61,34 +82,35 @@ _BY_SPELLING = {word: unit for unit, (*_, words) in _KNOWN.items() for word in w
 _USUAL = {  # exactly so, what else stands in a row of units
     *("s", "ms", "us", "µs", "μs", "V", "mV", "A", "mA", "Arms", "°", "º", "°/s", "º/s"),
     *("rad/s^2", "rad/s2", "count", "counts", "inc", "N m", "N*m", "N·m", "mN m", "mNm", "kNm"),
-    *("W", "Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
+    *("W", "Hz", "kHz", "%", "-", "1", "°C", "K", "m", "N", "mN", "kN", "bool"),
 }
 _PER_SECOND = {"rads": "rad/s", "degs": "deg/s"}  # of a velocity
-_MILLI = (
-    "ms",
-    "mrad",
-    "mdeg",
-    "mrad/s",
-    "mN m",
-    "mV",
-    "mA",
-)  # whose first letter is small, as M is mega
-_SYMBOLS = {"s", "V", "A", "°", "º"}  # of one character, which stand as they are
+_MILLI = {  # whose first letter is small, as M is mega
+    *("ms", "mrad", "mdeg", "mrad/s", "mN m", "mm", "mm/s", "mN", "mV", "mA"),
+}
+_SYMBOLS = {"s", "V", "A", "N", "°", "º"}  # of one character, which stand as they are
 _COUNTS = {
     *("count", "counts", "cnt", "cnts", "inc", "incs", "increments", "tick", "ticks", "lsb"),
     *("pulse", "pulses", "digit", "digits"),
+}
+_OF_COUNTS = {
+    "rad": "unit = 'turn' and scale = '1/4096', for 4096 counts in a turn",
+    "m": "unit = 'um' and scale = '1/2', for 2 counts in a micrometre",
 }
 _MEASURED = {
     "rad": "position",
     "rad/s": "velocity",
     "N m": "torque",
+    "m": "position",
+    "m/s": "velocity",
+    "N": "torque",
     "A": "current",
     "V": "voltage",
 }
+_SLIDING = {unit_of(unit, "prismatic") for unit in ("rad", "rad/s", "N m")}
 _SHARES = {"%", "‰", "percent", "permille", "pct", "promille"}
 _RATED = re.compile(r"\s*[%‰]|.*\b(rated|nominal|nenn\w*)\b", re.IGNORECASE)
 _GRAD = {"grad", "gon"}
-_OF_A_SLIDE = {"m": "rad", "mm": "rad", "m/s": "rad/s", "mm/s": "rad/s", "n": "N m", "kn": "N m"}
 # 0.01 deg, 1e-3 rad; what is larger than one may be a range, as 3.3 V
 _MULTIPLE = re.compile(r"(0?\.\d{1,9}|\d[eE]-\d) ?([^\W\d].*)")
 DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
@@ -111,7 +133,8 @@ def unit_of_word(text: str) -> str | None:
     """
     if is_relative(text) or text.lower() in {*_PER_SECOND, *_GRAD}:
         return text
-    return _spelled(text) if len(text) > 1 or text in _SYMBOLS else None
+    is_unit = text in _SYMBOLS or (len(text) > 1 and text != "meter")  # an instrument, too
+    return _spelled(text) if is_unit else None
 
 
 def is_relative(unit: str) -> bool:
@@ -133,17 +156,21 @@ def quantity_of(unit: str) -> str | None:
     """What a unit measures, as far as a name may leave that out: ``"position"`` for degrees."""
     if unit.lower() in _COUNTS:
         return "position"
-    known = _spelled(unit)
-    return _MEASURED.get(_KNOWN[known][1]) if known else None
+    return _MEASURED.get(_in_si(unit)[1])
+
+
+def is_of_a_slide(unit: str) -> bool:
+    """Whether a unit measures what slides, in m, m/s or N, and not what turns."""
+    return _in_si(unit)[1] in _SLIDING
 
 
 @cache
 def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     """The factor from a unit as written in a file to SI, and which of the SI units that is."""
-    if text.lower() in _COUNTS and "rad" in si_units:
+    counted = next((example for unit, example in _OF_COUNTS.items() if unit in si_units), "")
+    if text.lower() in _COUNTS and counted:
         raise UnitError(
-            f"the unit [{text}] depends on the encoder: write unit = 'turn' and scale = '1/4096', "
-            f"for 4096 counts in a turn, in a column map"
+            f"the unit [{text}] depends on the encoder: write {counted}, in a column map"
         )
     if _is_share(text):
         raise UnitError(
@@ -155,26 +182,29 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
             f"the unit [{text}] may mean degrees, or gon of which 400 are a turn: write [deg], or "
             f"unit = 'turn' and scale = '1/400' in a column map"
         )
-    if (angular := _OF_A_SLIDE.get(text.lower())) in si_units:
-        raise UnitError(
-            f"the unit [{text}] is that of a linear axis: read a metre as a radian and a newton as "
-            f"a newton metre, with unit = '{angular}' and, unless it is 1, a scale in a column "
-            f"map; an inertia is then a mass in kg"
-        )
-    multiple = _MULTIPLE.fullmatch(text)
-    if multiple is not None:
-        factor, si_unit = scale_to_si(multiple[2], si_units)
-        return float(multiple[1]) * factor, si_unit
-    if "rad/s" in si_units:
-        text = _PER_SECOND.get(text.lower(), text)
-    known = _spelled(re.sub(f"[{DOTS}]", "·", text).replace("º", "°").strip())
-    factor, si_unit = _KNOWN[known][:2] if known else (0.0, "")
+    factor, si_unit = _in_si(_PER_SECOND.get(text.lower(), text) if "rad/s" in si_units else text)
     if si_unit in si_units:
         return factor, si_unit
+    if unit_of(si_unit, "prismatic") in {*si_units} & _SLIDING:
+        raise UnitError(
+            f"the unit [{text}] is that of a rotation, and another column has one of a slide: "
+            f"correct one, or write the lead of a motor that turns in a column map, as 0.005 for "
+            f"5 mm in a turn"
+        )
     raise UnitError(
         f"the unit [{text}] is not known for this column: write {_accepted(si_units)}, or the unit "
         f"and a scale in a column map"
     )
+
+
+def _in_si(text: str) -> tuple[float, str]:
+    """The factor from a unit to SI, and the SI unit; empty where it is none."""
+    multiple = _MULTIPLE.fullmatch(text)
+    if multiple is not None:
+        factor, si_unit = _in_si(multiple[2])
+        return float(multiple[1]) * factor, si_unit
+    known = _spelled(re.sub(f"[{DOTS}]", "·", text).replace("º", "°").strip())
+    return _KNOWN[known][:2] if known else (0.0, "")
 
 
 def _accepted(si_units: tuple[str, ...]) -> str:

@@ -66,7 +66,7 @@ def encoder_step(position: FloatArray) -> float:
 
 
 def with_velocities(recording: Recording) -> Recording:
-    """The recording with velocities in rad/s: measured ones kept, missing ones derived."""
+    """The recording with velocities: measured ones kept, missing ones derived."""
     dt = recording.sample_time
     link, motor = recording.link_velocity, recording.motor_velocity
     position = recording.link_position
@@ -147,11 +147,19 @@ _ACCURACY = 50.0  # a window's motion over the noise of its two ends: 2 %
 _SHORTEST = 40  # windows that a recording has to hold
 _MOST_OFF = 0.1  # of the velocity's size, up to which it is used: what noise and filters make
 _MOST_SCALED = 0.03  # of the scale, the same: 1 % where a filter takes the fast part away
+_OPPOSITE = {-1.0: "the opposite direction, so scale it by -1 in a column map"}
 _KNOWN = {
-    180.0 / np.pi: "deg/s, so write the unit [deg/s]",
-    np.pi / 180.0: "rad/s and the position in degrees, so write the units",
-    30.0 / np.pi: "rpm, so write the unit [rpm]",
-    -1.0: "the opposite direction, so scale it by -1 in a column map",
+    "revolute": {
+        180.0 / np.pi: "deg/s, so write the unit [deg/s]",
+        np.pi / 180.0: "rad/s and the position in degrees, so write the units",
+        30.0 / np.pi: "rpm, so write the unit [rpm]",
+        **_OPPOSITE,
+    },
+    "prismatic": {
+        1e3: "mm/s, so write the unit [mm/s]",
+        1e-3: "m/s and the position in millimetres, so write the units",
+        **_OPPOSITE,
+    },
 }
 
 
@@ -163,10 +171,10 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
     measured, own = (np.concatenate(parts) for parts in zip(*means, strict=True))
     size = float(np.sqrt(own @ own))
     slope = float(own @ measured) / size**2
-    for factor, remedy in _KNOWN.items():
+    for factor, remedy in _KNOWN[log.joint].items():
         if abs(slope / factor - 1.0) < 0.1 and _share(measured - slope * own, measured) < 0.4:
-            reason = f"{name} is {slope:.3g} times the position's derivative: it is {remedy}"
-            raise log.refusal(name, reason)
+            times = f"{float(f'{slope:.3g}'):g} times the position's derivative"
+            raise log.refusal(name, f"{name} is {times}: it is {remedy}")
     off = _share(measured - own, own)
     if off <= _MOST_OFF and abs(slope - 1.0) <= _MOST_SCALED:
         return True
@@ -180,7 +188,7 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
 
 
 def _means(recording: Recording, name: str) -> tuple[FloatArray, FloatArray] | None:
-    """Means of a velocity and of its position's derivative, in rad/s, each about its own mean.
+    """Means of a velocity and of its position's derivative, each about its own mean.
 
     They are taken over the shortest windows that noise allows; None where it allows none.
     """

@@ -21,16 +21,17 @@ def unwrap(log: Draft) -> None:
     if wrapped and len(encoders) == 2:
         last = wrapped[-1]
         (other,) = {*ENCODERS} - {last}
+        turn = TURN if log.joint == "revolute" else _motor_turn(log, last)
         # Where the encoders began is not known.
-        log[last] = log[last] + TURN * float(np.rint(np.median(log[other] - log[last]) / TURN))
+        log[last] = log[last] + turn * float(np.rint(np.median(log[other] - log[last]) / turn))
 
 
 def _unwrap(log: Draft, name: str) -> bool:
     """Whether a position jumped by turns, which it then does no more; raise for other jumps."""
     channel, time = log.channels[name], log.time
     values, steps, clock = channel.values, np.diff(channel.values), np.diff(time)
-    turn = TURN / abs(channel.origin.gear_ratio) if channel.origin.gear_ratio else 0.0
-    if np.abs(steps).max() <= 0.5 * (turn or TURN):
+    turn = _motor_turn(log, name)
+    if np.abs(steps).max() <= 0.5 * (turn or TURN) or (log.joint == "prismatic" and not turn):
         return False
     positions, period = without_wraps(time, values, turn)
     period = period or TURN
@@ -43,13 +44,19 @@ def _unwrap(log: Draft, name: str) -> bool:
     if np.abs(np.diff(positions)[seen]).max() > 0.25 * period:
         raise log.refusal(
             name,
-            f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {at}, which is not a whole turn of "
-            f"an encoder: check the unit and the gear ratio, or remove the outlier"
+            f"{name} jumps by {abs(steps[jumps[0]]):.3g} {channel.unit} at {at}, which is not a "
+            f"whole turn of an encoder: check the unit and the gear ratio, or remove the outlier"
             + ("" if period == TURN else "; if the encoder wraps, unwrap it, or log faster"),
         )
     log.warn(name, f"{name} jumps by a turn at {at}, and was unwrapped: check it")
     log[name] = positions
     return True
+
+
+def _motor_turn(log: Draft, name: str) -> float:
+    """What a turn of the motor is at the link's side; 0 where the encoder stands there."""
+    gear_ratio = log.channels[name].origin.gear_ratio
+    return TURN / abs(gear_ratio) if gear_ratio else 0.0
 
 
 def without_wraps(

@@ -9,11 +9,17 @@ import polars as pl
 
 from flexid.experiment_design.design import Design
 from flexid.experiment_design.drive import DOUBT
+from flexid.models.motion import unit_of
 from flexid.report.chart import Axis, Chart, Line, Mark, Panel
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
+
+
+def _units(result: Design) -> dict[str, str]:
+    """Unit of each channel."""
+    return {channel: unit_of(unit, result.drive.joint) for channel, unit in _UNITS.items()}
 
 
 def parts(result: Design) -> Iterator[Part]:
@@ -40,14 +46,14 @@ def _predictions(result: Design) -> Table:
         table.add(name, _percent(deviation), f"{100 * extreme.value:.3g} % ({extreme.case})")
     table.add("worst", _percent(found.worst))
     table.add("worst direction", _percent(found.e_deviation))
-    table.add("torque, rms", number(found.torque_rms, 3, "N m"))
+    table.add("torque, rms", number(found.torque_rms, 3, _units(result)["torque"]))
     return table
 
 
 def _limits(result: Design) -> Table:
     share = Column(f"±{100 * DOUBT:.0f} %, worst drive")
     table = Table("Limits", (Column("channel"), *numbers("limit", "peak"), share))
-    for channel, unit in _UNITS.items():
+    for channel, unit in _units(result).items():
         extreme = result.largest_use[channel]
         table.add(
             channel,
@@ -70,7 +76,7 @@ def charts(result: Design) -> tuple[Chart]:
 
 def _over_time(result: Design) -> Iterator[Panel]:
     """Torque, position and deflection."""
-    x, time = result.run.states, Axis("time", "s")
+    x, time, units = result.run.states, Axis("time", "s"), _units(result)
     position: list[Mark] = [Line("link", result.time, x[:, 0], "blue")]
     played = "played"
     if result.drive.experiment.kind == "trajectory":
@@ -78,11 +84,11 @@ def _over_time(result: Design) -> Iterator[Panel]:
         reference = result.command.reference[:, 0]
         position.append(Line("motor reference", result.time, reference, "orange", 1.0, "dashed"))
     torque = Line("torque", result.time, result.run.torque, "blue", 1.0)
-    yield Panel(f"Torque {played}", time, Axis("torque", "N m"), (torque,))
+    yield Panel(f"Torque {played}", time, Axis("torque", units["torque"]), (torque,))
     title = "Link position, simulated with the assumed drive"
-    yield Panel(title, time, Axis("position", "rad"), tuple(position))
+    yield Panel(title, time, Axis("position", units["position"]), tuple(position))
     deflection = Line("deflection", result.time, x[:, 0] - x[:, 2], "blue", 1.0)
-    yield Panel("Deflection", time, Axis("deflection", "rad"), (deflection,), 0.7)
+    yield Panel("Deflection", time, Axis("deflection", units["deflection"]), (deflection,), 0.7)
 
 
 _DIGITS = 10  # significant; a drive has fewer
@@ -95,11 +101,12 @@ def save_command(result: Design, directory: Path, _csv: bool = False) -> None:
 
 def command_columns(result: Design) -> dict[str, np.ndarray]:
     """What a drive can play, by name with unit."""
-    columns = {"time [s]": result.time}
+    columns, units = {"time [s]": result.time}, _units(result)
     if result.drive.experiment.kind == "trajectory":
-        columns["motor_position_reference [rad]"] = result.command.reference[:, 0]
-        columns["motor_velocity_reference [rad/s]"] = result.command.reference[:, 1]
-    columns["motor_torque [N m]"] = result.run.torque
+        position, velocity = result.command.reference[:, 0], result.command.reference[:, 1]
+        columns[f"motor_position_reference [{units['position']}]"] = position
+        columns[f"motor_velocity_reference [{units['velocity']}]"] = velocity
+    columns[f"motor_torque [{units['torque']}]"] = result.run.torque
     return {name: _rounded(values) for name, values in columns.items()}
 
 

@@ -17,6 +17,7 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.motion import unit_of
 from flexid.models.parameter_kinds import ANGLES
 from flexid.report.chart import Chart
 from flexid.report.page import Answer, Command, Presenter, Tone, logs_of
@@ -189,7 +190,8 @@ def explanation(result: Identification) -> Iterator[Part]:
     if result.model != "link":
         yield f"Input hold {choices.hold}: {choices.alignment.hold_reason}"
     if choices.coulomb_velocity is not None:
-        yield f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s"
+        velocity = unit_of("rad/s", result.joint)
+        yield f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} {velocity}"
     yield ""
     if result.disturbances is not None:
         yield from _disturbances(result.disturbances)

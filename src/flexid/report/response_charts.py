@@ -14,6 +14,7 @@ from flexid.frequency.frequency_response import (
 )
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
+from flexid.models.motion import unit_of
 from flexid.recording.recording import Log
 from flexid.report.chart import (
     Axis,
@@ -35,13 +36,13 @@ _BELOW = 0.5  # height of a panel of residuals over that of the motion above it
 
 
 def free_run_chart(
-    name: str, title: str, validation: Validation, noise: Mapping[str, float]
+    name: str, title: str, validation: Validation, noise: Mapping[str, float], unit: str = "rad"
 ) -> Chart:
     """Free runs channel by channel, with the residual below each; what is cut off is said."""
     panels = []
     for place, (channel, fit) in enumerate(validation.fit_percent.items()):
         label = channel.replace("_", " ")
-        panels += _panels(label, fit, validation.runs, place, noise.get(channel))
+        panels += _panels(label, fit, validation.runs, place, noise.get(channel), unit)
     says = (
         "The model runs from the first state alone, on data not used for the fit. Below each "
         "channel is what it leaves, which should look like the sensors' noise."
@@ -50,7 +51,7 @@ def free_run_chart(
 
 
 def _panels(
-    label: str, fit: float, runs: Sequence[FreeRun], place: int, noise: float | None
+    label: str, fit: float, runs: Sequence[FreeRun], place: int, noise: float | None, unit: str
 ) -> tuple[Panel, Panel]:
     """A channel's motion, and the residual below."""
     time = Axis("time", "s")
@@ -65,7 +66,7 @@ def _panels(
         if not isfinite(largest):
             title += "; it diverges"
         elif ((simulated < frame[0]) | (simulated > frame[1])).any():
-            title += f"; beyond the frame, by up to {largest:.2g} rad"
+            title += f"; beyond the frame, by up to {largest:.2g} {unit}"
         below = (-span, span) if largest > span else None
     motion, residuals = [], []
     for run in runs:
@@ -76,11 +77,11 @@ def _panels(
     levels = [] if noise is None else [-2.0 * noise, 2.0 * noise]
     twice = [Level("twice the encoders' noise", edge, "y", "ink", "dashed") for edge in levels]
     return (
-        Panel(title, time, Axis(label.split()[-1], "rad", limits=frame), tuple(motion)),
+        Panel(title, time, Axis(label.split()[-1], unit, limits=frame), tuple(motion)),
         Panel(
             f"{label}: residual",
             time,
-            Axis("residual", "rad", limits=below),
+            Axis("residual", unit, limits=below),
             (*residuals, *twice),
             _BELOW,
         ),
@@ -103,7 +104,7 @@ _LONGEST_LAG = 0.1  # of the longest run
 _SIGNIFICANT = 1.96  # standard deviations of the autocorrelation of white noise
 
 
-def residual_chart(validation: Validation) -> Chart:
+def residual_chart(validation: Validation, unit: str = "rad") -> Chart:
     """Residual of each channel over time, and its autocorrelation with the band of white noise."""
     longest = max(validation.runs, key=lambda run: len(run.time))
     panels = []
@@ -113,7 +114,7 @@ def residual_chart(validation: Validation) -> Chart:
             Line("residual", run.time, _finite(_error(run, place)), "blue", 0.7)
             for run in validation.runs
         ]
-        time, below = Axis("time", "s"), Axis("residual", "rad")
+        time, below = Axis("time", "s"), Axis("residual", unit)
         panels.append(Panel(label, time, below, tuple(lines)))
         panels.append(_autocorrelation_panel(label, longest.time, _error(longest, place)))
     says = (
@@ -169,13 +170,14 @@ def log_chart(log: Log) -> Chart:
     def line(label: str, parts: list[FloatArray], colour: Colour) -> Line:
         return Line(label, time, joined(parts), colour)
 
+    unit = unit_of("rad", first.joint)
     positions: list[Mark] = [line("motor", [r.motor_position for r in log.recordings], "blue")]
-    panels = [("Positions", "angle", "rad", positions)]
+    panels = [("Positions", "position", unit, positions)]
     if first.link_position is not None:
         link = [r.needed_link_position for r in log.recordings]
         positions.append(line("link", link, "orange"))
         deflection = line("", [r.deflection for r in log.recordings], "green")
-        panels.append(("Deflection: link minus motor", "angle", "rad", [deflection]))
+        panels.append(("Deflection: link minus motor", "deflection", unit, [deflection]))
     if first.input is not None:
         drive = line("", [r.needed_input for r in log.recordings], "ink")
         panels.append(("Input", "input", first.input_unit, [drive]))
@@ -308,7 +310,7 @@ def identification_charts(result: Identification) -> Sequence[Chart]:
     bode = bode_chart(frequency_response(result, result.recordings))
     if not result.validation.runs:
         return (bode,)
-    return fit_chart(result), residual_chart(result.validation), bode
+    return fit_chart(result), residual_chart(result.validation, unit_of("rad", result.joint)), bode
 
 
 def fit_chart(result: Identification) -> Chart:
@@ -317,4 +319,4 @@ def fit_chart(result: Identification) -> Chart:
     flexible = result.model == "flexible"  # a link's deflection has no noise of the motor's encoder
     noise = {"deflection": deviation} if flexible and 0.0 < deviation < np.inf else {}
     title = "Free run of the model over data kept out of the fit"
-    return free_run_chart("fit", title, result.validation, noise)
+    return free_run_chart("fit", title, result.validation, noise, unit_of("rad", result.joint))

@@ -9,6 +9,7 @@ from flexid.arrays import plain
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.identification.structure.validation import HORIZONS
 from flexid.identification.vocabulary.evidence import Validation
+from flexid.models.motion import unit_of
 from flexid.report.chart import Chart
 from flexid.report.page import Presenter, logs_of
 from flexid.report.response_charts import free_run_chart, residual_chart
@@ -59,7 +60,8 @@ def fits_table(result: Validation) -> Table:
 
 def _errors_table(result: EstimateValidation) -> Table:
     columns = (Column("channel"), *numbers("sensor noise", *map(_horizon, result.residuals)))
-    table = Table("Prediction error by horizon (rad, RMS)", columns)
+    unit = unit_of("rad", result.joint)
+    table = Table(f"Prediction error by horizon ({unit}, RMS)", columns)
     for channel, noise in result.noise.items():
         off = (found[channel] for found in result.residuals.values())
         table.add(channel, number(noise, 3), *(number(x, 3) if isfinite(x) else "–" for x in off))
@@ -89,13 +91,13 @@ def heading(result: EstimateValidation) -> tuple[str, str]:
 
 def charts(result: EstimateValidation) -> tuple[Chart, Chart]:
     """Free run over each log, and its residuals."""
-    return fit_chart(result), residual_chart(result)
+    return fit_chart(result), residual_chart(result, unit_of("rad", result.joint))
 
 
 def fit_chart(result: EstimateValidation) -> Chart:
     """Free run over each log, channel by channel, with the residual below."""
     title = "Free run of the estimate over other logs"
-    return free_run_chart("validation", title, result, result.noise)
+    return free_run_chart("validation", title, result, result.noise, unit_of("rad", result.joint))
 
 
 def document(result: EstimateValidation) -> dict[str, Any]:

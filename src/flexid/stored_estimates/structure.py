@@ -42,15 +42,15 @@ def structure_of(
     A `SettingError` if none can be made of them. Friction may be taken as dry where the estimate
     smooths it.
     """
-    joint = joint_of(result.model)
+    joint = joint_of(result.model, result.joint)
     unknown = [name for name in values if name not in joint.units]
     if unknown:
         raise SettingError(unknown[0], f"is no coefficient of the {result.model} joint")
     joint = _with_constants(joint, values, result.choices, smooth=smooth)
-    needed = [c for c in joint.system.coefficients if c not in joint.optional and c not in values]
+    needed = [c for c in joint.units if c not in joint.optional and c not in values]
     if needed:
         raise SettingError(needed[0], "is missing: every joint of this kind has that coefficient")
-    absent = frozenset(c for c in joint.optional if c not in values)
+    absent = joint.never | {c for c in joint.optional if c not in values}
     delays = {name: d for name, d in delays_of(result).items() if d}
     if result.model == "rigid":
         delays.pop(LINK, None)

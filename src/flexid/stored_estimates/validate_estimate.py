@@ -21,10 +21,16 @@ from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure, data_of
 from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.preparation.joint import Joint, Kind
-from flexid.identification.preparation.recordings import Source, check_distinct, common_input_unit
+from flexid.identification.preparation.recordings import (
+    Source,
+    check_distinct,
+    common_input_unit,
+    common_joint,
+)
 from flexid.identification.result.identification import Identification
 from flexid.identification.structure.validation import Channels, validate_with
 from flexid.identification.vocabulary.evidence import Validation, ValueEstimate
+from flexid.models.motion import JointType
 from flexid.models.planar_arm import planar_arm
 from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log, Recording
@@ -45,7 +51,8 @@ class EstimateValidation(Validation):
 
     model: Kind | Literal["arm"]
     residuals: Mapping[float, Mapping[str, float]]
-    noise: Mapping[str, float]  # standard deviation in rad of each channel's noise
+    noise: Mapping[str, float]  # standard deviation of each channel's noise
+    joint: JointType = "revolute"  # how it moves, which the unit of the channels follows
     warnings: tuple[str, ...] = ()  # what limits the test
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -83,6 +90,7 @@ def _predicted(
     warnings: Sequence[str],
 ) -> EstimateValidation:
     """Predictions of all but the first half second of each recording."""
+    made = estimate.result
     problem, point = motion_at(structure, data, divide(data.samples, _SEGMENT), values, None)
     channels, samples = structure.joint, data.samples
     starts = [round(HEAD / recording.sample_time) for recording in samples]
@@ -97,7 +105,8 @@ def _predicted(
         found.fit_percent,
         found.runs,
         found.horizons,
-        model=estimate.result.model,
+        model=made.model,
+        joint=made.joint if isinstance(made, Identification) else "revolute",
         residuals=_residuals(found, channels, samples, starts),
         noise=noise,
         warnings=ranked([*(w for log in logs for w in log.warnings), *warnings]),
@@ -153,8 +162,15 @@ def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[
 
 
 def _check_unit(name: str, stored: Identification, logs: Sequence[Log]) -> None:
-    """Refuse logs whose input is another quantity than that of the estimate."""
+    """Refuse logs whose joint or input is another than that of the estimate."""
     unit = common_input_unit(logs)
+    if (joint := common_joint(logs)) != stored.joint:
+        raise RecordingError(
+            logs[0].source,
+            "motor_position",
+            f"is that of a {joint} joint, and {name} is of a {stored.joint} one: give logs of the "
+            f"same joint, in the same units",
+        )
     if stored.model == "link":  # driven by the motor's motion, whatever the logs have beside it
         return
     gain = stored.coefficients["beta1"].unit

@@ -67,7 +67,8 @@ class Scales:
                 checks.check_whole(log, name)
             for name in log.those_of(ENCODERS):
                 turn = self._channels.motor_turn if name == "motor_position" else 0.0
-                log[name] = np.unwrap(log[name], period=turn or TURN)
+                if turn or log.joint == "revolute":
+                    log[name] = np.unwrap(log[name], period=turn or TURN)
                 checks.check_speed(log, name)
             for name in log.those_of(INPUTS):
                 checks.check_power(log, name)

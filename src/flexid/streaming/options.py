@@ -20,7 +20,15 @@ from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.arm_file import refuse_arm_file
-from flexid.models.flexible_joint import SHAPE_TERMS, SQUARES, TERMS, WIDTHS, flexible_joint
+from flexid.models.flexible_joint import (
+    ANGULAR_TERMS,
+    SHAPE_TERMS,
+    SQUARES,
+    TERMS,
+    WIDTHS,
+    flexible_joint,
+)
+from flexid.models.motion import JointType
 from flexid.models.parameter_kinds import ANGLES
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row_alone
@@ -41,6 +49,7 @@ class StreamChannels:
     from_deflection: bool  # whether the first position is the joint's deflection
     warnings: tuple[str, ...]  # what was assumed
     motor_turn: float = 0.0  # see `WatchOptions`
+    joint_type: JointType = "revolute"  # how it moves
     # by name and in a sample's order, with the values of the first samples
     sampled: Mapping[str, Channel] = field(default_factory=dict, compare=False)
 
@@ -73,12 +82,17 @@ def chosen_channels(
         link == "deflection",
         warnings,
         TURN / abs(gear) if gear else 0.0,
+        channels["motor_position"].joint,
         {name: channels[name] for name in ("time", link, "motor_position", drive) if name},
     )
 
 
-USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
-"""Terms of the model where none are named."""
+_USUAL_FRICTION = ("motor_viscous", "joint_damping", "motor_coulomb")
+USUAL_TERMS: Mapping[JointType, tuple[str, ...]] = {
+    "revolute": ("gravity", *_USUAL_FRICTION),
+    "prismatic": (*_USUAL_FRICTION, "link_offset", "motor_offset"),
+}
+"""Terms of the model where none are named; on a slope, gravity pulls all the time alike."""
 
 FILTER_RATE = 20.0  # of the filter in 1/s, where the samples come often enough for it
 RATES = (1.0, 0.25, 4.0)  # multiples of the filter rate that run side by side; the first is asked
@@ -92,7 +106,7 @@ class WatchOptions:
     """What does not change while a stream is watched."""
 
     sample_time: float  # in s
-    terms: tuple[str, ...] = USUAL_TERMS  # terms of the joint besides its spring
+    terms: tuple[str, ...] = USUAL_TERMS["revolute"]  # terms of the joint besides its spring
     # whether link and motor have an encoder each, and there is an input; or the link is driven by
     # the motor's measured motion; or the drive has one encoder
     kind: Kind = "flexible"
@@ -101,8 +115,8 @@ class WatchOptions:
     hold: Literal["auto", "linear", "zero"] = "auto"
     filter_rate: float = FILTER_RATE  # λ of the filter, in 1/s
     memory: float = inf  # seconds after which a sample weighs 1/e as much; infinite: nothing fades
-    # velocity in rad/s over which Coulomb friction changes its sign
-    coulomb_velocity: float = COULOMB_VELOCITY
+    # velocity over which Coulomb friction changes its sign
+    coulomb_velocity: float = COULOMB_VELOCITY["revolute"]
     input_unit: str = "N m"  # of what drives the motor; empty for the link alone
     from_deflection: bool = False  # whether the link's position comes as the joint's deflection
     # constants of the shapes of unusual terms, by name
@@ -113,14 +127,18 @@ class WatchOptions:
     known_deviations: Mapping[str, float] = field(default_factory=dict)
     # physical parameters by an estimate made before, and half of their intervals
     reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    # A turn of the motor at the link's side of the gear, in rad, where its encoder may wrap by
+    joint_type: JointType = "revolute"  # how it moves
+    # A turn of the motor at the link's side of the gear, in rad or m, where its encoder may wrap by
     # such turns; 0 where it stands behind the gear, or there is none
     motor_turn: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
         check_sample_time(self.sample_time)
-        check_terms(self.terms, RIGID_TERMS if self.kind == "rigid" else USABLE_TERMS)
+        known = {*(RIGID_TERMS if self.kind == "rigid" else USABLE_TERMS)}
+        check_terms(
+            self.terms, known - (ANGULAR_TERMS if self.joint_type == "prismatic" else set())
+        )
         if self.hold not in ("auto", "linear", "zero"):
             raise SettingError("hold", f"must be auto, linear or zero, got {self.hold!r}")
         check_filter_rate(
@@ -155,7 +173,7 @@ class WatchOptions:
     @cached_property
     def joint(self) -> Joint:
         """The joint of this kind: units, and physical parameters."""
-        return joint_of(self.kind)
+        return joint_of(self.kind, self.joint_type)
 
     @cached_property
     def unknowns(self) -> Unknowns:
@@ -258,8 +276,13 @@ def options_of_stream(
     chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
     if "terms" in chosen:
         chosen["terms"] = _named(chosen["terms"], channels.kind)
-    usual = rigid_terms(USUAL_TERMS) if channels.kind == "rigid" else USUAL_TERMS
-    follows: dict[str, Any] = {"terms": usual, "filter_rate": FILTER_RATE}
+    usual = USUAL_TERMS[channels.joint_type]
+    usual = rigid_terms(usual) if channels.kind == "rigid" else usual
+    follows: dict[str, Any] = {
+        "terms": usual,
+        "filter_rate": FILTER_RATE,
+        "coulomb_velocity": COULOMB_VELOCITY[channels.joint_type],
+    }
     given: dict[str, float] = {}
     if estimate is not None:
         _check_alike(estimate, channels)
@@ -276,6 +299,7 @@ def options_of_stream(
         "input_unit": channels.input_unit,
         "from_deflection": channels.from_deflection,
         "motor_turn": channels.motor_turn,
+        "joint_type": channels.joint_type,
         "known": {**given, **chosen.get("known", {})},
     }
     return WatchOptions(**{**follows, "filter_rate": rate, **chosen, **shown})
@@ -307,11 +331,12 @@ def coefficients_of(term: str, kind: Kind) -> Collection[str]:
 
 def _check_alike(estimate: Identification, channels: StreamChannels) -> None:
     """Refuse an estimate of another joint or input than the channels show."""
-    if estimate.model != channels.kind:
-        raise SettingError(
-            "estimate",
-            f"is of the {estimate.model} joint, and these channels show the {channels.kind} one",
-        )
+    pairs = (estimate.model, channels.kind), (estimate.joint, channels.joint_type)
+    for made, shown in pairs:
+        if made != shown:
+            raise SettingError(
+                "estimate", f"is of the {made} joint, and these channels show the {shown} one"
+            )
     if estimate.input_unit != channels.input_unit:
         raise SettingError(
             "estimate",

@@ -110,7 +110,7 @@ def _head(path: Path, columns: "MapSource | None") -> tuple[Log, int, int]:
 def _options(replay: Replay, log: Log, head: Identification, settings: Settings) -> WatchOptions:
     """What the head shows, and what the user chooses."""
     channels = replay.channels
-    joint = joint_of(channels.kind)
+    joint = joint_of(channels.kind, channels.joint_type)
     terms = _usual_terms(head)
     said = stated(replace(settings, terms=terms), joint, channels.input_unit)
     chosen: dict[str, Any] = {

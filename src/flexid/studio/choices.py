@@ -75,6 +75,7 @@ class Choices:
     hold: str = "auto"
     terms: tuple[str, ...] | None = None  # terms of the model; chosen from the log if None
     ran: bool = False  # whether it was run
+    lead: float | None = None  # m in a turn of the motor
 
     @property
     def column_map(self) -> dict[str, Any] | None:
@@ -86,7 +87,8 @@ class Choices:
             return None
         entries: dict[str, Any] = dict.fromkeys(SI_UNITS, False)
         entries |= {channel: source.stated for channel, source in self.sources.items()}
-        return entries if self.gear_ratio is None else {**entries, "gear_ratio": self.gear_ratio}
+        ratios = {"gear_ratio": self.gear_ratio, "lead": self.lead}
+        return entries | {name: value for name, value in ratios.items() if value is not None}
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -116,12 +118,18 @@ def read_choices(values: object) -> Choices:
             )
     return Choices(
         sources,
-        _number("gear ratio", gear, 1.0) if (gear := texts.get("gear_ratio")) and sources else None,
+        _ratio("gear_ratio", texts) if sources else None,
         one_of("model", texts.get("model", "auto"), MODELS),
         one_of("hold", texts.get("hold", "auto"), HOLDS),
         _terms(texts["terms"]) if "terms" in texts else None,
         texts.get("ran") == "yes",
+        _ratio("lead", texts) if sources else None,
     )
+
+
+def _ratio(name: str, texts: Mapping[str, str]) -> float | None:
+    text = texts.get(name)
+    return _number(name.replace("_", " "), text, 1.0) if text else None
 
 
 def _number(what: str, text: str, default: float) -> float:

@@ -10,7 +10,8 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from flexid.errors import FlexidError
-from flexid.recording.channel import INPUTS, SI_UNITS
+from flexid.models.motion import JOINT_TYPES
+from flexid.recording.channel import INPUTS, SI_UNITS, si_units
 from flexid.recording.units import EXAMPLES
 from flexid.studio import jobs
 from flexid.studio.choices import HOLDS, MODELS, Choices, Source, read_choices
@@ -92,7 +93,7 @@ class IdentifyRoom:
         if (
             found is not None
             and not found.unclear
-            and self._choices.gear_ratio is None
+            and self._choices.gear_ratio is self._choices.lead is None
             and self._choices.sources == _guessed(found)
         ):
             self._choices = replace(self._choices, sources={})  # a link need not say so
@@ -121,10 +122,17 @@ class IdentifyRoom:
             found=found,
             sources=self._choices.sources or _guessed(found),
             gear_ratio=self._choices.gear_ratio,
+            lead=self._choices.lead,
             channels=SI_UNITS,
             units={
-                channel: [unit for si in units for unit in EXAMPLES[si]]
-                for channel, units in SI_UNITS.items()
+                channel: [
+                    unit
+                    for si in dict.fromkeys(
+                        si for joint in JOINT_TYPES for si in si_units(channel, joint)
+                    )
+                    for unit in EXAMPLES[si]
+                ]
+                for channel in SI_UNITS
             },
             inputs=INPUTS,
             by_name=not self._choices.sources,
@@ -144,7 +152,7 @@ class IdentifyRoom:
         """Forget sources of another log; begin with a guess where the names do not say it all."""
         headers = {column.header for column in found.columns}
         if any(source.column not in headers for source in self._choices.sources.values()):
-            self._choices = replace(self._choices, sources={}, gear_ratio=None)
+            self._choices = replace(self._choices, sources={}, gear_ratio=None, lead=None)
         if found.unclear and not self._choices.sources:
             self._choices = replace(self._choices, sources=_guessed(found))
 

@@ -109,7 +109,9 @@ def check(name: str, choices: Choices) -> Checked:
 
     log = read_log(Path(name), choices.column_map)
     kinds_of = {
-        term: " ".join(kind for kind in get_args(Kind) if term in joint_of(kind).terms)
+        term: " ".join(
+            kind for kind in get_args(Kind) if term in joint_of(kind, log.recordings[0].joint).terms
+        )
         for term in ALL_TERMS
     }
     figure = fragment("figure.html", chart=log_chart(log))

@@ -84,7 +84,7 @@ def with_prior_knowledge(
     """The estimate with what is known of it joined, within the bounds of its functions."""
     if not stated.known and not stated.within:
         return Joined(estimate)
-    parameters = joint.parameters({*estimate.names, *given}, input_unit == "N m")
+    parameters = joint.parameters({*estimate.names, *given}, input_unit)
     functions = {p.name: p for p in parameters}
 
     def joined(active: Mapping[str, float]) -> tuple[Estimate, dict[str, str]]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Compliance, Validation
+from flexid.models.motion import unit_of
 from flexid.recording.velocities import position_noise
 
 WEAK_FIT = 50.0
@@ -23,7 +24,8 @@ def of_joint(recordings: SplitRecordings, found: Validation) -> Compliance:
         float(np.hypot(position_noise(p.needed_link_position), position_noise(p.motor_position)))
         for p in recordings.recorded
     )
-    visible, reason = _judge(found.fit_percent["deflection"], moved, noise)
+    unit = unit_of("rad", recordings.recorded[0].joint)
+    visible, reason = _judge(found.fit_percent["deflection"], moved, noise, unit)
     return Compliance(visible, reason, moved, noise)
 
 
@@ -33,8 +35,9 @@ def of_link_alone(
     """Whether the spring explains the deflection that the motor's motion causes."""
     found = of_joint(recordings, driven)
     if found.visible and stiffness.verdict == "undetermined":
+        unit = unit_of("rad", recordings.recorded[0].joint)
         reason = (
-            f"the deflection moves by {found.deflection:.2g} rad, which another stiffness would "
+            f"the deflection moves by {found.deflection:.2g} {unit}, which another stiffness would "
             f"explain as well"
         )
         return replace(found, visible=False, reason=reason)
@@ -47,12 +50,12 @@ def one_encoder() -> Compliance:
     return Compliance(False, reason, np.nan, np.nan)
 
 
-def _judge(fit: float, deflection: float, noise: float) -> tuple[bool, str]:
-    size = f"the deflection moves by {deflection:.2g} rad"
+def _judge(fit: float, deflection: float, noise: float, unit: str) -> tuple[bool, str]:
+    size = f"the deflection moves by {deflection:.2g} {unit}"
     # A sparsely sampled motion passes for noise; but no spring explains noise in a free run.
     explained = fit >= 100 * (1 - 1 / _BEYOND_NOISE)
     if deflection < _BEYOND_NOISE * noise and not explained:
-        return False, f"{size}, hardly more than its noise of {noise:.2g} rad"
+        return False, f"{size}, hardly more than its noise of {noise:.2g} {unit}"
     if np.isnan(fit):
         return False, f"{size} where it is held out, too little to be tested"
     if fit < WEAK_FIT:

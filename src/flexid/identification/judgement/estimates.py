@@ -129,7 +129,7 @@ def coefficient_estimates(
         estimates[name] = judged_value(
             CoefficientEstimate,
             name,
-            _unit(joint.units[_base(name)], input_unit),
+            joint.unit_of(joint.units[_base(name)], input_unit),
             float(estimate.values[place]),
             float(deviations[place]),
             estimate.degrees_of_freedom[place],
@@ -137,7 +137,7 @@ def coefficient_estimates(
             thresholds,
         )
     for name, (value, reason) in fixed.items():
-        unit = _unit(joint.units[_base(name)], input_unit)
+        unit = joint.unit_of(joint.units[_base(name)], input_unit)
         estimates[name] = CoefficientEstimate(
             name, unit, value, 0.0, (value, value), "determined", reason
         )
@@ -166,7 +166,9 @@ def _tied(
     for name, (a, b, d) in unknowns.tied.items():
         if a not in known or b not in known or d not in known:
             continue
-        tie = Product(name, _unit(joint.units[name], input_unit), {**Counter((a, b)), d: -1})
+        tie = Product(
+            name, joint.unit_of(joint.units[name], input_unit), {**Counter((a, b)), d: -1}
+        )
         tied = judged_function(CoefficientEstimate, tie, values, estimate, thresholds)
         if np.isfinite(tied.std) and known[a].verdict == "determined":  # be it as none
             tied = replace(tied, verdict="determined", reason="")
@@ -207,12 +209,11 @@ def parameter_estimates(
     for recording in _one_recording_of_each_group(unknowns):
         labels = _labels(unknowns, recording, coefficients)
         values = {c: coefficients[label].value for c, label in labels.items()}
-        for parameter in joint.parameters(labels, input_is_torque=input_unit == "N m"):
+        for parameter in joint.parameters(labels, input_unit):
             if parameter.name in (exact or {}):
                 value, reason = (exact or {})[parameter.name]
-                unit = _unit(parameter.unit, input_unit)
                 estimates[parameter.name] = ParameterEstimate(
-                    parameter.name, unit, value, 0.0, (value, value), "determined", reason
+                    parameter.name, parameter.unit, value, 0.0, (value, value), "determined", reason
                 )
                 continue
             own = [labels[c] for c in parameter.coefficients]
@@ -240,7 +241,6 @@ def parameter_estimates(
             estimates[name] = replace(
                 found,
                 name=name,
-                unit=_unit(parameter.unit, input_unit),
                 verdict=judged,
                 reason=reason,
                 slopes={labels[c]: slope for c, slope in found.slopes.items()},
@@ -253,7 +253,9 @@ def parameter_estimates(
 
 
 def constant_estimates(
-    constants: Mapping[str, tuple[float, float, float]], thresholds: Thresholds = THRESHOLDS
+    joint: Joint,
+    constants: Mapping[str, tuple[float, float, float]],
+    thresholds: Thresholds = THRESHOLDS,
 ) -> dict[str, ParameterEstimate]:
     """Constants of shapes, from value, standard deviation and degrees of freedom of each."""
     estimates = {}
@@ -261,7 +263,7 @@ def constant_estimates(
         ends = interval(value, std, freedom)
         judged = verdict(value, ends, thresholds=thresholds)
         estimates[name] = ParameterEstimate(
-            name, CONSTANT_UNITS[name], value, std, ends, *judged, freedom
+            name, joint.unit_of(CONSTANT_UNITS[name], ""), value, std, ends, *judged, freedom
         )
     return estimates
 
@@ -296,7 +298,3 @@ def _labels(
 
 def _base(name: str) -> str:
     return name.partition("[")[0]
-
-
-def _unit(template: str, input_unit: str) -> str:
-    return template.format(input=f"({input_unit})" if " " in input_unit else input_unit)

@@ -19,6 +19,7 @@ from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
 from flexid.estimators.segments import Segments
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import (
+    ANGULAR_TERMS,
     BACKLASH_WIDTH,
     COEFFICIENT_UNITS,
     RIPPLE_ORIGIN,
@@ -27,11 +28,12 @@ from flexid.models.flexible_joint import (
     TIES,
     flexible_joint,
 )
-from flexid.models.parameter_kinds import PhysicalParameter
+from flexid.models.motion import FORCES, JointType, unit_of
+from flexid.models.parameter_kinds import PhysicalParameter, ZeroAngle
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import physical_parameters
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint, row_alone
-from flexid.models.terms import SMOOTHING, with_dry_friction
+from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING, with_dry_friction
 from flexid.recording.recording import Recording
 from flexid.recording.wraps import TURN
 
@@ -44,6 +46,7 @@ _OFFSET_TERMS = ("link_offset", "motor_offset", "offset")
 # times as wide describe nearly the same friction, since the log is fitted with the amplitude.
 _BACKLASH_SHARE, _SMOOTHING_SHARE = 0.1, 0.1
 _GRIP_SHARE = 0.4  # reach with which the search for a spring's hysteresis begins
+_LEAST = 1e-15  # of such widths, lest anything be divided by none
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,9 @@ class Joint:
     # coefficients that multiply a memory, and the grip without which they say nothing
     grips: Mapping[str, str] = field(default_factory=dict)
     first_grip: float = 1.0  # in 1/rad, where the search for a grip begins
+    type: JointType = "revolute"  # how it moves
+    # coefficients of the systems that are zero, since such a joint has no term with them
+    never: frozenset[str] = frozenset()
 
     @cached_property
     def remembered(self) -> frozenset[str]:
@@ -83,17 +89,22 @@ class Joint:
     def scaled(self, recordings: Sequence[Samples]) -> "Joint":
         """The same with shapes as wide as suits the motion of some recordings, with velocities."""
         last = _root_mean_square([_velocities(p)[:, -1] for p in recordings])
-        smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * last, 1e-6)})
+        smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * last, _LEAST)})
         if self.kind == "rigid":
             return replace(self, smooth=smooth)
         sides = [self.both_sides(recording) for recording in recordings]
         deflection = float(
             np.std(self.deflections(recordings))
         )  # about its mean: encoders may not share their zero
-        widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9)}
-        widths[RIPPLE_ORIGIN] = _nearest_turn([positions[:, _MOTOR] for positions, _ in sides])
-        grip = 1.0 / max(_GRIP_SHARE * deflection, 1e-9)
+        widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, _LEAST)}
+        widths[RIPPLE_ORIGIN] = self._origin([positions[:, _MOTOR] for positions, _ in sides])
+        grip = 1.0 / max(_GRIP_SHARE * deflection, _LEAST)
         return replace(self, smooth=smooth, first_grip=grip).with_widths(widths)
+
+    def _origin(self, parts: Sequence[FloatArray]) -> float:
+        """Where a ripple counts from: the middle of some motion, or the whole turns next to it."""
+        middle = 0.5 * (max(float(x.max()) for x in parts) + min(float(x.min()) for x in parts))
+        return TURN * round(middle / TURN) if self.type == "revolute" else middle
 
     def with_widths(self, widths: Mapping[str, float]) -> "Joint":
         """The same with other values of those constants that `SHAPES` names and it has."""
@@ -201,10 +212,19 @@ class Joint:
         return segmented_motion(unknowns.system, segments, timing, unknowns)
 
     def parameters(
-        self, coefficients: Collection[str], input_is_torque: bool
+        self, coefficients: Collection[str], input_unit: str
     ) -> tuple[PhysicalParameter, ...]:
-        """Physical parameters that a set of coefficients determines."""
-        return physical_parameters(coefficients, input_is_torque, self.kind)
+        """Physical parameters that a set of coefficients determines, in units of the joint."""
+        found = physical_parameters(coefficients, input_unit in FORCES, self.kind)
+        return tuple(
+            p if isinstance(p, ZeroAngle) else replace(p, unit=self.unit_of(p.unit, input_unit))
+            for p in found
+        )
+
+    def unit_of(self, declared: str, input_unit: str) -> str:
+        """The unit of this joint in place of a declared one."""
+        named = f"({input_unit})" if " " in input_unit else input_unit
+        return unit_of(declared, self.type).format(input=named)
 
 
 def flexible() -> Joint:
@@ -271,20 +291,29 @@ def rigid() -> Joint:
     )
 
 
-def joint_of(kind: Kind) -> Joint:
-    """The joint of a kind."""
-    return {"flexible": flexible, "link": link, "rigid": rigid}[kind]()
+def joint_of(kind: Kind, joint_type: JointType = "revolute") -> Joint:
+    """The joint of a kind; one that slides lacks the terms of an angle."""
+    joint = {"flexible": flexible, "link": link, "rigid": rigid}[kind]()
+    if joint_type == "revolute":
+        return joint
+    never = {c for term in ANGULAR_TERMS for c in joint.terms.get(term, ())}
+    smoothing = {SMOOTHING: COULOMB_VELOCITY[joint_type]}
+    return replace(
+        joint,
+        smooth=joint.smooth.with_constants(smoothing),
+        shaped=joint.shaped.with_constants(smoothing),
+        terms={term: names for term, names in joint.terms.items() if term not in ANGULAR_TERMS},
+        shapes=joint.shapes - never,
+        units={c: unit for c, unit in joint.units.items() if c not in never},
+        ties={c: sources for c, sources in joint.ties.items() if c not in never},
+        type=joint_type,
+        never=frozenset(never),
+    )
 
 
 def _velocities(recording: Samples) -> FloatArray:
     assert recording.velocities is not None
     return recording.velocities
-
-
-def _nearest_turn(parts: Sequence[FloatArray]) -> float:
-    """Position in rad, of whole turns, next to the middle of some motion."""
-    middle = 0.5 * (max(float(x.max()) for x in parts) + min(float(x.min()) for x in parts))
-    return TURN * round(middle / TURN)
 
 
 def _root_mean_square(parts: Sequence[FloatArray]) -> float:

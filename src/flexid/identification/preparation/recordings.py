@@ -11,6 +11,7 @@ import numpy as np
 from flexid.errors import RecordingError, SettingError
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
+from flexid.models.motion import JointType, unit_of
 from flexid.recording.caution import Caution, Rank
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import is_noise, with_velocities
@@ -55,6 +56,7 @@ def prepare(
 ) -> tuple[SplitRecordings, tuple[str, ...]]:
     """Collect the recordings that are long enough, and a warning for each that is not."""
     check_distinct(logs)
+    common_joint(logs)
     common_input_unit(logs)
     _check_encoders(logs)
     taken, rigid = _taken_as(model, logs)
@@ -88,7 +90,8 @@ def _taken_as(model: Kind | Auto, logs: Sequence[Log]) -> tuple[Kind | Auto, lis
         return model, []
     off = max(float(recording.deflection.std()) for recording in recordings)
     reason = (
-        f"{logs[0].source}: link and motor position differ by white noise of {off:.2g} rad alone, "
+        f"{logs[0].source}: link and motor position differ by white noise of {off:.2g} "
+        f"{unit_of('rad', recordings[0].joint)} alone, "
         f"so the joint was taken as rigid: check that each encoder is connected to its own side, "
         f"or drive the joint harder"
     )
@@ -169,6 +172,21 @@ def common_input_unit(logs: Sequence[Log]) -> str:
             f"is in {second} where {sources[0]} has {first}: take them one by one",
         )
     return next(iter(units))
+
+
+def common_joint(logs: Sequence[Log]) -> JointType:
+    """How the joint of all logs moves; refuses logs of both kinds."""
+    joints: dict[JointType, str] = {}
+    for log in logs:
+        joints |= {recording.joint: log.source for recording in log.recordings}
+    if len(joints) > 1:
+        (first, second), sources = list(joints)[:2], list(joints.values())
+        raise RecordingError(
+            sources[1],
+            "motor_position",
+            f"is that of a {second} joint where {sources[0]} has a {first} one: check the units",
+        )
+    return next(iter(joints))
 
 
 def _check_encoders(logs: Sequence[Log]) -> None:

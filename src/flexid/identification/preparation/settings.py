@@ -18,7 +18,7 @@ from flexid.recording.checks import FASTEST_JOINT
 from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
-_SLOWEST = 1e-6  # rad/s over which friction is smoothed: half a turn in a month
+_SLOWEST = 1e-6  # rad/s or m/s over which friction is smoothed: half a turn in a month
 _LARGEST_DELAY = 0.1  # of the shortest recording
 _SMALLEST, _LARGEST = 1e-15, 1e15  # of whatever is stated of a drive, in SI units
 _COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
@@ -47,7 +47,7 @@ class Settings:
     # terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
     # `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder
     terms: tuple[str, ...] | Auto = "auto"
-    # physical parameters, such as ``motor_inertia`` in kg m², or coefficients, by name
+    # physical parameters, such as ``motor_inertia`` in kg m² or kg, or coefficients, by name
     known: Mapping[str, float] = field(default_factory=dict)
     # standard deviations of what is known; what has none is taken as exact
     known_deviations: Mapping[str, float] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class Settings:
     input_delay: float | Auto = "auto"
     # by how many seconds the link's encoder lags behind the motor's
     link_delay: float | Auto = "auto"
-    # velocity in rad/s over which Coulomb friction changes sign; at once if not given
+    # velocity in rad/s or m/s over which Coulomb friction changes sign; at once if not given
     coulomb_velocity: float | Auto = "auto"
     # rate in 1/s of the state-variable filter of least squares, which a stream is fitted by
     filter_rate: float | Auto = "auto"
@@ -78,11 +78,11 @@ class Settings:
             _check_bounds(name, lower, upper)
         _check_choice("hold", self.hold, ("auto", "zero", "linear", "cubic"))
         smooth = self.coulomb_velocity
-        _check_positive("coulomb_velocity", smooth, "rad/s")
+        _check_positive("coulomb_velocity", smooth, "rad/s or m/s")
         if smooth != "auto" and not _SLOWEST <= smooth <= FASTEST_JOINT:
             raise SettingError(
                 "coulomb_velocity",
-                f"{smooth:g} rad/s is outside {_SLOWEST:g} to {FASTEST_JOINT:g} rad/s: give a "
+                f"{smooth:g} is outside {_SLOWEST:g} to {FASTEST_JOINT:g} rad/s or m/s: give a "
                 f"velocity within, or auto for dry friction",
             )
         _check_positive("filter_rate", self.filter_rate, "1/s")
@@ -107,6 +107,8 @@ class Settings:
 def check_for(joint: Joint, settings: Settings) -> None:
     """Raise `SettingError` for what a joint does not have, or what contradicts itself."""
     what = _SEEN[joint.kind]
+    if joint.type == "prismatic":
+        what += ", and which slides, so that gravity is a part of the offsets"
     terms = joint.terms
     chosen = () if settings.terms == "auto" else settings.terms
     for term in chosen:

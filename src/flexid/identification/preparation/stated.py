@@ -17,6 +17,7 @@ from flexid.errors import SettingError
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.preparation.prior_knowledge import Known
 from flexid.identification.preparation.settings import Settings
+from flexid.models.motion import FORCES
 from flexid.models.parameter_kinds import Amplitude, PhysicalParameter, Product
 
 Bounds = dict[str, tuple[float, float]]
@@ -78,7 +79,7 @@ def _functions(settings: Settings, joint: Joint, input_unit: str) -> dict[str, P
         or (term := joint.of_coefficient(c)) is None
         or term in settings.terms
     ]
-    parameters = joint.parameters(on, input_unit == "N m")
+    parameters = joint.parameters(on, input_unit)
     return {c: Product(c, "", {c: 1}) for c in on} | {p.name: p for p in parameters}
 
 
@@ -86,7 +87,7 @@ def _nothing_here(
     setting: str, name: str, functions: Mapping[str, PhysicalParameter], input_unit: str
 ) -> SettingError:
     here = ", ".join(functions)
-    torque = "" if input_unit == "N m" else "; what is absolute needs a torque as the input"
+    torque = "" if input_unit in FORCES else "; what is absolute needs a torque as the input"
     return SettingError(
         setting, f"this log and these terms have no {name}{torque}; there are {here}"
     )

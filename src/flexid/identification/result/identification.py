@@ -23,6 +23,7 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
 )
 from flexid.models.flexible_joint import RIPPLE_ORIGIN
+from flexid.models.motion import JointType
 from flexid.recording.recording import Hold, Log, Recording
 
 Estimator = Literal["prediction-error", "innovations", "least-squares"]
@@ -79,6 +80,7 @@ class Identification:
     recordings: tuple[Recording, ...] = ()
     # what the drive does that no term describes; None where the exact model was fitted
     disturbances: Disturbances | None = None
+    joint: JointType = "revolute"  # how it moves, which the units of all values follow
 
     @property
     def verdict(self) -> Verdict:
@@ -97,7 +99,7 @@ class Identification:
     def input_unit(self) -> str:
         """Unit of the input; empty for the link alone."""
         gain = self.coefficients.get("beta1")
-        return "" if gain is None else gain.unit.removeprefix("rad/s^2/").strip("()")
+        return "" if gain is None else gain.unit.partition("/s^2/")[2].strip("()")
 
     @property
     def unexplained(self) -> bool:
@@ -168,7 +170,7 @@ def _term(name: str, choices: Choices) -> str:
     origin = choices.shapes.get(RIPPLE_ORIGIN, 0.0)
     if name != "torque_ripple" or not origin:
         return name
-    return f"{name} (its angle counted from {origin:.5g} rad)"
+    return f"{name} (its angle counted from {origin:.5g})"
 
 
 def _errors(value: float, std: float) -> str:

@@ -106,8 +106,9 @@ class Job:
         if smooth != "auto":
             joint = joint.with_coulomb_velocity(smooth)
         absent = joint.shapes if settings.terms == "auto" else joint.optional - self.kept
+        absent |= joint.never
         given, bounds = self.stated.given, self.stated.bounds
-        base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
+        base = Structure(joint, absent, self._timing(), given, bounds)
         if joint.kind != "rigid":
             base = about_its_centre(base, self.training)
         return base.without(self.left_out | SOUGHT_COEFFICIENTS)
@@ -156,7 +157,7 @@ def job_of(
 ) -> Job:
     """What is to be found in some recordings."""
     first = recordings.recorded[0]
-    joint = joint_of(_kind(first))
+    joint = joint_of(_kind(first), first.joint)
     check_for(joint, settings)
     shortest = min(len(recording) * recording.sample_time for recording in recordings.recorded)
     check_against(settings, first.sample_time, shortest)

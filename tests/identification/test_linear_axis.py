@@ -1,0 +1,136 @@
+"""Linear axes: prismatic joints in m, N and kg, with one model and one set of names."""
+
+import numpy as np
+import pytest
+
+import flexid
+from flexid.errors import FlexidError
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.physical import joint_coefficients
+from flexid.simulation.free_run import free_run
+
+TRUTH = {
+    "link_inertia": 12.0,
+    "motor_inertia": 5.0,
+    "joint_stiffness": 2e5,
+    "motor_viscous_friction": 60.0,
+    "joint_damping": 30.0,
+    "link_offset_torque": -20.0,
+}
+"""A table on a belt, on a slope, in SI units."""
+
+UNITS = {
+    "link_inertia": "kg",
+    "motor_inertia": "kg",
+    "joint_stiffness": "N/m",
+    "motor_viscous_friction": "N s/m",
+    "joint_damping": "N s/m",
+    "link_offset_torque": "N",
+}
+TERMS = ("motor_viscous", "joint_damping", "link_offset")
+STEP = 1e-3  # s
+NOISE = 2e-7  # m
+
+
+def recorded(seed=1, duration=3.0):
+    """Time, positions and force of the axis under a sum of tones, two encoders with white noise."""
+    rng, time = np.random.default_rng(seed), STEP * np.arange(round(duration / STEP))
+    tones = 2.0 * np.pi * np.geomspace(0.7, 50.0, 9)
+    force = 40.0 * np.sin(time[:, None] * tones + rng.uniform(0.0, 6.0, 9)).sum(axis=1)
+    run = free_run(
+        flexible_joint(TERMS), joint_coefficients(TRUTH), np.zeros(4), force[:, None], STEP, "zero"
+    )
+    noise = NOISE * rng.standard_normal((len(time), 2))
+    return time, *(run[:, ::2] + noise).T, force
+
+
+def log_of(position="m", force="N", factor=1.0, **more):
+    """The log with its positions in some unit."""
+    time, link, motor, drive = recorded(**more)
+    return {
+        "time [s]": time,
+        f"link_position [{position}]": factor * link,
+        f"motor_position [{position}]": factor * motor,
+        f"motor_torque [{force}]": drive,
+    }
+
+
+@pytest.fixture(scope="module")
+def axis():
+    """Return the estimate of the log in m and N."""
+    return flexid.identify(log_of())
+
+
+def test_an_axis_is_found_in_its_own_units(axis):
+    """Assert that the terms of the axis are found from its log alone, with what was put in."""
+    assert axis.joint == "prismatic"
+    assert {name: p.unit for name, p in axis.parameters.items()} == UNITS
+    for name, value in TRUTH.items():
+        assert abs(axis.parameters[name].value - value) <= 2.0 * axis.parameters[name].half_width
+        assert axis.parameters[name].verdict == "determined"
+    assert axis.coefficients["beta1"].unit == "m/s^2/N"
+    text = axis.summary(explain=True)
+    assert not any(unit in text for unit in ("rad ", "rad,", "N m ", "kg m^2", "gravity"))
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("mm", 1e3), ("m", 1e-4), ("m", 1e4)], ids=["mm", "small", "large"]
+)
+def test_no_length_is_built_in(axis, unit, factor):
+    """Assert that an axis in other units is the same, and one of another size the same but for it.
+
+    A metre that is 10⁴ times as long makes masses and stiffness as much smaller.
+    """
+    other = flexid.identify(log_of(unit, factor=factor))
+    size = factor if unit == "m" else 1.0
+    assert other.terms == axis.terms
+    for name, p in axis.parameters.items():
+        expected = p.value / (1.0 if UNITS[name] == "N" else size)
+        half = 0.05 * p.half_width * expected / p.value
+        assert other.parameters[name].value == pytest.approx(expected, abs=half)
+
+
+def test_numbers_are_those_of_an_angle():
+    """Assert that a metre read as a radian and a newton as a newton metre gives no other number."""
+    slides = flexid.identify(log_of(), terms=TERMS)
+    turns = flexid.identify(log_of("rad", "N m"), terms=TERMS)
+    assert turns.joint == "revolute"
+    for name, p in slides.parameters.items():
+        assert turns.parameters[name].value == pytest.approx(p.value, rel=1e-6)
+        assert turns.parameters[name].std == pytest.approx(p.std, rel=1e-3)
+
+
+def test_gravity_is_no_term_of_a_slide():
+    """Assert that a term of an angle is refused, and the sentence says where gravity is."""
+    with pytest.raises(FlexidError, match=r"gravity.*slides, so that gravity is a part of the off"):
+        flexid.identify(log_of(), terms=("gravity",))
+
+
+def test_it_comes_back_from_a_file(axis, tmp_path):
+    """Assert that a stored estimate is that of a prismatic joint, and validates such logs only."""
+    loaded = flexid.load(axis.save(tmp_path / "estimate.json") or tmp_path / "estimate.json")
+    assert loaded.joint == "prismatic"
+    assert "prismatic flexible" in repr(loaded)
+    validation = loaded.validate(log_of(seed=2))
+    assert min(validation.fit_percent.values()) > 95.0
+    assert "(m, RMS)" in validation.summary()
+    with pytest.raises(FlexidError, match=r"of a revolute joint, and .* of a prismatic one"):
+        loaded.validate(log_of("rad", "N m", seed=2))
+    responses = loaded.frequency_response().responses
+    assert {(r.input, r.unit) for r in responses} == {("force", "m/s/N")}
+
+
+def test_a_stream_of_it_learns_in_its_units():
+    """Assert that samples that are fed are those of a slide where a column map says so."""
+    _, link, motor, force = recorded(duration=6.0)
+    watch = flexid.watch(sample_time=STEP, columns={"joint": "prismatic"}, filter_rate=100.0)
+    watch.feed(link_position=link, motor_position=motor, motor_torque=force)
+    assert watch.parameters["motor_inertia"].unit == "kg"
+    assert watch.parameters["link_inertia"].value == pytest.approx(12.0, rel=0.05)
+    assert "gravity_torque" not in watch.parameters
+
+
+def test_a_log_of_both_kinds_is_refused():
+    """Assert that logs of a slide and of a joint that turns are not taken together."""
+    with pytest.raises(FlexidError, match=r"of a revolute joint where .* has a prismatic one"):
+        flexid.identify([log_of(), log_of("rad", "N m", seed=2)])

@@ -1,0 +1,87 @@
+"""Logs of linear axes: known by their units, with a lead where the motor turns."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from joint_log import read_columns, said
+
+TIME = 0.002 * np.arange(2000.0)
+LINK = 0.1 * np.sin(3.0 * TIME)  # m
+MOTOR = LINK + 1e-4 * np.cos(7.0 * TIME)
+FORCE = 50.0 * np.cos(11.0 * TIME)  # N
+LEAD = 0.01  # m in a turn of the motor
+TURNS = MOTOR / LEAD
+TORQUE = FORCE * LEAD / (2.0 * np.pi)  # N m
+
+
+def axis(link: str, motor: str, force: str, /, **changed: Any) -> dict[str, Any]:
+    """The log with channels by these names."""
+    values = {"link": LINK, "motor": MOTOR, "force": FORCE, **changed}
+    return {"time": TIME, link: values["link"], motor: values["motor"], force: values["force"]}
+
+
+@pytest.mark.parametrize(
+    ("columns", "column_map"),
+    [
+        (axis("link_position [m]", "motor_position [m]", "motor_torque [N]"), None),
+        (axis("link_position [m]", "motor_position", "motor_torque"), None),
+        (axis("link_position", "motor_position", "motor_torque [N]"), None),
+        (axis("q_l [mm]", "q_m [um]", "force", link=1e3 * LINK, motor=1e6 * MOTOR), None),
+        (axis("link_position", "motor_position", "motor_torque"), {"joint": "prismatic"}),
+        (axis("q_l", "q_m", "tau"), {"joint": "prismatic"}),
+        (
+            axis("link_position", "m [turn]", "t [N m]", motor=-TURNS, force=-TORQUE),
+            {"lead": -LEAD, "motor_position": "m", "motor_torque": "t"},
+        ),
+        (
+            axis("link_position", "motor_position [turn]", "motor_torque [N]", motor=TURNS),
+            {"lead": LEAD},
+        ),
+    ],
+    ids=["SI", "link alone", "force alone", "prefixes", "stated", "usual names", "screw", "force"],
+)
+def test_units_say_that_it_slides(columns: Any, column_map: Any) -> None:
+    """Assert that all channels are in m and N, whichever of them has a unit."""
+    (recording,) = read_columns(columns, column_map).recordings
+    assert (recording.joint, recording.input_unit) == ("prismatic", "N")
+    assert recording.link_position == pytest.approx(LINK, abs=1e-12)
+    assert recording.motor_position == pytest.approx(MOTOR, abs=1e-12)
+    assert recording.input == pytest.approx(FORCE, abs=1e-9)
+
+
+def test_an_absolute_encoder_in_front_of_a_screw_is_unwrapped() -> None:
+    """Assert that a motor's encoder that begins again each turn follows the slide."""
+    columns = axis("link_position [m]", "motor_position [turn]", "motor_torque [N]")
+    columns["motor_position [turn]"] = np.mod(TURNS, 1.0)
+    log = read_columns(columns, {"lead": LEAD})
+    moved = log.recordings[0].motor_position
+    assert moved - moved[0] == pytest.approx(MOTOR - MOTOR[0], abs=1e-12)
+    assert any("was unwrapped" in warning for warning in log.warnings)
+
+
+FAR = np.linspace(0.0, 20.0, len(TIME)) + 7.0 * (TIME > 2.0)  # m, with a step near 2π
+SAID = {
+    "a jump by 7 m": axis("link_position", "motor_position", "force", link=FAR + LINK, motor=FAR),
+    "one in mm": axis("link_position [m]", "motor_position [m]", "force", motor=1e3 * MOTOR),
+    "both in mm": axis("link_position", "motor_position", "force [N]", link=1e4 * LINK)
+    | {"motor_position": 1e4 * MOTOR},
+    "a velocity in mm/s": axis("link_position [m]", "motor_position [m]", "force")
+    | {"motor_velocity": 1e3 * np.gradient(MOTOR, TIME)},
+    "one in rad": axis("link_position [rad]", "motor_position [m]", "force"),
+}
+MAPS = {
+    "no such joint": {"joint": "linear"},
+    "no lead": {"lead": 0.0},
+    "a lead of a joint that turns": {"lead": 0.01, "joint": "revolute"},
+    "a lead and a gear": {"lead": 0.01, "gear_ratio": 10},
+}
+
+
+def test_what_makes_no_sense(golden: Any) -> None:
+    """Assert that what is wrong with a slide is said in its units, and nothing of angles."""
+    columns = axis("link_position", "motor_position", "motor_torque")
+    golden(
+        {name: said(read_columns, one) for name, one in SAID.items()}
+        | {name: said(read_columns, columns, one) for name, one in MAPS.items()}
+    )
