@@ -70,11 +70,10 @@ def test_a_column_map_with_numbers(tmp_path: Path):
         ({"leave_out": "motor_torque_1"}, 2, "joint 1"),
         ({}, 1, "the arm has 1 joint: give a length for each joint"),
         ({}, 3, "joint 3"),
-        ({"bad": "nan"}, 2, "missing in some joints only"),
-        ({"lost": 20}, 2, "missing in some joints only"),
+        ({"lost": 20}, 2, "missing in this joint only"),
         ({"leave_out": "time"}, 2, "time"),
     ],
-    ids=["link", "torque", "one length", "three lengths", "NaN", "lost samples", "no time"],
+    ids=["link", "torque", "one length", "three lengths", "lost samples", "no time"],
 )
 def test_logs_that_cannot_be_used(tmp_path: Path, made: dict[str, Any], joints: int, words: str):
     """Assert that what is wrong is named in one line, with the remedy."""
@@ -84,6 +83,54 @@ def test_logs_that_cannot_be_used(tmp_path: Path, made: dict[str, Any], joints: 
     assert "\n" not in message
     assert caught.value.file.endswith("run.csv")
     assert words in message, message
+
+
+def test_a_gap_of_one_joint_divides_the_recordings_of_all(tmp_path: Path):
+    """Assert that all joints are cut where a cell of one of them holds no number."""
+    log = read_arm_log(log_of(tmp_path / "run.csv", bad="nan"), 2)
+    assert [len(recording) for recording in log.recordings] == [700, 799]
+    assert log.recordings[1].start_time == pytest.approx(701 * 0.002)
+
+
+def test_samples_that_a_fast_joint_shows_to_be_lost_are_put_back_in_all(tmp_path: Path):
+    """Assert that a joint that hardly moves has as many samples as one that shows the loss."""
+    rng = np.random.default_rng(7)
+    t = 0.002 * np.arange(3000)
+    fast, slow = np.sin(6.0 * t), 0.01 * np.sin(0.5 * t)
+    sides = [fast, fast + 0.02 * np.sin(9.0 * t), slow, slow + 0.002 * np.sin(3.0 * t)]
+    positions = np.column_stack(sides) + 1e-5 * rng.normal(size=(3000, 4))
+    torques = np.column_stack((np.cos(7.0 * t), np.cos(8.0 * t)))
+    kept = np.setdiff1d(np.arange(3000), 170 * np.arange(1, 17))
+    names = "link_position_1,motor_position_1,link_position_2,motor_position_2"
+    rows = np.column_stack((t[: len(kept)], positions[kept], torques[kept]))
+    path = tmp_path / "run.csv"
+    header = f"time,{names},motor_torque_1,motor_torque_2"
+    np.savetxt(path, rows, "%.8g", ",", header=header, comments="")
+    (recording,) = read_arm_log(path, 2).recordings
+    assert recording.positions.shape == (3000, 4)
+    assert np.abs(recording.positions - positions).max() < 2e-3
+
+
+def test_a_joint_may_rest_while_another_one_moves(tmp_path: Path):
+    """Assert that one braked joint is read, but no dead encoder, and no log in which all rest."""
+    path = log_of(tmp_path / "run.csv")
+    columns = tmp_path / "map.toml"
+
+    def read(**scales: float) -> tuple[int, ...]:
+        entries = (
+            f'{name} = {{column = "{name}", scale = {scale}, unit = "deg"}}\n'
+            for name, scale in scales.items()
+        )
+        columns.write_text("".join(entries))
+        return read_arm_log(path, 2, columns).resting
+
+    assert read() == ()
+    braked = {"motor_position_2": 0.0, "link_position_2": 0.01}
+    assert read(**braked) == (2,)
+    with pytest.raises(RecordingError, match="motor_position is constant"):
+        read(motor_position_2=0.0)
+    with pytest.raises(RecordingError, match="motor_position is constant"):
+        read(**braked, motor_position_1=0.0, link_position_1=0.01)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from benchmarks.arms.arm import Arm, Link
 from benchmarks.arms.log import Motion, save, simulate
 
 from flexid.arms.fitting import exact_fits
+from flexid.arms.identify import identify_arm
 from flexid.arms.log import read_arm_log
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.model import Structure
@@ -59,6 +61,22 @@ def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path
         assert abs(stiffness["value"] / truth[f"joint_stiffness_{joint}"] - 1.0) < 5e-3
         assert document["validation"]["fit_percent"][f"deflection_{joint}"] > 90.0
     assert document["hold"] == "zero"
+
+
+def test_a_joint_that_rests(tmp_path: Path):
+    """Assert that the other joint is found, and what only motion of this one shows is not."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    first, second = MADE.links
+    held = replace(MADE, links=(first, replace(second, motor_coulomb=1e4)))
+    motion = Motion(duration=6.0, sample_time=2e-3, bits=17)
+    save(simulate(held, motion, np.random.default_rng(7)), tmp_path / "run.csv")
+    found = identify_arm(tmp_path / "run.csv", PlanarArm((0.4, 0.3), (9.81, 0.0))).parameters
+    for name in ("joint_stiffness_1", "motor_inertia_1"):
+        assert found[name].verdict == "determined"
+        assert abs(found[name].value / MADE.truth()[name] - 1.0) < 0.01
+    for name in ("joint_stiffness_2", "motor_inertia_2"):
+        assert found[name].verdict == "undetermined"
+        assert found[name].reason == "joint 2 rests: let it move"
 
 
 def test_currents_give_ratios(folder: Path, flexid: Run):

@@ -34,7 +34,10 @@ def test_each_start_is_tried_over_few_segments_first(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(fitting, "starts", lambda *_: [{"number": n} for n in (1, 2, 3)])
     monkeypatch.setattr(fitting, "by_misfit", lambda *given: given[3])
     monkeypatch.setattr(fitting, "fit_segments", fit_segments)
-    assert fitting.begun(STRUCTURE, arm_data([still]), segments).by_name == {"number": 200}
+    start, fit = fitting.begun(STRUCTURE, arm_data([still]), segments)
+    assert start == {"number": 2}
+    assert fit is not None
+    assert fit.by_name == {"number": 200}
     few = asked[0][0]
     assert few < len(segments)
     assert asked == [(few, 1), (few, 2), (len(segments), 20)]
@@ -44,8 +47,9 @@ def fitted_without() -> FittedArm:
     """A fit of straight springs to an arm whose first one hardens."""
     data = arm_data([moved(CURVED)])
     segments = divide(data.samples, 0.4)
-    start = begun(STRUCTURE, data, segments).by_name
-    return fit_segments(STRUCTURE, data, segments, start, None, Steps(0.1))
+    _, first = begun(STRUCTURE, data, segments)
+    assert first is not None
+    return fit_segments(STRUCTURE, data, segments, first.by_name, None, Steps(0.1))
 
 
 def test_a_step_promises_what_a_fit_brings():

@@ -252,6 +252,8 @@ def as_physical(balance: TorqueBalance, start: Mapping[str, float]) -> dict[str,
     for joint in range(1, balance.joints + 1):
         for law in ("viscous", "coulomb"):
             link, motor = (f"{side}_{law}_friction_{joint}" for side in ("link", "motor"))
+            if motor not in moved:  # it stands still
+                continue
             moved[motor] = max(moved[motor] + moved[link], 0.0)
             moved[link] = 0.0
         moved[f"joint_damping_{joint}"] = max(moved[f"joint_damping_{joint}"], 0.0)

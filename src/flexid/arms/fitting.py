@@ -67,22 +67,26 @@ EFFECT_BAND = 20.0
 class ExactFits:
     """Fits without disturbances over segments of growing length, as far as they are of use."""
 
-    found: tuple[FittedArm, ...]
+    asked: Structure[ElasticArm]
+    start: dict[str, float]  # least squares, by name
+    found: tuple[FittedArm, ...]  # none where no motion leads from there
 
     @property
     def hopeless(self) -> str:
         """Why there is no fit without disturbances; empty where there may be one."""
-        return _hopeless(self.found[-1])
+        return (
+            _hopeless(self.found[-1]) if self.found else "the motion leads nowhere from any start"
+        )
 
     @property
     def structure(self) -> Structure[ElasticArm]:
         """What was fitted in the end, with the unusual terms that it needs."""
-        return self.found[-1].structure
+        return self.found[-1].structure if self.found else self.asked
 
     @property
     def starts(self) -> tuple[dict[str, float], ...]:
-        """Values over the shortest segments and over the longest, by name."""
-        return tuple(end.by_name for end in (self.found[0], self.found[-1])[: len(self.found)])
+        """Values of least squares, and those over the longest segments, by name."""
+        return (self.start, *(end.by_name for end in self.found[-1:]))
 
     def best(self) -> tuple[FittedArm, Estimate]:
         """The fit over the longest segments that can be trusted, with its covariance."""
@@ -104,9 +108,10 @@ def exact_fits(
     """Fit an arm to recordings, until its residuals say that it lacks something."""
     divisions = lengths(data, min(LONGEST, 0.5 * data.shortest))
     progress("least squares")
-    found = [begun(structure, data, divisions[0])]
+    start, first = begun(structure, data, divisions[0])
+    found = [first] if first else []
     timed = False
-    for segments in divisions[1:]:
+    for segments in divisions[1:] if found else ():
         duration = segments.mean_duration
         progress(f"segments of {duration:.2g} s")
         try:
@@ -119,7 +124,7 @@ def exact_fits(
         found.append(longer)
         if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found)):
             break
-    return ExactFits(tuple(found))
+    return ExactFits(structure, start, tuple(found))
 
 
 def residual_excess(fitted: FittedArm) -> FloatArray:
@@ -209,19 +214,23 @@ def _holds(one: FittedArm, found: Sequence[FittedArm]) -> bool:
     return one.excess <= _GROWTH * next(filter(_near_noise, found), found[0]).excess
 
 
-def begun(structure: Structure[ElasticArm], data: Data, segments: Segments) -> FittedArm:
-    """The start that gets closest to the log within a few steps, and where these lead."""
-    ways = starts(structure.joint.balance, data.samples, dict(structure.fixed))
+def begun(
+    structure: Structure[ElasticArm], data: Data, segments: Segments
+) -> tuple[dict[str, float], FittedArm | None]:
+    """The start that gets closest to the log within a few steps, and where these lead, if they do.
+
+    Without a fit, the start is that which least squares and the motion like best.
+    """
+    arm = structure.joint
+    resting = [joint - 1 for joint in arm.resting]
+    ways = starts(arm.balance, data.samples, dict(structure.fixed), resting)
     few = segments.some(_FIRST_SEGMENTS)  # of all some may diverge from where least squares is
-    for start in by_misfit(structure, data, segments, ways, _BETWEEN):
+    likely = by_misfit(structure, data, segments, ways, _BETWEEN)
+    for start in likely:
         with suppress(ConvergenceError):
             near = fit_segments(structure, data, few, start, None, _BETWEEN)
-            return fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
-    raise ConvergenceError(
-        "arm",
-        "the model cannot follow the log from any start: check the signs and units of the "
-        "torques and angles, the order of the joints, and the lengths",
-    )
+            return start, fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
+    return likely[0], None
 
 
 def before_the_end(data: Data) -> tuple[Data, list[int]]:

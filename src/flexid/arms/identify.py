@@ -41,14 +41,19 @@ from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm, JointTerm
 from flexid.recording.caution import Caution, Rank, ranked
 
-REFERENCE = "torque_constant_1"
-"""What is fixed at 1 where no torque is calibrated: torques then have the unit of that input."""
-
 _CALIBRATED = "N m"
 _CONFUSED = 0.9  # correlation from which on two parameters are named together
 _OF_A_SPRING = ("joint_stiffness", "joint_damping", "motor_inertia", "stiffness_over_inertia")
+_HELD = {
+    "motor_inertia": 1e3,
+    "motor_viscous_friction": 0.0,
+    "motor_coulomb_friction": 1e9,
+    "motor_offset": 0.0,
+    "torque_constant": 1.0,
+    "rotor_coupling": 0.0,
+}
+"""What the motor of a joint that rests is taken to be: whatever its values, friction holds it."""
 _POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia")
-_WRONG = 10.0  # of what is left over the encoders' noise, from which on no number is trusted
 _EXCESS = 1.5  # of what is left over the encoders' noise
 
 
@@ -60,10 +65,9 @@ def identify_arm(
 ) -> ArmIdentification:
     """Identify an arm from its log."""
     log = read_arm_log(path, arm.joints, columns)
-    fixed = fixed_parameters(arm, log.input_units)
-    found = _found(
-        Structure(ElasticArm(planar_arm(arm)), frozenset(), Timing("zero"), fixed), log, progress
-    )
+    fixed = fixed_parameters(arm, log.input_units, log.resting)
+    model = ElasticArm(planar_arm(arm), log.resting)
+    found = _found(Structure(model, frozenset(), Timing("zero"), fixed), log, progress)
     return _result(arm, log, found)
 
 
@@ -101,22 +105,41 @@ def _found(
             progress("predicting the held-out data")
             runs, shares = disturbed.predicted(), disturbed.shares()
             return _Found(disturbed.fitted, doubted, *runs, shares, widest, reason)
+    if not exact.found:
+        raise ConvergenceError(
+            "arm",
+            "the model cannot follow the log from any start: check the signs and units of the "
+            "torques and angles, the order of the joints, and the lengths",
+        )
     progress("predicting the held-out data")
     fitted, estimate = best or exact.best()
-    return _Found(fitted, estimate, predicted(fitted), {})
+    return _Found(fitted, estimate, predicted(fitted), {}, reason=reason)
 
 
-def fixed_parameters(arm: PlanarArm, input_units: tuple[str, ...]) -> dict[str, float]:
-    """Parameters that are not sought to begin with: what is unusual, and what the units say."""
+def fixed_parameters(
+    arm: PlanarArm, input_units: tuple[str, ...], resting: tuple[int, ...] = ()
+) -> dict[str, float]:
+    """Parameters that are not sought to begin with: what is unusual, and what the units say.
+
+    Where no torque is calibrated, torques have the unit of the first joint's input that moves. Of a
+    motor that stands still nothing is known but that its friction, or its brake, holds it.
+    """
     fixed = dict.fromkeys(planar_arm(arm).unusual, 0.0)
     for joint, unit in enumerate(input_units, 1):
         if unit == _CALIBRATED:
             fixed[f"torque_constant_{joint}"] = 1.0
     if _CALIBRATED not in input_units:
-        fixed[REFERENCE] = 1.0
+        fixed[f"torque_constant_{_reference(input_units, resting)}"] = 1.0
     if not arm.has_gravity:  # the first link's moment is felt by gravity alone
         fixed |= {"link_moment_along_1": 0.0, "link_moment_across_1": 0.0}
-    return fixed
+    known = planar_arm(arm).coefficients
+    held = {f"{name}_{joint}": value for joint in resting for name, value in _HELD.items()}
+    return fixed | {name: value for name, value in held.items() if name in known}
+
+
+def _reference(input_units: tuple[str, ...], resting: tuple[int, ...]) -> int:
+    """The joint in whose input's unit torques are given where none is calibrated."""
+    return next(joint for joint in range(1, len(input_units) + 1) if joint not in resting)
 
 
 def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
@@ -126,8 +149,12 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
     parameters: dict[str, ParameterEstimate] = {}
     shares = _shares(found, log)
     for name, joint, term in balance.placed():
+        unit = _unit(term, log, joint)
         if name in fitted.names:
-            parameters[name] = _judged(name, _unit(term, log.input_units, joint), found, shares)
+            parameters[name] = _judged(name, unit, found, shares)
+        elif joint in log.resting and term.name in _HELD and unit != "N m/N m":
+            unknown = np.nan, np.inf, (-np.inf, np.inf), "undetermined"
+            parameters[name] = ParameterEstimate(name, unit, *unknown)
     for joint in range(1, arm.joints + 1):
         ratio = _ratio(arm, joint, {**fixed, **fitted.by_name}, estimate)
         parameters[ratio.name] = ratio
@@ -204,7 +231,7 @@ def _doubts(
     """Parameters that are not known, whatever their intervals say, and why."""
     doubts: list[tuple[set[str], Caution]] = []
     worst = max(excess, key=lambda name: excess[name])
-    if found.shares is None and excess[worst] > _WRONG:
+    if found.shares is None and found.reason:
         doubts.append(
             (
                 {*parameters},
@@ -215,6 +242,10 @@ def _doubts(
                 ),
             )
         )
+    for joint in found.fitted.structure.joint.resting:
+        # So little motion hardly tells gravity from the spring.
+        own = {n for n in parameters if joint_of_name(n) == joint} - {f"link_inertia_{joint}"}
+        doubts.append((own, Caution(f"joint {joint} rests: let it move", Rank.MOTION)))
     for joint, share in found.periods.items():
         shares = found.shares or {}
         left = max(shares.get(f"{side}_{joint}", 0.0) for side in ("link", "motor"))
@@ -233,9 +264,10 @@ def _doubts(
     return doubts
 
 
-def _unit(term: JointTerm | BodyTerm, input_units: tuple[str, ...], joint: int) -> str:
+def _unit(term: JointTerm | BodyTerm, log: ArmLog, joint: int) -> str:
     """Unit of a parameter; relative to the first input where no torque is calibrated."""
-    first, own = input_units[0], input_units[joint - 1]
+    input_units = log.input_units
+    first, own = input_units[_reference(input_units, log.resting) - 1], input_units[joint - 1]
     if term.name == "torque_constant":
         return f"N m/{own}" if _CALIBRATED in input_units else f"{first}/{own}"
     if _CALIBRATED in input_units:

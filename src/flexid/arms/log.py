@@ -16,7 +16,7 @@ from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS, SI_UNITS
 from flexid.recording.names import folded, split_header, usual_channel
-from flexid.recording.read import log_of_table
+from flexid.recording.read import logs_of_joints
 from flexid.recording.recording import Log
 from flexid.recording.series import names_of, table_of_file
 from flexid.recording.table import Table
@@ -35,6 +35,7 @@ class ArmLog:
     recordings: tuple[Samples, ...]
     input_units: tuple[str, ...]  # of each joint
     relative_to: Mapping[str, str]  # rows whose position is from a deflection, and their motors'
+    resting: tuple[int, ...]  # joints whose motors stand still
     warnings: tuple[str, ...]  # a sentence each
     provenance: dict[str, Any]  # file, digest, and the columns of each joint
 
@@ -68,22 +69,21 @@ def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog
     table = read_table(path) if is_text else _names(path)
     given = _given(columns)
     _check_joints(file, table, given, joints)
-    logs: list[Log] = []
-    for joint in range(1, joints + 1):
-        own = _columns_of(file, table, given, joint, joints)
-        whole = table if is_text else table_of_file(path, own)
-        logs.append(log_of_table(whole, own))
-        if logs[-1].recordings[0].joint == "prismatic":
+    maps = [_columns_of(file, table, given, joint, joints) for joint in range(1, joints + 1)]
+    logs = logs_of_joints([(table if is_text else table_of_file(path, own), own) for own in maps])
+    for joint, log in enumerate(logs, 1):
+        if log.recordings[0].joint == "prismatic":
             reason = "slides, and the joints of a planar arm turn: identify it alone"
             raise RecordingError(file, f"joint {joint}", reason)
     return ArmLog(
-        _together(file, logs),
+        _together(logs),
         tuple(log.recordings[0].input_unit for log in logs),
         {
             f"link_{joint}": f"motor_{joint}"
             for joint, log in enumerate(logs, 1)
             if log.recordings[0].link_from_deflection
         },
+        tuple(joint for joint, log in enumerate(logs, 1) if log.rests),
         tuple(dict.fromkeys(warning for log in logs for warning in log.warnings)),
         {
             "file": file,
@@ -170,15 +170,8 @@ def _header(table: Table, channel: str, joint: int, joints: int) -> str | None:
     return None
 
 
-def _together(file: str, logs: list[Log]) -> tuple[Samples, ...]:
+def _together(logs: Sequence[Log]) -> tuple[Samples, ...]:
     """Recordings of all joints side by side."""
-    spans = {(log.uncounted, *((r.start_time, len(r)) for r in log.recordings)) for log in logs}
-    if len(spans) > 1:
-        raise RecordingError(
-            file,
-            "",
-            "samples are missing in some joints only: export the joints on one clock, without gaps",
-        )
     found = []
     for parts in zip(*(log.recordings for log in logs), strict=True):
         sides = [side for r in parts for side in (r.needed_link_position, r.motor_position)]

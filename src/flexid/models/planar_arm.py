@@ -63,7 +63,7 @@ def planar_arm(arm: PlanarArm) -> TorqueBalance:
             body.append(BodyTerm(f"link_moment_{name}_{k}", k, " + ".join(kinetic), weight, "kg m"))
         if k > 1:
             coupling = f"w{k}*({_sum('v', 1, k - 1)})"
-            body.append(BodyTerm(f"rotor_coupling_{k}", k, coupling, "0", "kg m^2"))
+            body.append(BodyTerm(f"rotor_coupling_{k}", k, coupling, "0", "kg m^2", 1))
     constants = {f"l{i}": length for i, length in enumerate(arm.lengths, 1)}
     constants |= {"gx": arm.gravity[0], "gy": arm.gravity[1]}
     return TorqueBalance(f"planar arm of {n}", n, JOINT_TERMS, tuple(body), constants)

@@ -9,7 +9,7 @@ learnt from the log itself by least squares; both are compared by their likeliho
 together.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -272,56 +272,75 @@ _AROUND = 8  # samples on either side
 _MOST = 0.01  # share of spikes, up to which a channel is mended: more are no single errors
 
 
-def mend(log: Draft) -> None:
-    """Replace spikes of encoders, and put back lost samples."""
-    if len(log.time) < 4 * _AROUND:
+def mend(logs: Sequence[Draft]) -> None:
+    """Replace spikes of encoders, and put back samples that the joints of a file lost together."""
+    first = logs[0]
+    if len(first.time) < 4 * _AROUND:
         return
-    sensors = log.those_of(POSITIONS)
+    sensors = [(log, name) for log in logs for name in log.those_of(POSITIONS)]
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
-        for name in sensors:
+        for log, name in sensors:
             _mend_spikes(log, name)
-        positions = [log[name] for name in sensors]
-        counted = counted_anew(log.time, positions)
+        positions = [log[name] for log, name in sensors if np.ptp(log[name])]
+        counted = counted_anew(first.time, positions)
         if counted is not None:
-            digit, step = np.median(np.diff(log.time)), np.min(np.diff(counted))
-            warn_rounded(log, "the time", float(digit), float(step), Rank.DATA)
-            log["time"] = counted
-        time = log.time
+            digit, step = np.median(np.diff(first.time)), np.min(np.diff(counted))
+            warn_rounded(first, "the time", float(digit), float(step), Rank.DATA)
+            for log in logs:
+                log["time"] = counted
+        time = first.time
         lost = lost_samples(positions, time)
+        _check_all_lost(logs, time, lost)
     missing = lost_by_the_clock(time)
     if missing.any():
         places = np.flatnonzero(missing)
-        log.warn(
+        first.warn(
             "",
             f"{missing.sum()} samples are missing in {len(places)} places (after "
-            f"{log.at(places)}), up to three in each, so they were put back by interpolation: "
+            f"{first.at(places)}), up to three in each, so they were put back by interpolation: "
             f"record without gaps",
             Rank.DATA,
         )
         kept = _kept(missing)
-        _put_back(log, missing, np.interp(np.arange(kept[-1] + 1), kept, time))
+        time = np.interp(np.arange(kept[-1] + 1), kept, time)
     elif np.count_nonzero(lost) >= FEWEST_PLACES:
-        places = np.flatnonzero(lost)
-        log.warn(
-            sensors,
+        places, missing = np.flatnonzero(lost), lost
+        first.warn(
+            [name for log, name in sensors if log is first],
             f"in {len(places)} places all positions advance by whole steps more than around them "
-            f"(at {log.at(places)}): {lost.sum()} samples were lost and the time counted from the "
-            f"rest, so they were put back by interpolation: log the time of each sample",
+            f"(at {first.at(places)}): {lost.sum()} samples were lost and the time counted from "
+            f"the rest, so they were put back by interpolation: log the time of each sample",
             Rank.DATA,
         )
-        log.uncounted = tuple(np.repeat(np.arange(len(lost)), lost).tolist())
-        _put_back(log, lost, counted_on(time, lost, is_span=counted is not None))
+        time = counted_on(time, lost, is_span=counted is not None)
+    for log in logs:
+        _put_back(log, missing, time)
+
+
+def _check_all_lost(logs: Sequence[Draft], time: FloatArray, lost: NDArray[np.int64]) -> None:
+    """Raise where one joint of several has lost samples that the others have not."""
+    for log in logs if len(logs) > 1 else ():
+        own = [log[name] for name in log.those_of(POSITIONS) if np.ptp(log[name])]
+        places = np.flatnonzero(lost_samples(own, time) > lost)
+        if len(places) >= FEWEST_PLACES:
+            raise log.refusal(
+                log.those_of(POSITIONS),
+                f"samples are missing in this joint only (at {log.at(places)}): export the joints "
+                f"on one clock, without gaps",
+            )
 
 
 def _put_back(log: Draft, lost: NDArray[np.int64], time: FloatArray) -> None:
     """Put lost samples back, at the times of all: an input without overshoot, as it may step."""
+    log["time"] = time
+    if not lost.any():
+        return
     kept = _kept(lost)
     every = np.arange(kept[-1] + 1.0)
     for name in log.names:
         there = log[name]
         log[name] = interpolated(kept.astype(np.float64), there, every, held=name in INPUTS)
         log[name][kept] = there
-    log["time"] = time
 
 
 def _mend_spikes(log: Draft, name: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +15,14 @@ from flexid.recording.columns import read_channels
 from flexid.recording.one_clock import drop_holes
 from flexid.recording.outliers import mend
 from flexid.recording.recording import Log, Recording
-from flexid.recording.sampling import count_on, drop_repeats, even_grid, part_runs, to_grid
+from flexid.recording.sampling import (
+    count_on,
+    drop_repeats,
+    even_grid,
+    keep_common,
+    part_runs,
+    to_grid,
+)
 from flexid.recording.series import table_of_file
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.table import Table
@@ -32,8 +40,28 @@ def read_log(path: Path, columns: MapSource | None = None) -> Log:
 
 def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     """As `read_log`, from a file's columns."""
+    return logs_of_joints([(table, columns)])[0]
+
+
+def logs_of_joints(parts: Sequence[tuple[Table, MapSource | None]]) -> list[Log]:
+    """The logs of several joints from their columns in one file, all of the same samples.
+
+    One clock counts them, so that what one joint shows to be lost is lost to all. A joint may rest
+    while another one moves.
+    """
+    drafts = [_drafted(table, columns) for table, columns in parts]
+    keep_common(drafts)
+    mend(drafts)
+    rest = [len(drafts) > 1 and checks.is_resting(draft) for draft in drafts]
+    return [
+        _log_of(draft, table, rests=own and not all(rest))
+        for draft, (table, _), own in zip(drafts, parts, rest, strict=True)
+    ]
+
+
+def _drafted(table: Table, columns: MapSource | None) -> Draft:
+    """The channels of one joint, without samples that are repeated."""
     channels, warnings = read_channels(table, columns)
-    origins = {name: channel.origin for name, channel in channels.items()}
     log = Draft(table.file, channels, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
     count_on(log)
@@ -41,18 +69,19 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     drop_repeats(log, table)
     drop_holes(log)
     drop_frozen(log)
-    mend(log)
+    return log
+
+
+def _log_of(log: Draft, table: Table, *, rests: bool) -> Log:
+    """Recordings on an even grid, of channels that make sense together."""
+    origins = {name: channel.origin for name, channel in log.channels.items()}
     grid = even_grid(log)
-    for name in log.names:
-        checks.check_varies(log, name)
-        checks.check_saturation(log, name)
-        checks.check_repeats(log, name)
-        checks.check_whole(log, name)
+    if not rests:
+        _check_each(log)
     unwrap(log)
     _add_link_position(log)
-    if "deflection" in log.channels:
-        checks.check_varies(log, "link_position")
-    _check_together(log)
+    if not rests:
+        _check_together(log)
     recordings = [
         _recording_of(log, grid.sample_time, part, resample=grid.resample)
         for part in grid.recordings
@@ -60,9 +89,18 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     measured = log.those_of(VELOCITIES)
     unused = {name: None for name in measured if not is_used(log, name, recordings)}
     recordings = [replace(recording, **unused) for recording in recordings]
-    check_motion(log, max(recordings, key=len))
-    warnings = tuple(log.warnings)
-    return Log(tuple(recordings), warnings, log.file, table.sha256, origins, log.uncounted)
+    if not rests:
+        check_motion(log, max(recordings, key=len))
+    return Log(tuple(recordings), tuple(log.warnings), log.file, table.sha256, origins, rests)
+
+
+def _check_each(log: Draft) -> None:
+    """Check each channel by itself."""
+    for name in log.names:
+        checks.check_varies(log, name)
+        checks.check_saturation(log, name)
+        checks.check_repeats(log, name)
+        checks.check_whole(log, name)
 
 
 def _add_link_position(log: Draft) -> None:
@@ -74,6 +112,8 @@ def _add_link_position(log: Draft) -> None:
 
 def _check_together(log: Draft) -> None:
     """Check the two sides of the joint and the input against each other."""
+    if "deflection" in log.channels:
+        checks.check_varies(log, "link_position")
     encoders = log.those_of(ENCODERS)
     for name in encoders:
         checks.check_moves(log, name)

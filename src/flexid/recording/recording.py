@@ -162,8 +162,8 @@ class Log:
         Digest of the file's bytes.
     columns : mapping of str to Origin
         How each channel was computed from the columns of the file, by the channel's name.
-    uncounted : tuple of int
-        Lost samples that the file's time does not show: for each, the one before it.
+    rests : bool
+        Whether the motor stands still throughout, as one joint of an arm may.
     """
 
     recordings: tuple[Recording, ...]
@@ -171,7 +171,7 @@ class Log:
     source: str
     sha256: str
     columns: Mapping[str, Origin] = field(default_factory=dict)
-    uncounted: tuple[int, ...] = ()
+    rests: bool = False
 
     def __repr__(self) -> str:
         recordings = ", ".join(

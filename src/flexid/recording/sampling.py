@@ -1,6 +1,7 @@
 """Time stamps to an even grid: gaps cut the log into recordings, jitter is interpolated away."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import reduce
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -146,6 +147,14 @@ def _is_stamp(table: Table, column: str, index: int) -> bool:
     """Whether a time is a date or a time of day."""
     cell = table.frame[column][index] if column in table.names else 0.0
     return not isinstance(cell, int | float) and is_stamp(str(cell))
+
+
+def keep_common(logs: Sequence[Draft]) -> None:
+    """Leave out of each joint's log the samples that another one has left out."""
+    common = reduce(np.intersect1d, (log.time for log in logs))
+    for log in logs:
+        if len(log.time) > len(common):
+            log.keep(np.isin(log.time, common))
 
 
 def even_grid(log: Draft) -> Grid:

@@ -22,6 +22,7 @@ class ElasticArm:
     """An arm with all its terms."""
 
     balance: TorqueBalance
+    resting: tuple[int, ...] = ()  # joints whose motors stand still
     terms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # none can be left out
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
     grips: Mapping[str, str] = field(default_factory=dict)

@@ -116,7 +116,9 @@ def change_mode(row, place, model, work, columns):
     work[x + velocity] = 0.0
     through = after * old < 0.0
     turned = -old if through else 0.0
-    if before * old < 0.0:
+    if place == 0.0:  # an observer's correction took it beyond zero, at a time that nothing moves
+        clear(z + velocity * width, n, work)
+    elif before * old < 0.0:
         jump = model.alone
         rate = jump + model.n_states
         call(model.address, work, columns, place, 0.0, 0.0, x, jump, RATES)
@@ -124,7 +126,9 @@ def change_mode(row, place, model, work, columns):
         call(model.address, work, columns, place, 0.0, 0.0, x, rate, RATES)
         for i in range(model.n_states):
             work[jump + i] -= work[rate + i]
-        least = GRAZING * abs(work[jump + velocity])
+        least = 0.0
+        for i in range(1, 2 * model.n_rows, 2):
+            least = max(least, GRAZING * abs(work[jump + i]))
         if abs(before) < least:
             before = -old * least
         for j in range(1, n):
