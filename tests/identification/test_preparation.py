@@ -70,9 +70,9 @@ LINKLESS = {"link": False}
     ("first", "second", "digest", "words"),
     [
         ({}, {"seed": 1}, "abc", r"b\.csv.*same data as a\.csv"),
-        ({}, {"unit": "V"}, "", r"b\.csv.*input.*is in V where a\.csv has N m"),
-        (LINKLESS, {}, "", r"a\.csv.*missing where b\.csv has it"),
-        ({}, LINKLESS, "", r"b\.csv.*missing where a\.csv has it"),
+        ({}, {"unit": "V"}, "", r"b\.csv.*input.*is in V, and in a\.csv in N m"),
+        (LINKLESS, {}, "", r"b\.csv.*link_position.*is there, and in a\.csv missing"),
+        ({}, LINKLESS, "", r"b\.csv.*is missing, and in a\.csv there"),
     ],
 )
 def test_logs_that_do_not_go_together_are_refused(first, second, digest, words):

@@ -41,7 +41,7 @@ DEGREES = 180.0 / np.pi
 FAULTS: dict[str, tuple[FloatArray, str | None]] = {
     "nothing": (SAMPLES, None),
     "ten samples once more": (np.concatenate((SAMPLES[:3000], SAMPLES[2990:])), None),
-    "a link in degrees": (scaled(DEGREES, LINK), "link_position turns at .* faster than a joint"),
+    "a link in degrees": (scaled(DEGREES, LINK), "link_position moves at .* faster than a joint"),
     "a torque in thousandths": (scaled(3000.0, TORQUE), "gives .* W, more than 20000"),
     "both in degrees": (scaled(DEGREES, LINK, MOTOR), "faster than a joint does"),
 }

@@ -97,11 +97,10 @@ def _chosen(estimate: Either) -> dict[str, Any]:
 
 def doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
     """What limits a comparison, a sentence each."""
-    first, second = map(_joint, (a, b))
-    if first != second:
+    if a.model != b.model:
         yield (
-            f"A is of {first} and B of {second}: only what has the same name, meaning and unit in "
-            f"both is compared"
+            f"A is of {_JOINTS[a.model]} and B of {_JOINTS[b.model]}: only what has the same "
+            f"name, meaning and unit in both is compared"
         )
     if logs == "some shared":
         yield (
@@ -136,13 +135,6 @@ _JOINTS = {
     "rigid": "a rigid joint",
     "arm": "an arm",
 }
-
-
-def _joint(estimate: Either) -> str:
-    """What an estimate is of, in words."""
-    words = _JOINTS[estimate.model]
-    slides = estimate.model != "arm" and estimate.joint == "prismatic"
-    return f"{words} that slides" if slides else words
 
 
 def _is_unexplained(estimate: Either) -> bool:

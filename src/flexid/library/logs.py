@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexid.estimators.samples import Samples
-    from flexid.models.motion import JointType
     from flexid.recording.recipes import MapSource
 
     OneLog: TypeAlias = (
@@ -114,13 +113,6 @@ def one_log(log: Any, columns: Any) -> Log:
 def as_columns(columns: Columns | None) -> MapSource | None:
     """A column map as what reads logs takes it."""
     return columns if columns is None or isinstance(columns, Mapping) else Path(columns)
-
-
-def stated_joint(columns: Columns) -> JointType | None:
-    """How the joint moves, where a column map says so."""
-    from flexid.recording.recipes import read_map
-
-    return read_map(columns if isinstance(columns, Mapping) else Path(columns)).joint
 
 
 def _log_of(recording: Recording) -> Log:

@@ -316,7 +316,8 @@ def watch(
     >>> watch.health.reason  # doctest: +SKIP
     """
     from flexid.library.identify import estimated
-    from flexid.library.logs import as_columns, stated_joint
+    from flexid.library.logs import as_columns
+    from flexid.recording.recipes import read_map
     from flexid.streaming.follower import Follower
     from flexid.streaming.options import check_comparable, wanted_kind
 
@@ -341,8 +342,8 @@ def watch(
     wanted_kind(chosen, made)  # raises
     file = None if checkpoint is None else Path(checkpoint)
     follower = None
-    if source is None and columns is not None:
-        chosen["joint_type"] = stated_joint(columns)
+    if source is None and (column_map := as_columns(columns)) is not None:
+        chosen["joint_type"] = read_map(column_map).joint
     if source is not None:
         follower = Follower(
             str(source),

@@ -141,9 +141,9 @@ def check_speed(log: Draft, name: str) -> None:
     fast = float(np.quantile(np.abs(_speed(log, name)), 0.95))
     if fast <= FASTEST_JOINT:
         return
-    channel, turns = log.channels[name], "turns" if log.joint == "revolute" else "moves"
-    found = f"{name} {turns} at {fast:.3g} {channel.unit}/s, faster than a joint does"
-    found += " at the link side" if log.joint == "revolute" else ""
+    channel = log.channels[name]
+    moves = f"{name} moves at {fast:.3g} {channel.unit}/s"
+    found = f"{moves}, faster than a joint does at the link side"
     if not channel.unit_stated:
         smaller = _MISREAD[channel.unit][2]
         raise log.refusal(name, f"{found}: name its unit in the header, as in {name} [{smaller}]")

@@ -233,13 +233,10 @@ def _gear_ratio(file: str, value: object) -> float | None:
     raise RecordingError(file, "key 'gear_ratio'", reason)
 
 
-def _joint(file: str, value: object) -> JointType | None:
+def _joint(file: str, value: Any) -> JointType | None:
     """How the joint moves, where that is stated."""
-    for joint in JOINT_TYPES:
-        if joint == value:
-            return joint
-    if value is None:
-        return None
+    if value in (None, *JOINT_TYPES):
+        return value
     reason = f"{cut(repr(value))} is no joint: write {' or '.join(map(repr, JOINT_TYPES))}"
     raise RecordingError(file, "key 'joint'", reason)
 

@@ -23,9 +23,9 @@ from flexid.identification.preparation.arm import ElasticArm
 from flexid.identification.preparation.joint import Joint, Kind
 from flexid.identification.preparation.recordings import (
     Source,
+    check_alike,
     check_distinct,
-    common_input_unit,
-    common_joint,
+    traits,
 )
 from flexid.identification.result.identification import Identification
 from flexid.identification.structure.validation import Channels, validate_with
@@ -69,7 +69,7 @@ def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> Estimate
     joint = structure.joint
     check_distinct(logs)
     recordings, dropped = _recordings(logs, joint.kind)
-    _check_unit(estimate.name, stored, logs)
+    _check_made_of(estimate.name, stored, logs)
     recordings = [stored.choices.amplifier.behind(recording) for recording in recordings]
     data = data_of(joint, recordings, [0] * len(recordings))
     doubts = [*common_doubts(stored, stored.coefficients, logs)]
@@ -161,26 +161,17 @@ def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[
     return recordings, dropped
 
 
-def _check_unit(name: str, stored: Identification, logs: Sequence[Log]) -> None:
+def _check_made_of(name: str, stored: Identification, logs: Sequence[Log]) -> None:
     """Refuse logs whose joint or input is another than that of the estimate."""
-    unit = common_input_unit(logs)
-    if (joint := common_joint(logs)) != stored.joint:
-        raise RecordingError(
-            logs[0].source,
-            "motor_position",
-            f"is that of a {joint} joint, and {name} is of a {stored.joint} one: give logs of the "
-            f"same joint, in the same units",
-        )
-    if stored.model == "link":  # driven by the motor's motion, whatever the logs have beside it
-        return
-    gain = stored.coefficients["beta1"].unit
-    shown = f"({unit})" if " " in unit else unit
-    if gain and not gain.endswith(f"/{shown}"):
-        raise RecordingError(
-            logs[0].source,
-            "input",
-            f"is in {unit}, and {name} has an input gain in {gain}: give logs of the same input",
-        )
+    check_alike(logs)
+    first = logs[0].recordings[0]
+    # A link alone is driven by the motor's motion, whatever the logs have beside it.
+    unit = first.input_unit if stored.input_unit else ""
+    known = traits(stored.joint, stored.input_unit)
+    for channel, words in traits(first.joint, unit).items():
+        if words != known[channel]:
+            reason = f"is {words}, and in {name} {known[channel]}: give logs of the same drive"
+            raise RecordingError(first.source, channel, reason)
 
 
 def _residuals(

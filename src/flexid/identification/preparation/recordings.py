@@ -56,9 +56,7 @@ def prepare(
 ) -> tuple[SplitRecordings, tuple[str, ...]]:
     """Collect the recordings that are long enough, and a warning for each that is not."""
     check_distinct(logs)
-    common_joint(logs)
-    common_input_unit(logs)
-    _check_encoders(logs)
+    check_alike(logs)
     taken, rigid = _taken_as(model, logs)
     recordings = [
         (group, _seen_by(taken, recording))
@@ -157,47 +155,24 @@ def check_distinct(logs: Sequence[Source]) -> None:
         sources[log.sha256] = log.source
 
 
-def common_input_unit(logs: Sequence[Log]) -> str:
-    """Unit of the input of all logs, empty where none has one; refuses logs that differ in it."""
-    units = {recording.input_unit: log.source for log in logs for recording in log.recordings}
-    if len(units) > 1:
-        (first, second), sources = list(units)[:2], list(units.values())
-        if "" in units:
-            raise RecordingError(
-                units[""], "input", "is missing where other logs have one: take them one by one"
-            )
-        raise RecordingError(
-            sources[1],
-            "input",
-            f"is in {second} where {sources[0]} has {first}: take them one by one",
-        )
-    return next(iter(units))
+def traits(joint: JointType, input_unit: str) -> dict[str, str]:
+    """In what logs of one drive are alike, by the channel that shows it, in words."""
+    drive = f"in {input_unit}" if input_unit else "missing"
+    return {"motor_position": f"that of a {joint} joint", "input": drive}
 
 
-def common_joint(logs: Sequence[Log]) -> JointType:
-    """How the joint of all logs moves; refuses logs of both kinds."""
-    joints: dict[JointType, str] = {}
+def check_alike(logs: Sequence[Log]) -> None:
+    """Refuse logs that differ in their joint, their input or their encoders."""
+    found = []
     for log in logs:
-        joints |= {recording.joint: log.source for recording in log.recordings}
-    if len(joints) > 1:
-        (first, second), sources = list(joints)[:2], list(joints.values())
-        raise RecordingError(
-            sources[1],
-            "motor_position",
-            f"is that of a {second} joint where {sources[0]} has a {first} one: check the units",
-        )
-    return next(iter(joints))
-
-
-def _check_encoders(logs: Sequence[Log]) -> None:
-    """Refuse logs that differ in the encoders they hold."""
-    encoders = {p.link_position is None: log.source for log in logs for p in log.recordings}
-    if len(encoders) > 1:
-        raise RecordingError(
-            encoders[True],
-            "link_position",
-            f"is missing where {encoders[False]} has it: take them one by one",
-        )
+        first = log.recordings[0]
+        seen = {"link_position": "missing" if first.link_position is None else "there"}
+        found.append(traits(first.joint, first.input_unit) | seen)
+    for log, own in zip(logs, found, strict=True):
+        for channel, words in own.items():
+            if words != (other := found[0][channel]):
+                reason = f"is {words}, and in {logs[0].source} {other}: take them one by one"
+                raise RecordingError(log.source, channel, reason)
 
 
 def _long_enough(
