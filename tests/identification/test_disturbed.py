@@ -28,6 +28,7 @@ from flexid.identification.estimation.disturbed import (
     fit_disturbed,
     fit_disturbed_to,
 )
+from flexid.identification.full_model.fitting import Steps
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.structure import gap
 from flexid.identification.structure.link_delay import skew
@@ -204,6 +205,13 @@ def diverging(_: FitInBand) -> FitInBand:
     raise ConvergenceError("prediction error", "the motion diverges")
 
 
+def unended(fitted: Fitted) -> Fitted:
+    """A fit whose steps did not end."""
+    minimum = fitted.minimum
+    reduced = replace(minimum.reduced, decrement=minimum.equations.cost)
+    return replace(fitted, minimum=replace(minimum, reduced=reduced, last_step=20.0))
+
+
 def nth_fit(monkeypatch: pytest.MonkeyPatch, n: int, becomes: Any) -> None:
     """Let the n-th fit that is made become another one."""
     fit, made = disturbed._fit, []
@@ -272,6 +280,31 @@ def test_where_the_best_start_runs_away_another_leads(monkeypatch: pytest.Monkey
     assert found.values == pytest.approx(usual.values, rel=1e-3)
 
 
+@pytest.mark.parametrize("name", ["a pushed link", "play of 0.02 rad"])
+def test_longer_steps_of_integration_hardly_move_a_value(
+    monkeypatch: pytest.MonkeyPatch, name: str
+):
+    """Assert that 2.5 times as many steps move no value by a twentieth of its interval."""
+    usual = fitted(name)[1]
+    assert disturbed._INTEGRATION.coarser < 0.5
+    monkeypatch.setattr(disturbed, "_INTEGRATION", Steps())
+    finer = CASES[name].fit().fitted
+    assert finer.names == usual.names
+    assert np.all(np.abs(finer.values - usual.values) < 0.05 * half_widths(usual))
+
+
+def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pytest.MonkeyPatch):
+    """Assert that no halves and bands are fitted where the values are not known anyway."""
+    case, fit = CASES["a pushed link"], fitted("a pushed link")[0]
+    made: list[object] = []
+    monkeypatch.setattr(disturbed, "_again", lambda *given: made.append(given))
+    disturbed_estimate(fit, case.data, "N m")
+    assert made
+    ended = len(made)
+    disturbed_estimate(replace(fit, fitted=unended(fit.fitted)), case.data, "N m")
+    assert len(made) == ended
+
+
 def less_likely(by: float) -> Callable[[FitInBand], FitInBand]:
     """A fit that leaves ten times as much, and is less likely."""
 
@@ -329,14 +362,11 @@ def test_a_full_fit_whose_steps_do_not_end_begins_where_the_leaner_did(
 ):
     """Assert that what may hide is not said by a fit that went astray."""
 
-    def unended(fit: FitInBand) -> FitInBand:
-        minimum = fit.fitted.minimum
-        reduced = replace(minimum.reduced, decrement=minimum.equations.cost)
-        minimum = replace(minimum, reduced=reduced, last_step=20.0)
-        return replace(fit, fitted=replace(fit.fitted, minimum=minimum), cost=fit.cost + 1e4)
+    def astray(fit: FitInBand) -> FitInBand:
+        return replace(fit, fitted=unended(fit.fitted), cost=fit.cost + 1e4)
 
     fitted("a pushed link")
-    nth_fit(monkeypatch, 2, unended)
+    nth_fit(monkeypatch, 2, astray)
     assert to_all_data()[1].full.converged
 
 

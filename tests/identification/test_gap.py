@@ -72,6 +72,18 @@ def test_play_and_hardening_are_distinguished(play: float, cubic: float, share: 
         assert found.doubt == found.stiffer == pytest.approx(hidden, abs=0.02 * (1.0 + hidden))
 
 
+def test_a_link_that_no_spring_moves_has_no_play():
+    """Assert that play is not sought where something else moves the link, as in a clamped one."""
+    structure, own = posed(made(1, 10.0))
+    rng = np.random.default_rng(0)
+    (samples,) = own.samples
+    shaken = np.convolve(rng.standard_normal(len(samples)), np.hanning(600), "same")
+    moved = np.column_stack((1e-3 * shaken / shaken.std(), samples.positions[:, 1]))
+    rates = np.gradient(moved, samples.sample_time, axis=0)
+    other = replace(own, samples=(replace(samples, positions=moved, velocities=rates),))
+    assert gap.likely_play(structure, other) is None
+
+
 def test_what_has_no_gap_stays():
     """Assert that a fit without play, or whose gap came out negative, is returned as it is."""
     assert as_wide_as_its_gap(with_gap(HALF_GAP)) is with_gap(HALF_GAP)

@@ -199,7 +199,7 @@ def turned_round(
         least_squares_start(structure, data_of(structure.joint, some, groups), _FILTER_RATE)[1]
         for some in (recordings, [mirrored(recording) for recording in recordings])
     ]
-    as_it_is, other = (_unexplained(fit) for fit in fits)
+    as_it_is, other = (unexplained_link(fit) for fit in fits)
     springs = fits[1].by_name
     positive = all(springs.get(name, 1.0) > 0.0 for name in ("theta2", "alpha1"))
     return positive and other < share * as_it_is
@@ -214,8 +214,8 @@ def mirrored(recording: Recording) -> Recording:
     return replace(found, link_velocity=2.0 * recording.motor_velocity - recording.link_velocity)
 
 
-def _unexplained(fit: LeastSquaresFit) -> float:
-    """Share of the link's squared acceleration that no term explains."""
+def unexplained_link(fit: LeastSquaresFit) -> float:
+    """Share of the link's squared acceleration that no term of least squares explains."""
     (link,) = (row for row in fit.rows if row.name == "link")
     return link.residual_sum / link.total_sum if link.total_sum else 0.0
 

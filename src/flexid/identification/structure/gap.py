@@ -32,7 +32,12 @@ from flexid.identification.full_model.fitting import (
     motion_at,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
-from flexid.identification.full_model.starting import FIRST_ITERATIONS, RATES, least_squares_start
+from flexid.identification.full_model.starting import (
+    FIRST_ITERATIONS,
+    RATES,
+    least_squares_start,
+    unexplained_link,
+)
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -56,6 +61,9 @@ _NEAR = 0.01  # of the width, up to which it is that of its gap
 _NEARER = 0.5  # of what was between width and gap
 _PROMISED = 0.5  # of a row's residuals in least squares that play has to explain, to be tried
 _SHORT = 0.5  # s of segments over which a start is tried
+# Of the link's acceleration, that one with play leaves at most: where no spring moves the link, as
+# in a clamped or a pushed one, any play is as likely.
+_A_SPRING = 0.5
 
 
 def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
@@ -311,17 +319,12 @@ def likely_play(structure: Structure, data: Data) -> LikelyPlay | None:
     for spring in (structure.without(HARDENING), structure):
         wide = replace(spring, absent=spring.absent - play)
         for (own, start, fit), (other, its_fit) in _by_rate(wide, structure, data):
-            left, its = (_of_link(each) for each in (fit, its_fit))
-            if left < least * its and other["theta2"] > 0.0:
+            left, its = (unexplained_link(each) for each in (fit, its_fit))
+            if left < min(least * its, _A_SPRING) and other["theta2"] > 0.0:
                 stiffer = abs(start["theta2"] / other["theta2"] - 1.0)
                 found, least = LikelyPlay(own, start, stiffer, left / its), left / its
         least *= LIKELIER if found else 1.0  # with hardening, too, any play leaves a little less
     return found
-
-
-def _of_link(fit: LeastSquaresFit) -> float:
-    """What least squares leaves of the link's row."""
-    return next(row.residual_sum for row in fit.rows if row.name == "link")
 
 
 def _starts(
