@@ -75,6 +75,11 @@ MAPS = {
     "no lead": {"lead": 0.0},
     "a lead of a joint that turns": {"lead": 0.01, "joint": "revolute"},
     "a lead and a gear": {"lead": 0.01, "gear_ratio": 10},
+    "a gear of a slide": {"joint": "prismatic", "gear_ratio": 10},
+    "a gear of columns that slide": {
+        "gear_ratio": 10,
+        "motor_torque": {"column": "motor_torque", "unit": "N"},
+    },
 }
 
 

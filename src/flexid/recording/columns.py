@@ -20,6 +20,7 @@ from flexid.recording.names import (
     words_of,
 )
 from flexid.recording.recipes import (
+    NO_GEAR,
     ColumnMap,
     MapSource,
     Recipe,
@@ -104,6 +105,8 @@ class _Plan:
             if name in wanted - {*left_out}
         }
         joint = self.map.joint or joint_of(recipes.values())
+        if joint == "prismatic" and self.map.joint is None and self.map.gear_ratio is not None:
+            raise RecordingError(self.map.file, "key 'gear_ratio'", NO_GEAR)
         return {name: recipe._replace(joint=joint) for name, recipe in recipes.items()}
 
     def name_unused(self) -> None:

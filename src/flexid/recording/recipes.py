@@ -41,6 +41,7 @@ REMEDY = (
 )
 _RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
 _GEAR_REMEDY = 'write how often the motor turns in one turn of the link, as 101 or "1/101"'
+NO_GEAR = "it is for a joint that turns: write the lead, in m per turn of the motor, in its place"
 _LEADS = 1e-6, 100.0  # m in a turn of the motor
 
 
@@ -116,10 +117,10 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
         raise RecordingError(file, "", "the column map is empty: name the columns in it")
     joint, lead = _joint(file, content.pop("joint", None)), _lead(file, content.pop("lead", None))
     gear_ratio = _gear_ratio(file, content.pop("gear_ratio", None))
-    if lead is not None and (gear_ratio is not None or joint == "revolute"):
-        other = "joint" if gear_ratio is None else "gear_ratio"
-        reason = f"a lead is for a prismatic joint, and this {other} for a revolute one: write one"
-        raise RecordingError(file, "key 'lead'", reason)
+    if lead is not None and joint == "revolute":
+        raise RecordingError(file, "key 'lead'", "it is for a prismatic joint: leave out joint")
+    if gear_ratio is not None and (lead is not None or joint == "prismatic"):
+        raise RecordingError(file, "key 'gear_ratio'", NO_GEAR)
     if lead is not None:
         joint, gear_ratio = "prismatic", 2.0 * np.pi / lead
     seconds = _sample_time(file, content.pop("sample_time", None), content.get("time", False))
