@@ -1,6 +1,7 @@
 """Control laws, references, and loops whose parts fit together."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,10 +36,11 @@ def test_settles_at_the_reference(target: float) -> None:
 )
 def test_gains_follow_the_parameters(name: str, value: float) -> None:
     """Assert that a law with another parameter has the gains of a law that was made with it."""
-    changed = robust_law().with_parameters(**{name: value})
+    law = robust_law()
     made: dict[str, Any] = {name: value}
+    changed = replace(law, parameters={**law.parameters, **made})
     assert changed.values == robust_law(**made).values
-    assert changed.values != robust_law().values
+    assert changed.values != law.values
 
 
 TIMES = np.linspace(0.0, 2.0, 41)
@@ -68,8 +70,6 @@ def declared(law: str, tracked: str = "q", name: str = "u", taken: str = "gain")
 
 CLASHES = ("q", "gravity", "qd_2", "t", "sin", "qd_offset", "lambda")
 REFUSED: dict[str, Callable[[], object]] = {
-    "a gain that follows from others": lambda: robust_law().with_parameters(gain2=1.0),
-    "no parameter": lambda: robust_law().with_parameters(gain4=1.0),
     "a gain that overflows": lambda: robust_law(k=1e200).values,
     "uneven lists": lambda: Multisine([1.0, 2.0], [3.0]),
     "not in the whitelist": lambda: declared("__import__('os')"),
@@ -88,5 +88,5 @@ def test_laws_that_do_not_fit(refusals: Any) -> None:
 def test_values_do_not_change_the_digest() -> None:
     """Assert that a law with other values is the same derivation, another expression is not."""
     law = robust_law()
-    assert law.with_parameters(k=10.0).digest == law.digest
+    assert robust_law(k=10.0).digest == law.digest
     assert Controller("law", "q", {"u": "-v"}).digest != Controller("law", "q", {"u": "-q"}).digest

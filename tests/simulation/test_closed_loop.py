@@ -118,7 +118,7 @@ def test_approaches_the_continuous_loop() -> None:
 
 def test_observer_is_of_second_order() -> None:
     """Assert that under a constant input the estimates err with the square of the sample time."""
-    law = LOOP.controller.with_parameters(proportional=0.0, derivative=0.0)
+    law = pd_gravity(proportional=0.0, derivative=0.0)
     loop = replace(
         LOOP, controller=law, reference=constant(1.0), initial_state=(0.5, 0.0, 0.7, 0.0)
     )

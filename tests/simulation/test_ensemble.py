@@ -115,7 +115,7 @@ def test_company_changes_nothing(stiff: bool, count: int) -> None:
 
 def diverging() -> ClosedLoop:
     """Return a loop whose law pushes the motor away."""
-    law = LOOP.controller.with_parameters(proportional=-5000.0, derivative=-500.0)
+    law = pd_gravity(proportional=-5000.0, derivative=-500.0)
     return replace(LOOP, controller=law)
 
 

@@ -18,11 +18,10 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from flexid.errors import ModelError
 from flexid.models.expression import evaluate
 
 MAXIMUM_REFERENCE_ORDER = 4  # highest derivative of the reference that a controller may use
@@ -33,14 +32,7 @@ REFERENCE_NAMES = ("qd", *(f"qd_{order}" for order in range(1, MAXIMUM_REFERENCE
 
 @dataclass(frozen=True)
 class Controller:
-    """A static feedback law.
-
-    Examples
-    --------
-    >>> proportional = Controller("P", "q", {"u": "stiffness*(qd - q)"}, {"stiffness": 10.0})
-    >>> proportional.with_parameters(stiffness=20.0).parameters
-    {'stiffness': 20.0}
-    """
+    """A static feedback law."""
 
     name: str  # name of the law
     tracked: str  # the state that shall follow the reference
@@ -88,21 +80,6 @@ class Controller:
             list(self.coordinates.items()),
         ]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
-
-    def with_parameters(self, **values: float) -> "Controller":
-        """Return the same law with other values of some parameters."""
-        for name in values:
-            if name in self.derived:
-                raise ModelError(
-                    self.name,
-                    f"computes {name} = {self.derived[name]} from its parameters: change those",
-                )
-            if name not in self.parameters:
-                raise ModelError(
-                    self.name,
-                    f"has no parameter {name!r}; it has {', '.join(self.parameters) or 'none'}",
-                )
-        return replace(self, parameters={**self.parameters, **values})
 
 
 NOMINAL = {

@@ -58,7 +58,6 @@ class RecursiveLeastSquares(OnlineEstimator):
     """
 
     _sizes: Any  # of the model, and the places in a state: see the template ``least_squares``
-    _signals: ModuleType  # whose function the kernel calls by its address: it must stay loaded
 
     @property
     def law(self) -> Law:
@@ -194,15 +193,12 @@ def recursive_least_squares(
     settings = np.array([*law, *rows, *factors.ravel(), *plain.HELD], dtype=np.float64)
     kernel = _kernel()
     starts = (0, *(part.stop for _, part in system.row_slices()))
-    compiled = _compiled_signals(system)
-    address = compiled.sampled_parts.address
+    address = _compiled_signals(system).sampled_parts.address
     model = kernel.sizes(address, starts, len(system.inputs), len(constants), half)
     layout = tuple(model), np.array(starts, dtype=np.int64)
     state = np.zeros(model.state)
     state[model.counts + kernel.BLOCK_LENGTH] = shortest_block
-    return RecursiveLeastSquares(
-        system, h, hold, False, kernel, settings, layout, state, model, compiled
-    )
+    return RecursiveLeastSquares(system, h, hold, False, kernel, settings, layout, state, model)
 
 
 def _kernel() -> ModuleType:
