@@ -20,14 +20,11 @@ from made_joint import (
 )
 
 from flexid.errors import ConvergenceError
-from flexid.identification.estimation import disturbed
+from flexid.identification.estimation import band, disturbed
+from flexid.identification.estimation import disturbed_estimate as estimating
 from flexid.identification.estimation.band import FitInBand
-from flexid.identification.estimation.disturbed import (
-    Disturbed,
-    disturbed_estimate,
-    fit_disturbed,
-    fit_disturbed_to,
-)
+from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed, fit_disturbed_to
+from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
 from flexid.identification.full_model.fitting import Steps
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.structure import gap
@@ -214,13 +211,13 @@ def unended(fitted: Fitted) -> Fitted:
 
 def nth_fit(monkeypatch: pytest.MonkeyPatch, n: int, becomes: Any) -> None:
     """Let the n-th fit that is made become another one."""
-    fit, made = disturbed._fit, []
+    fit, made = disturbed.fit_in_band, []
 
     def counted(*given: Any, **how: Any) -> Any:
         made.append(fit(*given, **how))
         return becomes(made[-1]) if len(made) == n else made[-1]
 
-    monkeypatch.setattr(disturbed, "_fit", counted)
+    monkeypatch.setattr(disturbed, "fit_in_band", counted)
 
 
 @pytest.mark.parametrize("has_fit", [True, False])
@@ -286,8 +283,8 @@ def test_longer_steps_of_integration_hardly_move_a_value(
 ):
     """Assert that 2.5 times as many steps move no value by a twentieth of its interval."""
     usual = fitted(name)[1]
-    assert disturbed._INTEGRATION.coarser < 0.5
-    monkeypatch.setattr(disturbed, "_INTEGRATION", Steps())
+    assert band._INTEGRATION.coarser < 0.5
+    monkeypatch.setattr(band, "_INTEGRATION", Steps())
     finer = CASES[name].fit().fitted
     assert finer.names == usual.names
     assert np.all(np.abs(finer.values - usual.values) < 0.05 * half_widths(usual))
@@ -297,7 +294,7 @@ def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pyt
     """Assert that no halves and bands are fitted where the values are not known anyway."""
     case, fit = CASES["a pushed link"], fitted("a pushed link")[0]
     made: list[object] = []
-    monkeypatch.setattr(disturbed, "_again", lambda *given: made.append(given))
+    monkeypatch.setattr(estimating, "_again", lambda *given: made.append(given))
     disturbed_estimate(fit, case.data, "N m")
     assert made
     ended = len(made)
@@ -375,7 +372,7 @@ def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch
     name = "play of 0.02 rad"
     fit, log = fitted(name)[0], CASES[name].data
     wide = gap.as_wide(fit.fitted.structure, 0.015)
-    begun = disturbed._fit(wide, log, fit.factor, fit.fitted.by_name, fit.sizes)
+    begun = disturbed.fit_in_band(wide, log, fit.factor, fit.fitted.by_name, fit.sizes)
     assert not gap.is_dead_zone(begun.fitted)
     nth_fit(monkeypatch, 1, diverging)
     assert disturbed._as_wide_as_its_gap(begun, log, fit.factor) is begun

@@ -15,11 +15,11 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import NEARLY_NOISE
 from flexid.identification.estimation.disturbed import (
     Disturbed,
-    disturbed_estimate,
     fit_disturbed,
     fit_disturbed_to,
     follower,
 )
+from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
 from flexid.identification.estimation.doubts import (
     DOUBTS,
     OF_A_VOLTAGE,

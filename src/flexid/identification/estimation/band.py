@@ -23,8 +23,8 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import RESTING, Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
 from flexid.estimators.steady_gains import Sizes
-from flexid.identification.full_model.fitting import USUAL, Steps, motion_at
-from flexid.identification.full_model.model import Data, Fitted, M, Structure
+from flexid.identification.full_model.fitting import USUAL, Steps, motion_at, within_bounds
+from flexid.identification.full_model.model import Data, Fitted, M, Structure, sensor_noise
 from flexid.identification.structure.validation import Follower
 from flexid.recording.velocities import position_noise
 
@@ -42,6 +42,8 @@ _RIGID_PER_PERIOD = 8.0  # samples per period of the fastest of that
 SPRING_SHARE = 0.25  # of the resonance, that is the least rate of a disturbance
 _FEWEST = 200  # samples that are left at least
 _SAME_TIME = 1e-3  # of a sample
+# Steps of integration over the usual ones: a phase of 3e-5 is lost, and a stiffness is less known.
+_INTEGRATION = Steps(coarser=0.4)
 
 
 def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PERIOD) -> int:
@@ -261,6 +263,45 @@ class InBand(Generic[M]):
 
     def _fitted(self, problem: SegmentedMotion, minimum: Minimum) -> Fitted[M]:
         return Fitted(self.structure, self.data, problem, minimum, self.segment)
+
+
+def fit_in_band(
+    structure: Structure,
+    data: Data,
+    factor: int,
+    start: Mapping[str, float],
+    sizes: Sizes | None = None,
+    *,
+    of_band: bool = True,
+) -> FitInBand:
+    """A structure fitted to a log in its band, within bounds; from sizes of that band, or not."""
+    own = thinned(data, factor, held=structure.timing.hold == "zero")
+    noise = noise_in_band(own)
+    if sizes is not None and not of_band:  # with gains for less noise the steps lead astray
+        sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
+    in_band = InBand(
+        structure,
+        own,
+        directions(data.samples, factor),
+        slowest_disturbance(own, rigid=structure.joint.kind == "rigid"),
+        noise,
+        own.duration,
+        _INTEGRATION,
+    )
+    last: list[FitInBand] = []
+
+    def fit(bounded: Structure) -> Fitted:
+        held = bounded if factor == 1 else bounded.with_hold("cubic")
+        last.append(replace(in_band, structure=held).fit(start, sizes))
+        return last[-1].fitted
+
+    fitted = within_bounds(structure, data, fit)
+    return replace(last[-1], fitted=replace(fitted, structure=structure))
+
+
+def noise_in_band(data: Data) -> FloatArray:
+    """Noise of each sensor; of a deflection's its own."""
+    return sensor_noise(data, [0] if "motor" in data.relative_to.values() else [])
 
 
 def _states_near(segments: Segments, near: Fitted[M]) -> FloatArray:

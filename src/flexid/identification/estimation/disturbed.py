@@ -1,59 +1,35 @@
 """The fit of a log that the model does not explain: with disturbances, in the joint's band.
 
 What no term describes acts as a disturbance of its row (see `flexid.estimators.innovations`), so
-that neither row spoils the other. A disturbance is taken to be random. What is not random about it
-shows as a spread between bands, and between the halves of the log: it widens the intervals by as
-much as it exceeds what chance explains. What repeats itself in every band and half, and what no
-log shows, is a matter of named doubts (`flexid.identification.estimation.doubts`).
+that neither row spoils the other. A disturbance is taken to be random; what is not random about it
+is doubted in `flexid.identification.estimation.disturbed_estimate`.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
-from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import (
-    PER_PERIOD,
     FitInBand,
-    InBand,
     directions,
+    fit_in_band,
+    noise_in_band,
     observer_following,
-    slowest_disturbance,
     thinned,
     thinning,
 )
-from flexid.identification.estimation.doubts import (
-    DOUBTS,
-    HIDDEN,
-    OF_A_BAND,
-    OF_A_HALF,
-    Doubted,
-    Repeat,
-    between_bands,
-    between_halves,
-    covariance_of,
-    widened,
-)
-from flexid.identification.estimation.excitations import row_sizes
-from flexid.identification.estimation.measured_input import pulled
-from flexid.identification.full_model.fitting import Steps, lengths, within_bounds
-from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, sensor_noise
-from flexid.identification.full_model.starting import (
-    least_squares_start,
-    no_start,
-    starts,
-    suited_rate,
-)
+from flexid.identification.full_model.fitting import lengths
+from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
+from flexid.identification.full_model.starting import no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import (
     CHANCE,
-    PLAY,
     LikelyPlay,
     following,
     half_gap,
@@ -61,14 +37,11 @@ from flexid.identification.structure.gap import (
     likely_play,
     met,
     width_of,
-    with_free_width,
 )
 from flexid.identification.structure.link_delay import is_damping, shifted, skew
 from flexid.identification.structure.validation import Follower
-from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import HARDENING
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of taking terms away
@@ -80,9 +53,6 @@ _OF_LINK = {"theta2": "alpha1", "theta_cubic": "alpha_cubic", "theta_backlash": 
 # Share by which play makes the spring stiffer: with less it is no more than an encoder's steps.
 _LEAST_STIFFER = 0.02
 _WIDTHS = 5  # of play, until it is as wide as its gap
-_BANDS = (0.5, 2.0)  # of the usual number of samples per period
-# Steps of integration over the usual ones: a phase of 3e-5 is lost, and a stiffness is less known.
-_INTEGRATION = Steps(coarser=0.4)
 _SKEWED = 0.5  # share of the deflection's variance that a delay explains, to begin with it
 
 
@@ -118,41 +88,15 @@ def fit_disturbed(
             with_play = False
             structure = replace(structure, timing=_given(structure.timing, skewed.delay))
             factor = thinning(data, _start(structure, data))
-    found: list[FitInBand] = []
     # A low-passed input has no steps; how it runs between samples and its delay look alike.
-    tried: Sequence[Hold] = holds if factor == 1 else holds[:1]
-    for hold in tried:
-        held = structure.with_hold(hold)
-        for start in _starts(held, thinned(data, factor, held=hold == "zero")):
-            with suppress(ConvergenceError):
-                found.append(_fit(held, data, factor, start))
-    if not found:  # the motion may run away from one start, and not from another
-        held = structure.with_hold(tried[0])
-        for start in starts(held, data, lengths(data)[0])[1:]:
-            with suppress(ConvergenceError):
-                found.append(_fit(held, data, factor, start))
-                break
-    if not found:
-        raise no_start()
-    full = min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
+    tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
+    full = _likeliest(tried, data, factor)
     likely = None if structure.joint.kind == "rigid" else likely_play(full.fitted.structure, data)
     by_play, lost = likely.doubt if likely else 0.0, 0.0
     if likely and with_play:
         played, by_play = _with_play(full, likely, data, factor)
         full, lost = played, 0.0 if played is full else by_play
-    best = full
-    evidence = ()
-    strict = replace(thresholds, friction_sign=np.inf)
-    for _ in range(_ROUNDS):
-        leaner, own = eliminate(best.fitted, kept, strict)
-        evidence = latest(evidence, own)
-        before = best.fitted.structure
-        if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
-            break
-        other = _fit(leaner, data, factor, best.fitted.by_name, best.sizes)
-        if _is_known(best) and _leaves_more(other, best):
-            break
-        best = other
+    best, evidence = _without_what_is_not_shown(full, data, factor, kept, thresholds)
     if is_damping(best.fitted.by_name):  # which one coefficient says as well as two
         without = structure.without({LINK})
         return fit_disturbed(without, data, kept, holds, thresholds, with_play=with_play)
@@ -160,6 +104,53 @@ def fit_disturbed(
     shares = _shares(best.fitted, best.sizes)
     rest = factor, by_play, lost
     return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, *rest)
+
+
+def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand:
+    """The likeliest fit of any structure from where least squares begins.
+
+    Where the motion runs away from there, it may not from the next start.
+    """
+    begun = (
+        (structure, start)
+        for structure in tried
+        for start in _starts(structure, thinned(data, factor, held=structure.timing.hold == "zero"))
+    )
+    found = [*_fits(begun, data, factor)]
+    if not found:
+        others = ((tried[0], start) for start in starts(tried[0], data, lengths(data)[0])[1:])
+        found = [*islice(_fits(others, data, factor), 1)]
+    if not found:
+        raise no_start()
+    return min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
+
+
+def _fits(
+    begun: Iterable[tuple[Structure, Mapping[str, float]]], data: Data, factor: int
+) -> Iterator[FitInBand]:
+    """Fits from starts, as far as these lead anywhere."""
+    for structure, start in begun:
+        with suppress(ConvergenceError):
+            yield fit_in_band(structure, data, factor, start)
+
+
+def _without_what_is_not_shown(
+    full: FitInBand, data: Data, factor: int, kept: Collection[str], thresholds: Thresholds
+) -> tuple[FitInBand, tuple[TermEvidence, ...]]:
+    """The fit of the terms that the log shows, and what it says of each."""
+    best, evidence = full, ()
+    strict = replace(thresholds, friction_sign=np.inf)
+    for _ in range(_ROUNDS):
+        leaner, own = eliminate(best.fitted, kept, strict)
+        evidence = latest(evidence, own)
+        before = best.fitted.structure
+        if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
+            break
+        other = fit_in_band(leaner, data, factor, best.fitted.by_name, best.sizes)
+        if _is_known(best) and _leaves_more(other, best):
+            break
+        best = other
+    return best, evidence
 
 
 def _with_play(
@@ -174,11 +165,11 @@ def _with_play(
         return fit, likely.doubt
     start = _stiffer(fit.fitted.by_name, likely.start)
     try:
-        played = _fit(likely.structure, data, factor, start)
+        played = fit_in_band(likely.structure, data, factor, start)
         played = _as_wide_as_its_gap(played, data, factor)
         if played.cost > fit.cost + CHANCE:  # perhaps by other sizes alone
             structure, start = played.fitted.structure, played.fitted.by_name
-            other = _fit(structure, data, factor, start, fit.sizes)
+            other = fit_in_band(structure, data, factor, start, fit.sizes)
             played = min(played, _as_wide_as_its_gap(other, data, factor), key=_cost)
     except ConvergenceError:
         return fit, likely.doubt
@@ -212,7 +203,7 @@ def _as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
                 break
             trail.append((width_of(fit.fitted.structure), gap))
             structure = following(fit.fitted, met(trail))
-            fit = _fit(structure, data, factor, fit.fitted.by_name, fit.sizes)
+            fit = fit_in_band(structure, data, factor, fit.fitted.by_name, fit.sizes)
     return fit
 
 
@@ -237,17 +228,17 @@ def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
 def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     """The same structures fitted to other data of the same drive."""
     structure, factor = found.fitted.structure, found.factor
-    own = _fit(structure, data, factor, found.fitted.by_name, found.sizes)
+    own = fit_in_band(structure, data, factor, found.fitted.by_name, found.sizes)
     own = _as_wide_as_its_gap(own, data, factor)
     full = found.full  # which says what may hide, with two thirds of the data if need be
     with suppress(ConvergenceError):
-        fuller = _fit(full.structure, data, factor, full.by_name, own.sizes)
+        fuller = fit_in_band(full.structure, data, factor, full.by_name, own.sizes)
         if not fuller.fitted.converged:  # what it says of terms that may hide is far off
-            other = _fit(full.structure, data, factor, own.fitted.by_name, own.sizes)
+            other = fit_in_band(full.structure, data, factor, own.fitted.by_name, own.sizes)
             fuller = min(fuller, other, key=_cost)
         full = fuller.fitted
         if _leaves_more(own, fuller):  # which it did not before: it went astray
-            other = _fit(structure, data, factor, full.by_name, fuller.sizes)
+            other = fit_in_band(structure, data, factor, full.by_name, fuller.sizes)
             own = min(own, other, key=_cost)
     shares = _shares(own.fitted, own.sizes)
     return replace(found, fitted=own.fitted, full=full, sizes=own.sizes, shares=shares)
@@ -259,142 +250,6 @@ def follower(found: Disturbed, data: Data) -> Follower:
     sizes = replace(found.sizes, sensors=found.sizes.sensors * np.sqrt(found.factor))
 
     return observer_following(directed, sizes)
-
-
-def disturbed_estimate(
-    found: Disturbed, data: Data, input_unit: str, hidden: FloatArray | float = 0.0
-) -> tuple[Estimate, dict[str, str]]:
-    """The estimate with all doubts in its covariance, and what makes most of each variance.
-
-    The covariance of what may hide behind the terms, shape (k, k), is one of them.
-    """
-    fitted = found.fitted
-    estimate = fitted.fit.at_least(fitted.unit_deviations)
-    estimate = with_free_width(estimate, fitted)
-    names = fitted.names
-    by_play = found.by_lost_play if HARDENING.isdisjoint(names) else found.by_play
-    doubted = Doubted(
-        fitted,
-        row_sizes(_squares(fitted).rows),
-        dict(found.shares),
-        input_unit,
-        _by_gauge(found, data),
-        pulled(fitted, found.sizes, data.samples, found.factor),
-        by_play if PLAY.isdisjoint(names) else 0.0,
-    )
-    errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
-    if fitted.converged:  # or nothing is known that others could contradict
-        own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
-        errors.append((between_bands(own, [*_in_other_bands(found, data)]), OF_A_BAND))
-        errors += [(between_halves(*halves), OF_A_HALF)] if halves else []
-    every = [(covariance_of(directions), words) for directions, words in errors]
-    return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
-
-
-def _squares(fitted: Fitted) -> LeastSquaresFit:
-    return least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
-
-
-def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
-    """Change of each value, shape (k,), where a deflection's sensor shows 1 % more."""
-    if not data.relative_to:
-        return None
-    other = _again(found, _rescaled(data, 1.01), found.factor)
-    return (
-        np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
-    )
-
-
-def _rescaled(data: Data, scale: float) -> Data:
-    """A log whose deflection sensor shows so many times as much."""
-    rescaled = []
-    for samples in data.samples:
-        assert samples.velocities is not None
-        positions, velocities = samples.positions.copy(), samples.velocities.copy()
-        if positions.shape[1] == 1:  # the motor's motion is the input
-            motor, speed = samples.inputs[:, 0], samples.inputs[:, 1]
-        else:
-            motor, speed = positions[:, 1], velocities[:, 1]
-        positions[:, 0] = motor + scale * (positions[:, 0] - motor)
-        velocities[:, 0] = speed + scale * (velocities[:, 0] - speed)
-        rescaled.append(replace(samples, positions=positions, velocities=velocities))
-    return replace(data, samples=tuple(rescaled))
-
-
-def _in_other_bands(found: Disturbed, data: Data) -> Iterator[Repeat]:
-    """The structure fitted in wider and narrower bands, as far as the log has them."""
-    factors = {thinning(data, found.fitted.by_name, share * PER_PERIOD) for share in _BANDS} - {
-        found.factor
-    }
-    for factor in sorted(factors):
-        other = _again(found, data, factor)
-        if other is not None:
-            yield other
-
-
-def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
-    """The structure fitted to either half of every recording; None where one is too short."""
-    first, second = (_again(found, half, found.factor) for half in data.halves())
-    return (first, second) if first and second else None
-
-
-def _again(found: Disturbed, data: Data, factor: int) -> Repeat | None:
-    fitted = found.fitted
-    try:
-        other = _fit(
-            fitted.structure,
-            data,
-            factor,
-            fitted.by_name,
-            found.sizes,
-            of_band=factor == found.factor,
-        ).fitted
-    except ConvergenceError:
-        return None
-    # A channel that is moved out of the log leaves nothing to compare.
-    if not (other.names == fitted.names and other.converged and other.has_partners):
-        return None
-    variances = np.maximum(np.diag(other.fit.covariance), other.unit_deviations**2)
-    return Repeat(other.values, variances)
-
-
-def _fit(
-    structure: Structure,
-    data: Data,
-    factor: int,
-    start: Mapping[str, float],
-    sizes: Sizes | None = None,
-    *,
-    of_band: bool = True,
-) -> FitInBand:
-    """A structure fitted to a log in its band, within bounds; from sizes of that band, or not."""
-    own = thinned(data, factor, held=structure.timing.hold == "zero")
-    noise = _sensor_noise(own)
-    if sizes is not None and not of_band:  # with gains for less noise the steps lead astray
-        sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
-    in_band = InBand(
-        structure,
-        own,
-        directions(data.samples, factor),
-        slowest_disturbance(own, rigid=structure.joint.kind == "rigid"),
-        noise,
-        own.duration,
-        _INTEGRATION,
-    )
-    last: list[FitInBand] = []
-
-    def fit(bounded: Structure) -> Fitted:
-        held = bounded if factor == 1 else bounded.with_hold("cubic")
-        last.append(replace(in_band, structure=held).fit(start, sizes))
-        return last[-1].fitted
-
-    fitted = within_bounds(structure, data, fit)
-    return replace(last[-1], fitted=replace(fitted, structure=structure))
-
-
-def _sensor_noise(data: Data) -> FloatArray:
-    """Noise of each sensor; of a deflection's its own."""
-    return sensor_noise(data, [0] if "motor" in data.relative_to.values() else [])
 
 
 def _start(structure: Structure, data: Data) -> dict[str, float]:
@@ -430,7 +285,7 @@ def _shares(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
     if joint.kind != "rigid":
         moved = np.var(joint.channels_of(segments.outputs, segments.inputs)[:, -1])
         # Through the spring an error of either position acts on both rows.
-        beyond = np.sum(np.maximum(sizes.sensors**2 - _sensor_noise(data) ** 2, 0.0))
+        beyond = np.sum(np.maximum(sizes.sensors**2 - noise_in_band(data) ** 2, 0.0))
         shares = shares + beyond / max(float(moved), np.finfo(float).tiny)
     names = [_name(row.name) for row in fitted.problem.unknowns.system.rows]
     return dict(zip(names, np.minimum(np.sqrt(shares), 1.0).tolist(), strict=True))

@@ -1,0 +1,136 @@
+"""The estimate of a fit with disturbances: its covariance, with all that is doubted about it.
+
+What is not random about the disturbances shows as a spread between bands, and between the halves
+of the log: it widens the intervals by as much as it exceeds what chance explains. What repeats
+itself in every band and half, and what no log shows, is a matter of named doubts
+(`flexid.identification.estimation.doubts`).
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
+from flexid.estimators.rowwise import LeastSquaresFit
+from flexid.identification.estimation.band import PER_PERIOD, fit_in_band, thinning
+from flexid.identification.estimation.disturbed import Disturbed
+from flexid.identification.estimation.doubts import (
+    DOUBTS,
+    HIDDEN,
+    OF_A_BAND,
+    OF_A_HALF,
+    Doubted,
+    Repeat,
+    between_bands,
+    between_halves,
+    covariance_of,
+    widened,
+)
+from flexid.identification.estimation.excitations import row_sizes
+from flexid.identification.estimation.measured_input import pulled
+from flexid.identification.full_model.model import Data, Fitted
+from flexid.identification.full_model.starting import least_squares_start, suited_rate
+from flexid.identification.structure.gap import PLAY, with_free_width
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.models.flexible_joint import HARDENING
+
+_BANDS = (0.5, 2.0)  # of the usual number of samples per period
+
+
+def disturbed_estimate(
+    found: Disturbed, data: Data, input_unit: str, hidden: FloatArray | float = 0.0
+) -> tuple[Estimate, dict[str, str]]:
+    """The estimate with all doubts in its covariance, and what makes most of each variance.
+
+    The covariance of what may hide behind the terms, shape (k, k), is one of them.
+    """
+    fitted = found.fitted
+    estimate = fitted.fit.at_least(fitted.unit_deviations)
+    estimate = with_free_width(estimate, fitted)
+    names = fitted.names
+    by_play = found.by_lost_play if HARDENING.isdisjoint(names) else found.by_play
+    doubted = Doubted(
+        fitted,
+        row_sizes(_squares(fitted).rows),
+        dict(found.shares),
+        input_unit,
+        _by_gauge(found, data),
+        pulled(fitted, found.sizes, data.samples, found.factor),
+        by_play if PLAY.isdisjoint(names) else 0.0,
+    )
+    errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
+    if fitted.converged:  # or nothing is known that others could contradict
+        own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
+        errors.append((between_bands(own, [*_in_other_bands(found, data)]), OF_A_BAND))
+        errors += [(between_halves(*halves), OF_A_HALF)] if halves else []
+    every = [(covariance_of(directions), words) for directions, words in errors]
+    return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
+
+
+def _squares(fitted: Fitted) -> LeastSquaresFit:
+    return least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
+
+
+def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
+    """Change of each value, shape (k,), where a deflection's sensor shows 1 % more."""
+    if not data.relative_to:
+        return None
+    other = _again(found, _rescaled(data, 1.01), found.factor)
+    return (
+        np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
+    )
+
+
+def _rescaled(data: Data, scale: float) -> Data:
+    """A log whose deflection sensor shows so many times as much."""
+    rescaled = []
+    for samples in data.samples:
+        assert samples.velocities is not None
+        positions, velocities = samples.positions.copy(), samples.velocities.copy()
+        if positions.shape[1] == 1:  # the motor's motion is the input
+            motor, speed = samples.inputs[:, 0], samples.inputs[:, 1]
+        else:
+            motor, speed = positions[:, 1], velocities[:, 1]
+        positions[:, 0] = motor + scale * (positions[:, 0] - motor)
+        velocities[:, 0] = speed + scale * (velocities[:, 0] - speed)
+        rescaled.append(replace(samples, positions=positions, velocities=velocities))
+    return replace(data, samples=tuple(rescaled))
+
+
+def _in_other_bands(found: Disturbed, data: Data) -> Iterator[Repeat]:
+    """The structure fitted in wider and narrower bands, as far as the log has them."""
+    factors = {thinning(data, found.fitted.by_name, share * PER_PERIOD) for share in _BANDS} - {
+        found.factor
+    }
+    for factor in sorted(factors):
+        other = _again(found, data, factor)
+        if other is not None:
+            yield other
+
+
+def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
+    """The structure fitted to either half of every recording; None where one is too short."""
+    first, second = (_again(found, half, found.factor) for half in data.halves())
+    return (first, second) if first and second else None
+
+
+def _again(found: Disturbed, data: Data, factor: int) -> Repeat | None:
+    fitted = found.fitted
+    try:
+        other = fit_in_band(
+            fitted.structure,
+            data,
+            factor,
+            fitted.by_name,
+            found.sizes,
+            of_band=factor == found.factor,
+        ).fitted
+    except ConvergenceError:
+        return None
+    # A channel that is moved out of the log leaves nothing to compare.
+    if not (other.names == fitted.names and other.converged and other.has_partners):
+        return None
+    variances = np.maximum(np.diag(other.fit.covariance), other.unit_deviations**2)
+    return Repeat(other.values, variances)
