@@ -37,7 +37,7 @@ from flexid.models.flexible_joint import (
 _MOTOR = 1  # row and position
 _RATES = (60.0, 200.0)  # 1/s, of the filters of least squares
 _PEAKS = 4  # of a spectrum
-_LARGEST = 500.0  # periods in a turn
+_LARGEST = {"revolute": 500.0, "prismatic": 2e3 * np.pi}  # periods in a turn; in 2π m, of 1 mm each
 _FASTEST = 0.5  # rad in a sampling interval, at the motor's usual velocity
 _FEW = (1.0, 1.75, 2.5, 3.25, 4.0)  # periods in the range of the motion, which make no sharp peak
 _FEWEST = 1.0  # periods in the range of the motion: fewer are any slow function of the position
@@ -82,7 +82,8 @@ def _peaks(structure: Structure, data: Data, rate: float) -> list[float]:
     """Where the spectrum of what the motor's row leaves, by the position, has its largest peaks."""
     velocities = [structure.joint.both_sides(s)[1][:, _MOTOR] for s in data.samples]
     speed = float(np.sqrt(np.mean(np.concatenate(velocities) ** 2)))
-    fastest = _FASTEST / max(speed * data.samples[0].sample_time, _FASTEST / _LARGEST)
+    largest = _LARGEST[structure.joint.type]
+    fastest = _FASTEST / max(speed * data.samples[0].sample_time, _FASTEST / largest)
     most = min(fastest, _MOST_BINS / _BINS * _apart_in_number(structure.joint, data))
     bin_width = 2.0 * np.pi / (_BINS * most)
     lowest = min(s.positions[:, _MOTOR].min() for s in data.samples)
