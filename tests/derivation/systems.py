@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from flexid.derivation.observer import ObserverRow
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.paper.observer import ObserverRow
 
 PAPER = flexible_joint(known={"beta1": 1 / 0.3})
 

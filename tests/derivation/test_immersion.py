@@ -9,11 +9,11 @@ from scipy.integrate import quad
 from systems import NO_CLOSED_FORM, THREE_ROWS
 
 from flexid.derivation.model_functions import signal_module, split_regressor
-from flexid.derivation.observer import immersion
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import symbol, symbolic_system, to_sympy
 from flexid.errors import ExpressionError
 from flexid.models.flexible_joint import TERMS, flexible_joint
+from flexid.paper.observer import immersion
 
 q, v, width = symbol("q"), symbol("v"), symbol("width")
 

@@ -4,10 +4,10 @@ import pytest
 import sympy as sp
 from systems import ALL, NO_CLOSED_FORM, PAPER, THREE_ROWS, UNKNOWN_GAIN, expected_error_dynamics
 
-from flexid.derivation.observer import derive_observer, error_dynamics
 from flexid.errors import AccelerationError, ModelError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.paper.observer import derive_observer, error_dynamics
 
 
 @pytest.mark.parametrize("name", ALL)

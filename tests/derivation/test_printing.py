@@ -13,8 +13,10 @@ import sympy as sp
 from scipy.integrate import quad
 from systems import ALL, PAPER
 
-from flexid.derivation.observer import SymbolicObserver, derive_observer, graded_rule
-from flexid.derivation.printing import (
+from flexid.derivation.symbolic import symbol
+from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.paper.observer import SymbolicObserver, derive_observer, graded_rule
+from flexid.paper.printing import (
     c_observer,
     fresh_names,
     latex_name,
@@ -22,8 +24,6 @@ from flexid.derivation.printing import (
     printable_rows,
     python_observer,
 )
-from flexid.derivation.symbolic import symbol
-from flexid.models.parametric_system import ParametricSystem, Row
 
 PRINTERS = {"latex": (latex_observer, "tex"), "python": (python_observer, "py.txt")}
 PRINTERS |= {"c": (c_observer, "c")}

@@ -6,13 +6,12 @@ same order, so that both agree to rounding.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
 
 from flexid.derivation.model_functions import split_regressor
-from flexid.derivation.printing import RESERVED, names_in_c
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
@@ -161,6 +160,16 @@ class _Printer(ScalarPrinter):
         return self.call("POW", base, exponent)
 
 
+_RESERVED_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int
+long register restrict return short signed sizeof static struct switch typedef union unsigned void
+volatile while _Bool _Complex _Imaginary asm
+asinh atan cos cosh erf exp fabs log pow sin sqrt tan tanh INFINITY NAN main
+state input input_rate observer_state gain constant estimate rate NODES WEIGHTS
+"""
+RESERVED = frozenset(_RESERVED_WORDS.split())
+"""Names that mean something in printed C."""
+
 _TAKEN = re.compile(r"[A-Z][A-Z0-9_]+|flexid_\w+|\w+_t")
 """Macros of the estimator and of the C library, and types."""
 
@@ -175,6 +184,15 @@ def _renamed(names: Sequence[str]) -> dict[str, str]:
         name: str(fresh.take(f"{name.lower()}_"))
         for name in names
         if name not in renamed and _TAKEN.fullmatch(name)
+    }
+
+
+def names_in_c(names: Sequence[str], fresh: FreshNames, taken: Collection[str]) -> dict[str, str]:
+    """Other names for what is no identifier in C, or means something there."""
+    return {
+        name: str(fresh.take(name if name.isascii() else "symbol"))
+        for name in names
+        if name in taken or not name.isascii()
     }
 
 

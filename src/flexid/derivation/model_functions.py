@@ -48,19 +48,6 @@ N_CONSTANTS = {len(system.constants)}
 '''
 
 
-def regressor_function(symbolic: SymbolicSystem) -> str:
-    """Source of ``regressors(x, u, c, r, k)``: fills r (all rows in turn) and k (per row)."""
-    regressors = [r for row in symbolic.rows for r in row.regressor]
-    targets = [f"_r[{i}]" for i in range(len(regressors))]
-    targets += [f"_k[{i}]" for i in range(len(symbolic.rows))]
-    return function(
-        "regressors(_x, _u, _c, _r, _k)",
-        "Regressors _r and known parts _k of every row; _c holds the constants.",
-        unpack_variables(symbolic),
-        assignments(targets, [*regressors, *(row.known for row in symbolic.rows)]),
-    )
-
-
 def compiled_rates(system: ParametricSystem) -> str:
     """Source of ``right_hand_side(x, u, p, c, dx)``, for kernels to call by its address."""
     rates = _right_hand_side_function(symbolic_system(system), called(5))

@@ -116,16 +116,3 @@ def function(
     blocks = "\n".join(block for block in body if block)
     head = f"@{decorator}\n" * bool(decorator)
     return f'{head}def {signature}:\n    """{docstring}"""\n{blocks}\n'
-
-
-def tuple_text(entries: Sequence[str]) -> str:
-    """A tuple of some entries."""
-    return f"({', '.join(entries)},)"
-
-
-def row_function(
-    name: str, what: str, size: int, decorator: str = 'njit(cache=True, error_model="numpy")'
-) -> str:
-    """A function that returns row n of an array as a tuple."""
-    body = f"    return {tuple_text([f'_array[_n, {i}]' for i in range(size)])}"
-    return function(f"{name}(_array, _n)", f"{what} as a tuple.", body, decorator=decorator)

@@ -104,7 +104,7 @@ def _checked(gain: Mapping[str, float], row: str, coefficient: str) -> float:
 
 def _kernel(system: ParametricSystem) -> ModuleType:
     def build() -> str:
-        from flexid.derivation.sampled_loop import sampled_observer_functions
+        from flexid.paper.sampled_loop import sampled_observer_functions
 
         return sampled_observer_functions(system, "Parametric observer, sampled")
 

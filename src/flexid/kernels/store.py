@@ -208,10 +208,13 @@ def _announce() -> None:
 @cache
 def template(name: str) -> str:
     """Source text of a template: code that calls generated functions by name."""
-    return resources.files("flexid.kernels.templates").joinpath(f"{name}.py").read_text("utf-8")
+    folders = (resources.files(package).joinpath("templates") for package in _PACKAGES)
+    files = (folder.joinpath(f"{name}.py") for folder in folders)
+    return next(file for file in files if file.is_file()).read_text("utf-8")
 
 
-_NEEDED = re.compile(r"^    from flexid\.kernels\.templates\.(?!generated)(\w+) import", re.M)
+_PACKAGES = ("flexid.kernels", "flexid.paper")  # that have templates
+_NEEDED = re.compile(r"^    from flexid\.\w+\.templates\.(?!generated)(\w+) import", re.M)
 
 
 def with_needed(templates: Sequence[str]) -> tuple[str, ...]:
@@ -246,7 +249,7 @@ def _generator_digest() -> str:
     The declarations' code counts too: it fixes what a text means and the order of the parameters.
     """
     content = hashlib.sha256()
-    for package in ("flexid.models", "flexid.control", "flexid.derivation"):
+    for package in ("flexid.models", "flexid.control", "flexid.derivation", "flexid.paper"):
         files = [f for f in resources.files(package).iterdir() if f.name.endswith((".py", ".toml"))]
         for file in sorted(files, key=lambda file: file.name):
             content.update(file.read_bytes())

@@ -16,12 +16,12 @@ from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification
-    from flexid.derivation.observer import SymbolicObserver
     from flexid.estimators.samples import Samples
     from flexid.exports.request import EstimatorSettings, ExportRequest
     from flexid.library.arguments import FilePath
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, OneLog
+    from flexid.paper.observer import SymbolicObserver
 
 
 _SHIPPED = "flexible-joint"  # name of the model that needs no file
@@ -68,8 +68,8 @@ def derive(
         The equations as LaTeX, a Python module, or a C99 file. Its `notes` are sentences on what is
         integrated numerically, and on rates of inputs that the observer needs.
     """
-    from flexid.derivation.observer import derive_observer
-    from flexid.derivation.printing import c_observer, latex_observer, python_observer
+    from flexid.paper.observer import derive_observer
+    from flexid.paper.printing import c_observer, latex_observer, python_observer
 
     printers = {"latex": latex_observer, "python": python_observer, "c": c_observer}
     if to not in printers:

@@ -335,7 +335,7 @@ def loop_kernel(declaration: LoopDeclaration, stiff: bool = True) -> ModuleType:
     """
 
     def build() -> str:
-        from flexid.derivation.closed_loop import compose_loop, lane_loop_source, stiff_loop_source
+        from flexid.paper.closed_loop import compose_loop, lane_loop_source, stiff_loop_source
 
         loop = compose_loop(declaration)
         return stiff_loop_source(loop) if stiff else lane_loop_source(loop, SIDE_BY_SIDE)

@@ -174,7 +174,7 @@ def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
     """Compiled functions of a sampled loop."""
 
     def build() -> str:
-        from flexid.derivation.sampled_loop import sampled_loop_source
+        from flexid.paper.sampled_loop import sampled_loop_source
 
         return sampled_loop_source(declaration)
 

@@ -145,7 +145,7 @@ def _of_the_design(best: SteadyRun) -> dict[str, list[Values]]:
 
 def _accelerations_needed() -> int:
     """Number of signals beyond states and input that the derived observer asks for."""
-    from flexid.derivation.observer import derive_observer
+    from flexid.paper.observer import derive_observer
 
     try:
         return len(derive_observer(table1_loop((1, 2, 3)).system).input_rates)
@@ -155,7 +155,7 @@ def _accelerations_needed() -> int:
 
 def _different_rates() -> int:
     """Number of coefficients whose error rate, derived again, differs from eq. (7)."""
-    from flexid.derivation.observer import derive_observer, error_dynamics
+    from flexid.paper.observer import derive_observer, error_dynamics
 
     observer = derive_observer(table1_loop((1, 2, 3)).system)
     differing = 0

@@ -17,9 +17,9 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import *
-    from flexid.kernels.templates.loop_measures import *
-    from flexid.kernels.templates.loop_outputs import *
     from flexid.kernels.templates.run_status import *
+    from flexid.paper.templates.loop_measures import *
+    from flexid.paper.templates.loop_outputs import *
 
 
 TIME = 0  # of the state

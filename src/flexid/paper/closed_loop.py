@@ -20,10 +20,10 @@ import sympy as sp
 
 from flexid.control.laws import REFERENCE_NAMES
 from flexid.control.loop import LoopDeclaration, Multisine
-from flexid.derivation.observer import check_acceleration_free
 from flexid.derivation.source import IMPORTS, assignments, function
 from flexid.derivation.symbolic import SymbolicSystem, symbol, symbolic_system, to_sympy
 from flexid.errors import ModelError
+from flexid.paper.observer import check_acceleration_free
 
 
 def insert(values: Mapping[sp.Symbol, sp.Expr], expression: sp.Expr) -> sp.Expr:

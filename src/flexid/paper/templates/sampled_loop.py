@@ -8,8 +8,8 @@ from numba import njit
 if TYPE_CHECKING:
     from flexid.kernels.templates.compiled import *
     from flexid.kernels.templates.generated import *
-    from flexid.kernels.templates.loop_measures import *
     from flexid.kernels.templates.run_status import *
+    from flexid.paper.templates.loop_measures import *
 
 
 # What a record holds: states, inputs, estimates, their errors, the tracking error and what was

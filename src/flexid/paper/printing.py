@@ -5,7 +5,7 @@ where every term of it is negative, the abbreviation is its opposite, as s is th
 """
 
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -15,8 +15,9 @@ from sympy.printing.c import C99CodePrinter
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from flexid.derivation.observer import VARIABLE, ObserverRow, SymbolicObserver, graded_rule
+from flexid.derivation.drive_source import RESERVED, names_in_c
 from flexid.derivation.symbolic import FreshNames, symbol
+from flexid.paper.observer import VARIABLE, ObserverRow, SymbolicObserver, graded_rule
 
 
 @dataclass(frozen=True)
@@ -272,17 +273,6 @@ def _tuple(symbols: Sequence[sp.Symbol]) -> str:
     return ", ".join(map(str, symbols)) + ("," if len(symbols) == 1 else "")
 
 
-_RESERVED_WORDS = """
-auto break case char const continue default do double else enum extern float for goto if inline int
-long register restrict return short signed sizeof static struct switch typedef union unsigned void
-volatile while _Bool _Complex _Imaginary asm
-asinh atan cos cosh erf exp fabs log pow sin sqrt tan tanh INFINITY NAN main
-state input input_rate observer_state gain constant estimate rate NODES WEIGHTS
-"""
-RESERVED = frozenset(_RESERVED_WORDS.split())
-"""Names that mean something in printed C."""
-
-
 class _CPrinter(C99CodePrinter):
     """Products for small powers, and no macro that C99 does not have."""
 
@@ -351,12 +341,3 @@ def c_observer(observer: SymbolicObserver) -> str:
         if observer.quadratures
     )
     return head + tables + functions
-
-
-def names_in_c(names: Sequence[str], fresh: FreshNames, taken: Collection[str]) -> dict[str, str]:
-    """Other names for what is no identifier in C, or means something there."""
-    return {
-        name: str(fresh.take(name if name.isascii() else "symbol"))
-        for name in names
-        if name in taken or not name.isascii()
-    }

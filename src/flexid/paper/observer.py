@@ -21,12 +21,13 @@ from typing import cast
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
+from sympy.printing.codeprinter import CodePrinter
+from sympy.printing.latex import LatexPrinter
 
 from flexid.derivation.symbolic import (
     FreshNames,
     SymbolicRow,
     SymbolicSystem,
-    log_cosh,
     symbolic_system,
 )
 from flexid.errors import AccelerationError, ModelError
@@ -273,6 +274,47 @@ def _integral(term: sp.Expr, velocity: sp.Symbol, constants: Sequence[sp.Symbol]
     if not slope.free_symbols <= {*constants}:
         return None
     return factor * (log_cosh(argument) - log_cosh(argument.subs(velocity, 0))) / slope
+
+
+class LogCosh(sp.Function):
+    """ln cosh z, the integral of tanh z, in a form that is right for any size of z."""
+
+    nargs = 1
+
+    @classmethod
+    def eval(cls, z: sp.Expr) -> sp.Expr | None:  # type: ignore[override] - SymPy takes any arity
+        """Value at zero; the function is even."""
+        if z.is_zero:
+            return sp.S.Zero
+        return cls(-z) if z.could_extract_minus_sign() else None
+
+    def fdiff(self, argindex: int = 1) -> sp.Expr:  # noqa: ARG002, the protocol of SymPy
+        """Derivative: tanh z."""
+        return sp.tanh(self.args[0])
+
+    def stable(self) -> sp.Expr:
+        """|z| + ln(1 + exp(-2|z|)) - ln 2, which neither overflows nor cancels for large |z|."""
+        size = sp.Abs(self.args[0])
+        return size + sp.log(1 + sp.exp(-2 * size)) - sp.log(2)
+
+    def _pythoncode(self, printer: CodePrinter) -> str:
+        return f"({printer.doprint(self.stable())})"
+
+    _ccode = _pythoncode
+
+    def _latex(self, printer: LatexPrinter) -> str:
+        return rf"\ln\cosh{{\left({printer.doprint(self.args[0])} \right)}}"
+
+    def _eval_evalf(self, prec: int) -> sp.Expr:
+        return self.stable()._eval_evalf(prec) or self.stable()
+
+    def _eval_is_extended_real(self) -> bool | None:
+        return self.args[0].is_extended_real
+
+
+def log_cosh(z: sp.Expr) -> sp.Expr:
+    """ln cosh z as a plain expression."""
+    return cast(sp.Expr, LogCosh(z))
 
 
 # The fixed rule by which generated code integrates a regressor over a velocity. Friction changes

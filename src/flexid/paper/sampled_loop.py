@@ -15,11 +15,11 @@ The plant moves by the classical Runge-Kutta method under a constant input.
 from collections.abc import Callable, Sequence
 
 from flexid.control.loop import LoopDeclaration
-from flexid.derivation.closed_loop import control_law, loop_function
-from flexid.derivation.model_functions import module_header, regressor_function
-from flexid.derivation.source import assignments, function, row_function, tuple_text
+from flexid.derivation.model_functions import module_header, unpack_variables
+from flexid.derivation.source import assignments, function
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
+from flexid.paper.closed_loop import control_law, loop_function
 
 
 def sampled_loop_source(declaration: LoopDeclaration) -> str:
@@ -35,9 +35,9 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
     return "\n\n".join(
         (
             sampled_observer_functions(system, purpose) + _sizes(declaration),
-            regressor_function(symbolic),
-            row_function("as_states", "Values of all states", states),
-            row_function("as_parameters", "Parameters", len(declaration.parameter_names)),
+            _regressor_function(symbolic),
+            _row_function("as_states", "Values of all states", states),
+            _row_function("as_parameters", "Parameters", len(declaration.parameter_names)),
             _sense_function(states),
             loop_function(
                 declaration,
@@ -46,7 +46,7 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
                 "Inputs that the law demands at time _t for the measured states, and q_d.",
                 {"_x": symbolic.states},
                 demanded,
-                f"    return {tuple_text(_names('_u', inputs))}, _reference",
+                f"    return {_tuple_text(_names('_u', inputs))}, _reference",
             ),
             _saturate_function(inputs),
             loop_function(
@@ -56,7 +56,7 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
                 "x' of the plant.  # Huang (2003), eq. (1)",
                 {"_x": symbolic.states, "_u": symbolic.inputs},
                 rates,
-                f"    return {tuple_text(list(rates))}",
+                f"    return {_tuple_text(list(rates))}",
             ),
             _plant_step_function(symbolic),
         )
@@ -82,11 +82,11 @@ def _sense_function(states: int) -> str:
     return function(
         "sense(_state, _draws, _position, _velocity, _step)",
         "What the sensors show, given standard normal numbers.",
-        f"    {tuple_text(true)} = _state\n    {tuple_text(draws)} = _draws",
+        f"    {_tuple_text(true)} = _state\n    {_tuple_text(draws)} = _draws",
         "\n".join(noisy),
         "    if _step > 0.0:",
         "\n".join(whole),
-        f"    return {tuple_text(seen)}",
+        f"    return {_tuple_text(seen)}",
     )
 
 
@@ -99,9 +99,9 @@ def _saturate_function(inputs: int) -> str:
     return function(
         "saturate(_inputs, _limit)",
         "Inputs clipped to the limit, and 1 if one was.",
-        f"    {tuple_text(names)} = _inputs\n    _clipped = 0",
+        f"    {_tuple_text(names)} = _inputs\n    _clipped = 0",
         "\n".join(lines),
-        f"    return {tuple_text(names)}, _clipped",
+        f"    return {_tuple_text(names)}, _clipped",
     )
 
 
@@ -111,19 +111,19 @@ def _plant_step_function(symbolic: SymbolicSystem) -> str:
     a, b, c, d = stages
 
     def stage(names: Sequence[str], state: Callable[[int], str]) -> str:
-        point = tuple_text([state(i) for i in range(size)])
-        return f"    {tuple_text(names)} = plant_rates({point}, _u, _p)"
+        point = _tuple_text([state(i) for i in range(size)])
+        return f"    {_tuple_text(names)} = plant_rates({point}, _u, _p)"
 
     after = [f"{x[i]} + _sixth * ({a[i]} + 2.0 * ({b[i]} + {c[i]}) + {d[i]})" for i in range(size)]
     return function(
         "plant_step(_state, _u, _p, _h)",
         "State after a step of the classical Runge-Kutta method.",
-        f"    {tuple_text(x)} = _state\n    _half = 0.5 * _h\n    _sixth = _h / 6.0",
+        f"    {_tuple_text(x)} = _state\n    _half = 0.5 * _h\n    _sixth = _h / 6.0",
         stage(a, lambda i: x[i]),
         stage(b, lambda i: f"{x[i]} + _half * {a[i]}"),
         stage(c, lambda i: f"{x[i]} + _half * {b[i]}"),
         stage(d, lambda i: f"{x[i]} + _h * {c[i]}"),
-        f"    return {tuple_text(after)}",
+        f"    return {_tuple_text(after)}",
     )
 
 
@@ -141,7 +141,7 @@ def sampled_observer_functions(system: ParametricSystem, purpose: str) -> str:
             module_header(system, purpose) + sizes,
             _advance_function(symbolic),
             _tuple_function("as_state", "State", len(state)),
-            row_function("as_sample", "Sample _n", len(sample), "inner"),
+            _row_function("as_sample", "Sample _n", len(sample), "inner"),
             _tuple_function("as_settings", "Settings", len(settings)),
         )
     )
@@ -172,8 +172,8 @@ def _advance_function(symbolic: SymbolicSystem) -> str:
     return function(
         "advance(_state, _sample, _settings)",
         "State after one more sample, and each row's innovation.",
-        f"    {tuple_text(state)} = _state\n    {tuple_text(sample)} = _sample",
-        f"    {tuple_text(settings)} = _settings",
+        f"    {_tuple_text(state)} = _state\n    {_tuple_text(sample)} = _sample",
+        f"    {_tuple_text(settings)} = _settings",
         "\n".join(f"    _now{j} = {name}" for j, name in enumerate(inputs)),
         "    if _held != 0.0 and _started != 0.0:",
         "\n".join(held),
@@ -184,8 +184,8 @@ def _advance_function(symbolic: SymbolicSystem) -> str:
         "\n".join(f"        _i{j} = np.nan" for j in rows),
         "    if _held != 0.0:",
         "\n".join([*current, assignments(ends, expressions, "        ")]),
-        f"    _state = {tuple_text(['1.0', *coefficients, *ends, *velocities, *inputs])}",
-        f"    return _state, {tuple_text([f'_i{j}' for j in rows])}",
+        f"    _state = {_tuple_text(['1.0', *coefficients, *ends, *velocities, *inputs])}",
+        f"    return _state, {_tuple_text([f'_i{j}' for j in rows])}",
         decorator="inner",
     )
 
@@ -216,9 +216,35 @@ def _row_update(symbolic: SymbolicSystem, place: int) -> str:
 
 
 def _tuple_function(name: str, what: str, size: int) -> str:
-    body = f"    return {tuple_text([f'_array[{i}]' for i in range(size)])}"
+    body = f"    return {_tuple_text([f'_array[{i}]' for i in range(size)])}"
     return function(f"{name}(_array)", f"{what} as a tuple.", body, decorator="inner")
 
 
 def _r(sequence: Sequence[object]) -> range:
     return range(len(sequence))
+
+
+def _regressor_function(symbolic: SymbolicSystem) -> str:
+    """Source of ``regressors(x, u, c, r, k)``: fills r (all rows in turn) and k (per row)."""
+    regressors = [r for row in symbolic.rows for r in row.regressor]
+    targets = [f"_r[{i}]" for i in range(len(regressors))]
+    targets += [f"_k[{i}]" for i in range(len(symbolic.rows))]
+    return function(
+        "regressors(_x, _u, _c, _r, _k)",
+        "Regressors _r and known parts _k of every row; _c holds the constants.",
+        unpack_variables(symbolic),
+        assignments(targets, [*regressors, *(row.known for row in symbolic.rows)]),
+    )
+
+
+def _tuple_text(entries: Sequence[str]) -> str:
+    """A tuple of some entries."""
+    return f"({', '.join(entries)},)"
+
+
+def _row_function(
+    name: str, what: str, size: int, decorator: str = 'njit(cache=True, error_model="numpy")'
+) -> str:
+    """A function that returns row n of an array as a tuple."""
+    body = f"    return {_tuple_text([f'_array[_n, {i}]' for i in range(size)])}"
+    return function(f"{name}(_array, _n)", f"{what} as a tuple.", body, decorator=decorator)

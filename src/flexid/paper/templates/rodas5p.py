@@ -12,8 +12,8 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import *
-    from flexid.kernels.templates.loop_outputs import *
     from flexid.kernels.templates.run_status import *
+    from flexid.paper.templates.loop_outputs import *
 
 
 # Tables: formatted, each number would have a line of its own.

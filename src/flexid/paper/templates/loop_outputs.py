@@ -10,7 +10,7 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import *
-    from flexid.kernels.templates.loop_measures import *
+    from flexid.paper.templates.loop_measures import *
 
 
 N_OUTPUTS = N_STATES + N_INPUTS + 3 * N_COEFFICIENTS + 1

@@ -1,0 +1,1 @@
+"""The paper's observer, and the closed loops in which it runs: derived, printed, compiled."""
