@@ -159,9 +159,9 @@ def test_what_was_given_is_given(result):
 
 def test_what_cannot_be_held_against(result):
     """Assert that another joint or input, a memory, a guess and a missing value are refused."""
-    with pytest.raises(SettingError, match="channels show the rigid one"):
+    with pytest.raises(SettingError, match="has model flexible, and the stream rigid"):
         options_of(result, "rigid")
-    with pytest.raises(SettingError, match="an input in N m, and that of the stream is in A"):
+    with pytest.raises(SettingError, match="has input in N m, and the stream in A"):
         options_of(result, unit="A")
     with_memory = replace(result.choices, terms=("gravity", "spring_hysteresis"))
     with pytest.raises(SettingError, match=r"remembers the path .* --terms gravity, and"):

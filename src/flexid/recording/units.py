@@ -93,21 +93,9 @@ _COUNTS = {
     *("count", "counts", "cnt", "cnts", "inc", "incs", "increments", "tick", "ticks", "lsb"),
     *("pulse", "pulses", "digit", "digits"),
 }
-_OF_COUNTS = {
-    "rad": "unit = 'turn' and scale = '1/4096', for 4096 counts in a turn",
-    "m": "unit = 'um' and scale = '1/2', for 2 counts in a micrometre",
-}
-_MEASURED = {
-    "rad": "position",
-    "rad/s": "velocity",
-    "N m": "torque",
-    "m": "position",
-    "m/s": "velocity",
-    "N": "torque",
-    "A": "current",
-    "V": "voltage",
-}
-_SLIDING = {unit_of(unit, "prismatic") for unit in ("rad", "rad/s", "N m")}
+_TURNING = {"rad": "position", "rad/s": "velocity", "N m": "torque"}
+_SLIDING = {unit_of(unit, "prismatic"): measured for unit, measured in _TURNING.items()}
+_MEASURED = {**_TURNING, **_SLIDING, "A": "current", "V": "voltage"}
 _SHARES = {"%", "‰", "percent", "permille", "pct", "promille"}
 _RATED = re.compile(r"\s*[%‰]|.*\b(rated|nominal|nenn\w*)\b", re.IGNORECASE)
 _GRAD = {"grad", "gon"}
@@ -167,10 +155,11 @@ def is_of_a_slide(unit: str) -> bool:
 @cache
 def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     """The factor from a unit as written in a file to SI, and which of the SI units that is."""
-    counted = next((example for unit, example in _OF_COUNTS.items() if unit in si_units), "")
-    if text.lower() in _COUNTS and counted:
+    if text.lower() in _COUNTS and (positions := {"rad", "m"} & {*si_units}):
+        counted = EXAMPLES[max(positions)][-1]
         raise UnitError(
-            f"the unit [{text}] depends on the encoder: write {counted}, in a column map"
+            f"the unit [{text}] depends on the encoder: write unit = '{counted}' and scale = "
+            f"'1/4096', for 4096 counts in one, in a column map"
         )
     if _is_share(text):
         raise UnitError(
@@ -185,7 +174,7 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     factor, si_unit = _in_si(_PER_SECOND.get(text.lower(), text) if "rad/s" in si_units else text)
     if si_unit in si_units:
         return factor, si_unit
-    if unit_of(si_unit, "prismatic") in {*si_units} & _SLIDING:
+    if unit_of(si_unit, "prismatic") in {*si_units} & {*_SLIDING}:
         raise UnitError(
             f"the unit [{text}] is that of a rotation, and another column has one of a slide: "
             f"correct one, or write the lead of a motor that turns in a column map, as 0.005 for "

@@ -15,6 +15,7 @@ from flexid.errors import RecordingError, SettingError
 from flexid.estimators.state_variable_filter import FASTEST, SLOWEST, check_filter_rate
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
+from flexid.identification.preparation.recordings import traits
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.result.identification import Identification
@@ -331,18 +332,12 @@ def coefficients_of(term: str, kind: Kind) -> Collection[str]:
 
 def _check_alike(estimate: Identification, channels: StreamChannels) -> None:
     """Refuse an estimate of another joint or input than the channels show."""
-    pairs = (estimate.model, channels.kind), (estimate.joint, channels.joint_type)
-    for made, shown in pairs:
-        if made != shown:
-            raise SettingError(
-                "estimate", f"is of the {made} joint, and these channels show the {shown} one"
-            )
-    if estimate.input_unit != channels.input_unit:
-        raise SettingError(
-            "estimate",
-            f"is of an input in {estimate.input_unit}, and that of the stream is in "
-            f"{channels.input_unit}: compare like with like",
-        )
+    made = {"model": estimate.model, **traits(estimate.joint, estimate.input_unit)}
+    shown = {"model": channels.kind, **traits(channels.joint_type, channels.input_unit)}
+    for name, words in shown.items():
+        if words != made[name]:
+            reason = f"has {name} {made[name]}, and the stream {words}: compare like with like"
+            raise SettingError("estimate", reason)
 
 
 def _taken_from(result: Identification) -> dict[str, Any]:
