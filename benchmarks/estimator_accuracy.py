@@ -12,9 +12,9 @@ from scipy.stats import t
 
 from benchmarks.size import sized
 from flexid.estimators.online import packed
-from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.state_variable_filter import filtered_least_squares, filtered_signals
 from flexid.models.flexible_joint import flexible_joint
+from flexid.paper.parametric_observer import parametric_observer, suggest_gains
 
 JOINT = flexible_joint()
 RATES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)

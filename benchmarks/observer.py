@@ -23,12 +23,12 @@ from benchmarks.comparison import AtLeast, AtMost, Comparison, Detail, Outcome, 
 from benchmarks.timing import Timing, measure
 from flexid.arrays import FloatArray
 from flexid.estimators.online import packed
-from flexid.estimators.parametric_observer import (
+from flexid.models.flexible_joint import flexible_joint
+from flexid.paper.parametric_observer import (
     ParametricObserver,
     parametric_observer,
     suggest_gains,
 )
-from flexid.models.flexible_joint import flexible_joint
 
 if TYPE_CHECKING:
     from benchmarks.kalman import JointFilter

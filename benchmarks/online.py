@@ -13,10 +13,10 @@ from noisy_joint import SAMPLE_TIME, TRUTH, VALUES, joint_samples, worst_error
 from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.estimators.online import OnlineEstimator
-from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.samples import Samples
 from flexid.models.flexible_joint import flexible_joint
+from flexid.paper.parametric_observer import parametric_observer, suggest_gains
 
 JOINT = flexible_joint()
 STEPS = sized(3000, 10)  # single steps from Python that are timed

@@ -13,7 +13,6 @@ from flexid.errors import SimulationError as SimulationError
 from flexid.estimators.online import History as History
 from flexid.estimators.online import OnlineEstimator as OnlineEstimator
 from flexid.estimators.online import Status as Status
-from flexid.estimators.parametric_observer import parametric_observer as parametric_observer
 from flexid.estimators.recursive_least_squares import (
     recursive_least_squares as recursive_least_squares,
 )
@@ -51,6 +50,7 @@ from flexid.models.model_file import read_model as read_model
 from flexid.models.parametric_system import ParametricSystem as ParametricSystem
 from flexid.models.parametric_system import Row as Row
 from flexid.models.rigid_joint import rigid_joint as rigid_joint
+from flexid.paper.parametric_observer import parametric_observer as parametric_observer
 from flexid.recording.recording import Log as Log
 from flexid.recording.recording import Recording as Recording
 from flexid.streaming.health import Health as Health

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.linalg import expm
 
 from flexid.estimators.online import OnlineEstimator
-from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.rowwise import LeastSquaresFit
@@ -17,6 +16,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.paper.parametric_observer import parametric_observer, suggest_gains
 from flexid.recording.recording import Hold
 
 TRUE = {"spring": 4.0, "friction": 0.5, "gain": 2.0}

@@ -21,10 +21,10 @@ from oscillator import (
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.online import Status
-from flexid.estimators.parametric_observer import ParametricObserver
 from flexid.estimators.samples import Samples
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.paper.parametric_observer import ParametricObserver
 from flexid.recording.recording import Hold
 
 every = pytest.mark.parametrize("estimate", ALL.values(), ids=ALL.keys())

@@ -6,10 +6,10 @@ from noisy_joint import TRUTH, VALUES, joint_samples, torque
 from scipy.integrate import solve_ivp
 
 from flexid.estimators.online import packed
-from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.samples import Samples
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.paper.parametric_observer import parametric_observer, suggest_gains
 
 JOINT = flexible_joint()
 GAINS = {"link": 30.0, "motor": 30.0}

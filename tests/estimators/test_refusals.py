@@ -12,13 +12,13 @@ from noisy_joint import TRUTH, joint_samples
 from flexid.errors import SettingError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.online import packed
-from flexid.estimators.parametric_observer import parametric_observer
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
 from flexid.estimators.state_variable_filter import check_filter_rate, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import flexible_joint
+from flexid.paper.parametric_observer import parametric_observer
 
 JOINT = flexible_joint()
 OFFSET = flexible_joint(("gravity", "motor_viscous", "link_offset"))

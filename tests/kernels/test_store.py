@@ -21,7 +21,7 @@ from flexid.kernels import store
 OBSERVE = """
 import sys
 import numpy as np
-from flexid.estimators.parametric_observer import parametric_observer
+from flexid.paper.parametric_observer import parametric_observer
 from flexid.models.flexible_joint import flexible_joint
 observer = parametric_observer(flexible_joint(), {"link": 1.0, "motor": 1.0}, 1e-3)
 samples = np.outer(np.arange(20.0), [1e-3, 1.0, 2e-3, 2.0, 3.0])

@@ -213,7 +213,7 @@ def template(name: str) -> str:
     return next(file for file in files if file.is_file()).read_text("utf-8")
 
 
-_PACKAGES = ("flexid.kernels", "flexid.paper")  # that have templates
+_PACKAGES = ("flexid.kernels", "flexid.paper", "flexid.recording")  # that have templates
 _NEEDED = re.compile(r"^    from flexid\.\w+\.templates\.(?!generated)(\w+) import", re.M)
 
 

@@ -13,8 +13,8 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.compiled import *
-    from flexid.kernels.templates.encoder_turns import *
-    from flexid.kernels.templates.limits import *
+    from flexid.recording.templates.encoder_turns import *
+    from flexid.recording.templates.limits import *
 
 
 # What became of a sample.

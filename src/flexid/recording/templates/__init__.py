@@ -1,0 +1,1 @@
+"""Code that judges what sensors recorded, sample by sample: see `flexid.kernels.store`."""
