@@ -110,7 +110,7 @@ def balance_functions(balance: TorqueBalance) -> str:
     """Header and functions of a torque balance, for the templates of the prediction error.
 
     Beside those of `sensitivity_functions` there is ``columns(x, u, m, c, a, f)``, which fills
-    f[row, k] = φ_k at the accelerations a.
+    f[sample, row, k] = φ_k at the accelerations a.
     """
     symbolic = symbolic_balance(balance)
     mass = _Mass.of(symbolic)
@@ -351,9 +351,9 @@ def _slopes(symbolic: SymbolicBalance, mass: _Mass) -> str:
 def _columns(symbolic: SymbolicBalance) -> str:
     balance = symbolic.balance
     places = [(row, k) for k, column in enumerate(symbolic.columns) for row in column]
-    return function(
-        "columns(_x, _u, _m, _c, _a, _f)",
-        "_f[row, k] = φ_k at the accelerations _a: least squares, and excitation.",
+    each = function(
+        "columns_at(_x, _u, _m, _c, _a, _f)",
+        "_f[row, k] = φ_k at the accelerations _a.",
         *_variables(balance),
         unpack("_a", [_acceleration(row) for row in range(len(balance.rows))]),
         assignments(
@@ -361,3 +361,10 @@ def _columns(symbolic: SymbolicBalance) -> str:
             [symbolic.columns[k][row] for row, k in places],
         ),
     )
+    along = function(
+        "columns(_x, _u, _m, _c, _a, _f)",
+        "The same sample by sample: least squares, and excitation.",
+        "    for _n in range(len(_x)):\n"
+        "        columns_at(_x[_n], _u[_n], _m[_n], _c, _a[_n], _f[_n])",
+    )
+    return f"{each}\n\n{along}"

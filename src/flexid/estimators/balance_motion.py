@@ -12,6 +12,7 @@ the link's balance is all there is.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from types import ModuleType
 from typing import Any, cast
 
@@ -68,10 +69,9 @@ def balance_columns(
     constants = np.array(list(balance.constants.values()), dtype=np.float64)
     found = np.zeros((len(signals), len(balance.rows), len(balance.coefficients)))
     states = np.ascontiguousarray(signals[:, :, :2].reshape(len(signals), -1))
-    modes = np.sign(signals[:, :, 1]) if modes is None else np.ascontiguousarray(modes)
+    modes = np.ascontiguousarray(np.sign(signals[:, :, 1]) if modes is None else modes)
     accelerations = np.ascontiguousarray(signals[:, :, 2])
-    for k in range(len(signals)):
-        kernel.columns(states[k], inputs[k], modes[k], constants, accelerations[k], found[k])
+    kernel.columns(states, np.ascontiguousarray(inputs), modes, constants, accelerations, found)
     return found
 
 
@@ -97,16 +97,18 @@ class Filtered:
     moving: NDArray[np.bool_]  # (n_rows_kept, n_balances): of rows that keep their direction
     resting: Sequence[int] = ()  # places of joints whose motors stand still
 
-    def of_motors(self, resting: Sequence[int], *, moving: bool) -> "Filtered":
-        """The same without motors' balances where these rest, or where they may stick."""
+    def parts(self, resting: Sequence[int]) -> "Iterator[Filtered]":
+        """The same without motors' balances where these rest; and, if fewer, where they stick."""
         columns = self.columns.copy()
-        for joint in range(self.balance.joints):
-            own, moves = columns[:, 2 * joint + 1], self.moving[:, 2 * joint + 1]
-            if joint in resting:
-                own[:] = 0.0
-            elif moving and moves.sum() >= _FEWEST_EACH * np.count_nonzero(own.any(axis=0)):
-                own[~moves] = 0.0
-        return replace(self, columns=columns, resting=resting)
+        columns[:, [2 * joint + 1 for joint in resting]] = 0.0
+        yield replace(self, columns=columns, resting=resting)
+        moving = columns.copy()
+        for row in range(1, columns.shape[1], 2):
+            moves = self.moving[:, row]
+            if moves.sum() >= _FEWEST_EACH * np.count_nonzero(columns[:, row].any(axis=0)):
+                moving[~moves, row] = 0.0
+        if not np.array_equal(moving, columns):
+            yield replace(self, columns=moving, resting=resting)
 
     @property
     def positive(self) -> NDArray[np.bool_]:
@@ -184,11 +186,10 @@ def starts(
     fastest = min(1.0 / recording.sample_time for recording in recordings)
     for cutoff in sorted({min(band, 0.1 * fastest) for band in BANDS}, reverse=True):
         data = filtered(balance, recordings, cutoff)
-        for way in (_by_deflection, _by_sums):
-            for moving in (False, True):
-                values = way(data.of_motors(resting, moving=moving), fixed)
-                if np.isfinite(values).all():
-                    yield _possible(data, values, fixed)
+        for part, way in product(data.parts(resting), (_by_deflection, _by_sums)):
+            values = way(part, fixed)
+            if np.isfinite(values).all():
+                yield _possible(data, values, fixed)
 
 
 def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
