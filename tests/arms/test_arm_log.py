@@ -48,6 +48,24 @@ def test_channels_are_in_si_units_and_side_by_side(tmp_path: Path):
     assert np.ptp(samples.positions) < 2.0
 
 
+@pytest.mark.parametrize(
+    "names",
+    [("qm{}_deg", "ql{}_deg", "tau{}"), ("theta_m{} [deg]", "q{} [deg]", "J{} torque [Nm]")],
+)
+def test_usual_names_with_numbers(tmp_path: Path, names: tuple[str, ...]):
+    """Assert that other logs' names mean the same, with the unit that stands in them."""
+    path = log_of(tmp_path / "run.csv")
+    plain = read_arm_log(path, 2).recordings[0]
+    header, _, rows = path.read_text().partition("\n")
+    for name, usual in zip(NAMES, names, strict=True):
+        for joint in (1, 2):
+            header = header.replace(name.format(joint), usual.format(joint))
+    path.write_text(f"{header}\n{rows}")
+    (recording,) = read_arm_log(path, 2).recordings
+    np.testing.assert_array_equal(recording.positions, plain.positions)
+    np.testing.assert_array_equal(recording.inputs, plain.inputs)
+
+
 def test_a_column_map_with_numbers(tmp_path: Path):
     """Assert that a map's numbered keys rename, scale and take a deflection for the link."""
     path = log_of(tmp_path / "run.csv")

@@ -15,7 +15,7 @@ from flexid.identification.full_model.model import Data, encoder_noise
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS, SI_UNITS
-from flexid.recording.names import folded, split_header, usual_channel
+from flexid.recording.names import folded, named_channel, split_header, usual_channel
 from flexid.recording.read import logs_of_joints
 from flexid.recording.recording import Log
 from flexid.recording.series import names_of, table_of_file
@@ -134,11 +134,12 @@ def _columns_of(
             found[channel] = given[f"{channel}_{joint}"]
     if not {"time", "sample_time"} & {*found}:
         found["time"] = _time(file, table)
+    named = _named(table, joint, joints)
     for choices in _NEEDED:
         if any(channel in found for channel in choices):
             continue
-        columns = {c: header for c in choices if (header := _header(table, c, joint, joints))}
-        if not columns:
+        channel = next((channel for channel in choices if channel in named), None)
+        if channel is None:
             wanted = " or ".join(f"{channel}_{joint}" for channel in choices)
             raise RecordingError(
                 file,
@@ -146,8 +147,7 @@ def _columns_of(
                 f"there is no column {wanted} for joint {joint} of {joints}; the columns are "
                 f"{table.listing}: rename the column, or name it in a column map (--columns)",
             )
-        channel = next(iter(columns))
-        found[channel] = columns[channel]
+        found[channel] = named[channel]
     return found
 
 
@@ -161,13 +161,24 @@ def _time(file: str, table: Table) -> str:
     )
 
 
-def _header(table: Table, channel: str, joint: int, joints: int) -> str | None:
-    """The column of a joint's channel by its name; of a single joint the number may be missing."""
-    wanted = {f"{channel}_{joint}", *([channel] if joints == 1 else [])}
+def _named(table: Table, joint: int, joints: int) -> dict[str, Any]:
+    """Columns of a joint by the channels that their usual names stand for.
+
+    The name of a single joint's channel may have no number. A position without a side is the link's
+    beside the motor's.
+    """
+    numbers = {str(joint), *([""] if joints == 1 else [])}
+    found: dict[str, Any] = {}
     for header in table.names:
-        if folded(split_header(table.short_name(header))[0]) in wanted:
-            return header
-    return None
+        usual = named_channel(table.short_name(header))
+        if usual is None or usual.is_command or usual.joint.lstrip("0") not in numbers:
+            continue
+        stated = split_header(header)[1] is not None or usual.unit is None
+        column = header if stated else {"column": header, "unit": usual.unit}
+        found.setdefault(usual.channel, column)
+    if "position" in found and "motor_position" in found:
+        found.setdefault("link_position", found["position"])
+    return found
 
 
 def _together(logs: Sequence[Log]) -> tuple[Samples, ...]:
