@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.arms.fitting import COARSER, before_the_end, estimate_of
+from flexid.arms.fitting import COARSER, before_the_end, estimate_of, no_start
 from flexid.arms.unusual import UNUSUAL_FALL, FittedArm, promises, unusual_parts
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
@@ -183,11 +183,7 @@ def fit_disturbed(
         with suppress(ConvergenceError):
             _go_on(job, as_physical(job.balance, ends[0].fitted.by_name), ends)
     if not ends:
-        raise ConvergenceError(
-            "arm",
-            "the model cannot follow the log with disturbances either: check the signs and units "
-            "of the torques and angles, the order of the joints, and the lengths",
-        )
+        raise no_start()
     best, *rivals = ends
     return _suited(DisturbedFit(job, best, tuple(rivals)))
 

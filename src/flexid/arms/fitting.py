@@ -226,11 +226,22 @@ def begun(
     ways = starts(arm.balance, data.samples, dict(structure.fixed), resting)
     few = segments.some(_FIRST_SEGMENTS)  # of all some may diverge from where least squares is
     likely = by_misfit(structure, data, segments, ways, _BETWEEN)
+    if not likely:
+        raise no_start()
     for start in likely:
         with suppress(ConvergenceError):
             near = fit_segments(structure, data, few, start, None, _BETWEEN)
             return start, fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
     return likely[0], None
+
+
+def no_start() -> ConvergenceError:
+    """The error of a log that the model follows from nowhere."""
+    return ConvergenceError(
+        "arm",
+        "the model cannot follow the log from any start: check the signs and units of the torques "
+        "and angles, the order of the joints, and the lengths",
+    )
 
 
 def before_the_end(data: Data) -> tuple[Data, list[int]]:

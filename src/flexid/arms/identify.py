@@ -16,6 +16,7 @@ from flexid.arms.fitting import (
     exact_fits,
     explains,
     has_ended,
+    no_start,
     predicted,
     residual_excess,
 )
@@ -54,7 +55,7 @@ _HELD = {
 }
 """What the motor of a joint that rests is taken to be: whatever its values, friction holds it."""
 _POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia")
-_EXCESS = 1.5  # of what is left over the encoders' noise
+_NO_TORQUE = 1e-100  # N m, of a balance that nothing is known of
 
 
 def identify_arm(
@@ -106,11 +107,7 @@ def _found(
             runs, shares = disturbed.predicted(), disturbed.shares()
             return _Found(disturbed.fitted, doubted, *runs, shares, widest, reason)
     if not exact.found:
-        raise ConvergenceError(
-            "arm",
-            "the model cannot follow the log from any start: check the signs and units of the "
-            "torques and angles, the order of the joints, and the lengths",
-        )
+        raise no_start()
     progress("predicting the held-out data")
     fitted, estimate = best or exact.best()
     return _Found(fitted, estimate, predicted(fitted), {}, reason=reason)
@@ -182,7 +179,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
             "arm", fitted.names, fitted.information
         ).condition_number,
         warnings=ranked(
-            (*log.warnings, *(doubt for _, doubt in doubts), *_warnings(parameters, found, excess))
+            (*log.warnings, *(doubt for _, doubt in doubts), *_warnings(parameters, found))
         ),
         provenance={"flexid_version": flexid.__version__, "inputs": [log.provenance]},
         encoder_delays={
@@ -308,14 +305,12 @@ def _shares(found: _Found, log: ArmLog) -> dict[str, float]:
     values = {**structure.fixed, **{n: v for n, v, std in known if std < abs(v)}}
     sizes = effect_sizes(balance, log.recordings)
     own = np.array([abs(values.get(name, 0.0)) for name in balance.coefficients])
-    largest = np.maximum((sizes * own).max(axis=1), np.finfo(float).tiny)
+    largest = np.maximum((sizes * own).max(axis=1), _NO_TORQUE)
     shares = (sizes / largest[:, None]).max(axis=0)
     return dict(zip(balance.coefficients, shares.tolist(), strict=True))
 
 
-def _warnings(
-    parameters: dict[str, ParameterEstimate], found: _Found, excess: dict[str, float]
-) -> Iterator[Caution]:
+def _warnings(parameters: dict[str, ParameterEstimate], found: _Found) -> Iterator[Caution]:
     lacking = [p.name for p in parameters.values() if p.verdict == "undetermined"]
     if lacking:
         yield Caution(
@@ -328,10 +323,3 @@ def _warnings(
         yield from model_warnings(ModelError(0.0, 0.0, 0.0), "flexible", 0.0, disturbances)
         return
     yield from validation_warnings(found.validation.fit_percent)
-    worst = max(excess, key=lambda name: excess[name])
-    if excess[worst] > _EXCESS:
-        yield Caution(
-            f"the residual of {worst} is {excess[worst]:.2g} times the encoder's noise: the arm "
-            f"does something that the model does not have, and intervals may be too short",
-            Rank.MODEL,
-        )

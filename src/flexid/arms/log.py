@@ -15,7 +15,7 @@ from flexid.identification.full_model.model import Data, encoder_noise
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS, SI_UNITS
-from flexid.recording.names import folded, named_channel, split_header, usual_channel
+from flexid.recording.names import folded, named_channel, split_header
 from flexid.recording.read import logs_of_joints
 from flexid.recording.recording import Log
 from flexid.recording.series import names_of, table_of_file
@@ -23,7 +23,12 @@ from flexid.recording.table import Table
 from flexid.recording.text import read_table
 from flexid.toml_file import parse_toml, read_bytes
 
-_NEEDED = (("motor_position",), ("link_position", "deflection"), INPUTS)
+_NEEDED = (
+    ("time", "sample_time"),
+    ("motor_position",),
+    ("link_position", "deflection"),
+    INPUTS,
+)
 _SHARED = ("time", "sample_time", "gear_ratio")  # keys of a column map that need no number
 
 
@@ -132,15 +137,13 @@ def _columns_of(
     for channel in (*SI_UNITS, "gear_ratio"):
         if f"{channel}_{joint}" in given:
             found[channel] = given[f"{channel}_{joint}"]
-    if not {"time", "sample_time"} & {*found}:
-        found["time"] = _time(file, table)
     named = _named(table, joint, joints)
     for choices in _NEEDED:
         if any(channel in found for channel in choices):
             continue
-        channel = next((channel for channel in choices if channel in named), None)
-        if channel is None:
-            wanted = " or ".join(f"{channel}_{joint}" for channel in choices)
+        channel = next((channel for channel in choices if channel in named), "")
+        if not channel:
+            wanted = " or ".join(c if c in _SHARED else f"{c}_{joint}" for c in choices)
             raise RecordingError(
                 file,
                 table.header,
@@ -149,16 +152,6 @@ def _columns_of(
             )
         found[channel] = named[channel]
     return found
-
-
-def _time(file: str, table: Table) -> str:
-    for header in table.names:
-        usual = usual_channel(table.short_name(header))
-        if usual is not None and usual[0] == "time":
-            return header
-    raise RecordingError(
-        file, table.header, "there is no column 'time': name it so, with its unit, as in 'time [s]'"
-    )
 
 
 def _named(table: Table, joint: int, joints: int) -> dict[str, Any]:
@@ -171,7 +164,9 @@ def _named(table: Table, joint: int, joints: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for header in table.names:
         usual = named_channel(table.short_name(header))
-        if usual is None or usual.is_command or usual.joint.lstrip("0") not in numbers:
+        if usual is None or usual.is_command:
+            continue
+        if usual.channel != "time" and usual.joint.lstrip("0") not in numbers:
             continue
         stated = split_header(header)[1] is not None or usual.unit is None
         column = header if stated else {"column": header, "unit": usual.unit}

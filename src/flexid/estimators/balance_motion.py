@@ -207,7 +207,9 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
         used = [k for k in free if k != spring and columns[:, row, k].any()]
         used += [source] if source not in used else []
         share = _least_squares(columns[:, row, used], -columns[:, row, spring], positive[used])
-        stiffness = 1.0 / share[used.index(source)] if share[used.index(source)] else np.inf
+        if share[used.index(source)] <= 0.0:  # the torque does not wind this spring
+            return np.full_like(values, np.nan)
+        stiffness = 1.0 / share[used.index(source)]
         values[spring] = stiffness
         motor = [k for k in used if k != source and not columns[:, row - 1, k].any()]
         values[motor] = [share[used.index(k)] * stiffness for k in motor]

@@ -22,6 +22,7 @@ MOST_POWER = 2e4  # W that the drive of a joint gives
 _LARGEST_INPUT = {"A": 500.0, "V": 2000.0}
 _FEWEST_LEVELS, _LEAST_LEVEL = 20, 50.0  # of whole numbers that are a drive's own unit
 _SMALLEST_MOTION = 1e-12  # of the largest value
+_MOST_STILL = 20.0  # times its noise, over which a motor moves that stands still; noise alone: 9
 _MOST_WINDING = 0.2  # rad, of the spring of a joint whose motor stands still; else it is unplugged
 _COPIED = 0.01  # of the signal, up to which a copy differs: the derivative of a noisy position does
 _SAME = 0.02  # off 1, up to which a copy's factor is, in SI units or in the file's
@@ -63,8 +64,8 @@ def check_moves(log: Draft, name: str) -> None:
 def is_resting(log: Draft) -> bool:
     """Whether a motor stands still, as behind a brake, while its link winds the spring at most."""
     motor, link = log["motor_position"], log.those_of(("link_position", "deflection"))[0]
-    still = _is_constant(motor, motor) or is_noise(motor)
-    return still and float(np.ptp(log[link])) <= _MOST_WINDING
+    still = np.ptp(motor) <= _MOST_STILL * position_noise(motor)
+    return bool(still and np.ptp(log[link]) <= _MOST_WINDING)
 
 
 def _is_constant(values: FloatArray, about: FloatArray) -> bool:
