@@ -269,7 +269,8 @@ def heading(result: Identification) -> tuple[str, str]:
     if result.recordings:
         duration = sum(len(r) * r.sample_time for r in result.recordings)
         named += f": {duration:.4g} s"
-    return _TITLES[result.model], named
+    slides = ", prismatic" if result.joint == "prismatic" else ""
+    return _TITLES[result.model] + slides, named
 
 
 def answers(result: Identification) -> tuple[Answer, Answer]:

@@ -69,7 +69,8 @@ def _errors_table(result: EstimateValidation) -> Table:
 
 
 def _drive(result: EstimateValidation) -> str:
-    return {"arm": "an arm", "link": "a link alone"}.get(result.model, f"a {result.model} joint")
+    words = {"arm": "an arm", "link": "a link alone"}.get(result.model, f"a {result.model} joint")
+    return f"{words} that slides" if result.joint == "prismatic" else words
 
 
 def _horizon(horizon: float) -> str:
