@@ -38,45 +38,38 @@ BEND_DEFLECTION = "bend_deflection"
 RIPPLE_NUMBER = "ripple_number"
 RIPPLE_ORIGIN = "ripple_origin"
 
-_PLACES = (SPRING_CENTRE, RIPPLE_ORIGIN)
-SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER, *_PLACES)
+SHAPES = tuple(DECLARED["constants"])
 """Constants of these terms: how wide their shapes are, and where they are or count from."""
 
 WIDTHS = tuple(name for name in SHAPES if name != SPRING_CENTRE)
 """Those without which a term says nothing; a spring is about no deflection unless one is given."""
 
-_ANY_SHAPE = dict.fromkeys(SHAPES, 1.0) | dict.fromkeys(_PLACES, 0.0)  # until a log says which
-
-CONSTANT_UNITS = {
-    SMOOTHING: "rad/s",
-    STRIBECK_VELOCITY: "rad/s",
-    BACKLASH_WIDTH: "rad",
-    SPRING_CENTRE: "rad",
-    BEND_DEFLECTION: "rad",
-    RIPPLE_NUMBER: "rad/rad",
-    RIPPLE_ORIGIN: "rad",
+CONSTANT_UNITS = {SMOOTHING: "rad/s"} | {
+    name: unit for name, (_, unit) in DECLARED["constants"].items()
 }
-"""Unit of each constant that a term may bring; the ripple's is periods in 2π of the position."""
+"""Unit of each constant that a term may bring."""
+
+_EVERY = DECLARED["terms"] | DECLARED["shapes"]
+
+SQUARES: frozenset[str] = frozenset(
+    name for one in _EVERY.values() for name in one.get("squares", ())
+)
+"""Those that follow from others of their own row: too small to be sought each for itself."""
 
 TIES: dict[str, tuple[str, str, str]] = {
-    f"theta_{name}": (f"alpha_{name}", "theta2", "alpha1")
-    for name in (
-        *("damping", "cubic", "ecc_sine", "ecc_cosine", "hysteresis", "backlash", "bend"),
-        "lopsided",
-    )
+    link: (motor, "theta2", "alpha1")
+    for one in _EVERY.values()
+    for link, motor in zip(one.get("link", ()), one.get("motor", ()), strict=False)
 } | {
-    "alpha_ecc_sine_square": ("alpha_ecc_sine", "alpha_ecc_sine", "alpha1"),
-    "alpha_ecc_cosine_square": ("alpha_ecc_cosine", "alpha_ecc_cosine", "alpha1"),
-    "alpha_ecc_product": ("alpha_ecc_sine", "alpha_ecc_cosine", "alpha1"),
+    name: (first, second, "alpha1")
+    for one in _EVERY.values()
+    for name, (first, second) in one.get("squares", {}).items()
 }
 """Coefficients that follow from others, the first times the second over the third.
 
 Those of one spring, which acts on both sides: a/Jl = (a/Jr) theta2/alpha1. And the squares of an
 eccentricity, per motor inertia.
 """
-
-SQUARES = frozenset(name for name, (first, *_) in TIES.items() if name[:5] == first[:5])
-"""Those that follow from others of their own row: too small to be sought each for itself."""
 
 COEFFICIENT_UNITS: dict[str, str] = {
     **{
@@ -90,17 +83,21 @@ COEFFICIENT_UNITS: dict[str, str] = {
 }
 """Unit of every coefficient; ``{input}`` stands for the unit of the input."""
 
+_RIGID: Mapping[str | None, Mapping[str, object]] = DECLARED["rigid"]
+
 DISSIPATIVE = frozenset(
-    {"alpha2", "alpha_damping", "alpha_coulomb", "alpha_hysteresis", "alpha_drag"}
-    | {"theta_viscous", "theta_damping", "theta_coulomb", "theta_hysteresis", "theta_drag"}
-    | {"gamma_viscous", "gamma_coulomb"}
+    name
+    for one in _EVERY.values()
+    if one.get("sign") == 1
+    for row in (one.get("link", ()), one.get("motor", ()), _RIGID.get(one.get("rigid"), ()))
+    for name in row
 )
 """Frictions and dampings, which no drive has negative."""
 
-HARDENING = frozenset({"alpha_cubic", "theta_cubic"})
+HARDENING = frozenset(TERMS["cubic_stiffness"].coefficients)
 """Coefficients of a spring that hardens or softens."""
 
-ANGULAR_TERMS = frozenset({"gravity", "gravity_cosine", "eccentricity"})
+ANGULAR_TERMS = frozenset(name for name, one in _EVERY.items() if one.get("angular"))
 """Terms that repeat with the angle of a link, which one that slides does not have."""
 
 PAPER_TERMS = ("gravity", "motor_viscous")
@@ -151,6 +148,10 @@ def flexible_joint(
             declared_row("motor", "x3", "x4", motor, known),
         ),
         constants=model_constants(link | motor, known, coulomb_velocity)
-        | {s: w for s, w in _ANY_SHAPE.items() if any(s in r for r in (link | motor).values())},
+        | {
+            name: value
+            for name, (value, _) in DECLARED["constants"].items()
+            if any(name in regressor for regressor in (link | motor).values())
+        },
         memories=tuple(term.memory for term in chosen if term.memory),
     )
