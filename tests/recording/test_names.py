@@ -106,6 +106,8 @@ NAMED: dict[str, dict[str, Any]] = {
     "newtons": {"t_s": TIME, "position_m": MOTOR, "force_N": TORQUE},
     "a force without a unit": {"time": TIME, "q_l": LINK, "q_m": MOTOR, "Kraft": TORQUE},
     "a force beside a torque": {"time": TIME, "q_m": MOTOR, "tau": TORQUE, "force": TORQUE},
+    "a force beside a current": {"time": TIME, "q_m": MOTOR, "iq": TORQUE, "force_N": TORQUE},
+    "a force beside angles": {"time": TIME, "q_l [rad]": LINK, "q_m": MOTOR, "force": TORQUE},
     "metres and radians": {"time": TIME, "q_l [m]": LINK, "q_m [rad]": MOTOR, "tau": TORQUE},
     "two names": named("motor_position") | {"theta_m": MOTOR, "motor_angle": 2.0 * MOTOR},
 }

@@ -206,8 +206,12 @@ class _Plan:
             is_springs = quantity == "torque" and known & {*POSITIONS}
             if side and quantity in found and name not in known and not is_springs:
                 found[name] = found[quantity]
-        if "force" in found and "motor_torque" not in known:
-            found["motor_torque"] = found["force"]
+        places = [recipe for name, own in found.items() if "position" in name for recipe, _ in own]
+        places += [recipe for name, recipe in self.found.items() if name in POSITIONS]
+        # Beside angles, or a current, a force may be that of something else.
+        moves = joint_of(places, "revolute" if known & {*INPUTS} else "prismatic")
+        if "force" in found and moves == "prismatic" and "motor_torque" not in self.found:
+            found.setdefault("motor_torque", found["force"])
         if stamp:
             found.setdefault("time", [(stamp, Usual("time", "s"))])
         return found

@@ -301,9 +301,11 @@ def recipe_of_column(table: Table, header: str, unit: str | None, nanoseconds: s
     return Recipe(weights, table.file, place, unit)
 
 
-def joint_of(recipes: Iterable[Recipe]) -> JointType:
+def joint_of(recipes: Iterable[Recipe], usual: JointType = "revolute") -> JointType:
     """How a joint moves by the units of its columns: one that slides has some in m or N."""
     stated = [unit for recipe in recipes if recipe.weights and (unit := _unit(recipe))]
+    if not stated:
+        return usual
     return "prismatic" if any(map(is_of_a_slide, stated)) else "revolute"
 
 
