@@ -12,8 +12,9 @@ from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.experiment_design.design import Design, design, predict
-from flexid.experiment_design.drive import CaseRun, read_drive
+from flexid.experiment_design.drive import Case, CaseRun, read_drive
 from flexid.experiment_design.optimise import deviation, smooth_cost, waveform
+from flexid.models.flexible_joint import flexible_joint
 from flexid.report.chart import Line
 from flexid.report.design import charts, save_command
 from flexid.simulation.free_run import free_run
@@ -169,6 +170,18 @@ def test_a_drive_too_small_to_tell(flexid, tiny_drive, tmp_path):
     path = tmp_path / "noisy.toml"
     path.write_text(text)
     assert flexid("design", path, "--json").status == 1
+
+
+@pytest.mark.parametrize("offsets", [(), ("link_offset", "motor_offset")])
+def test_a_drive_rests_where_its_model_does(offsets):
+    """Assert that nothing moves from rest, wherever gravity's zero is and constant torques pull."""
+    joint = flexible_joint(("gravity", "gravity_cosine", "motor_viscous", *offsets))
+    values = {"theta1": 5.0, "theta_cosine": 2.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.3}
+    values |= {"beta1": 3.3, "theta_offset": 1.3, "alpha_offset": -2.0}
+    case = Case("tilted", joint, {name: values[name] for name in joint.coefficients})
+    motion = free_run(joint, case.coefficients, case.rest(), np.zeros(1001), 1e-3)
+    assert np.abs(motion - case.rest()).max() < 1e-8
+    assert abs(case.rest()[0]) > 0.1
 
 
 TONES = waveform(duration=5.0, sample_time=1e-3, ramp=0.5, highest_frequency=30.0, harmonics=6)

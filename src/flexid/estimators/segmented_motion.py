@@ -32,6 +32,7 @@ _SEEN_SAMPLES = (
 )
 _HARDLY = 100.0  # times that, up to which a velocity is hardly seen
 _FORGOTTEN = 1e-6  # the same where an observer corrects it from the first sample on
+_LINEARISED = 40  # states over which a linearisation is the mean
 _NOT_SOUGHT = -1
 RESTING = 2.0  # in place of a direction
 
@@ -192,7 +193,7 @@ class SegmentedMotion:
             np.zeros(n, dtype=np.int64),
         )
 
-    def linearised(self, point: Point, recording: int, count: int = 40) -> FloatArray:
+    def linearised(self, point: Point, recording: int) -> FloatArray:
         """Derivatives of the rates of positions and velocities by these, at some coefficients.
 
         Returns shape (2 n_rows, 2 n_rows).
@@ -200,9 +201,9 @@ class SegmentedMotion:
         segments = self.segments
         own = np.flatnonzero(segments.recordings == recording)
         first, last = segments.starts[own[0]], segments.starts[own[-1]] + segments.lengths[own[-1]]
-        places = np.linspace(first, last - 1, count).astype(np.int64)
+        places = np.linspace(first, last - 1, _LINEARISED).astype(np.int64)
         step = float(segments.sample_times[own[0]])
-        states = np.zeros((count, self._kernel.N_STATES))
+        states = np.zeros((_LINEARISED, self._kernel.N_STATES))
         rates = np.gradient(segments.outputs[first:last], step, axis=0)
         rows = 2 * self._kernel.N_ROWS
         states[:, :rows:2] = segments.outputs[places]
@@ -211,7 +212,7 @@ class SegmentedMotion:
             point.values[: len(self.unknowns.names)], recording
         )
         about = replace(self, segments=replace(segments, starts=places))
-        found = about._jacobians(states, np.tile(coefficients, (count, 1)))
+        found = about._jacobians(states, np.tile(coefficients, (_LINEARISED, 1)))
         return found.mean(axis=0)[:rows, :rows]
 
     def _coefficients(self, values: FloatArray) -> FloatArray:

@@ -24,6 +24,7 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
 from flexid.models.terms import COULOMB_VELOCITY
 from flexid.simulation.free_run import Command, play
+from flexid.simulation.sampled import plain_model
 from flexid.stored_estimates.estimate_file import StoredEstimate
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
@@ -229,20 +230,18 @@ class Case:
 
     def rest(self) -> FloatArray:
         """State of rest without torque, shape (4,); zero if constant torques leave none."""
-        state = np.zeros(4)
-        if not any(name.endswith("_offset") for name in self.coefficients):
-            return state
-        p = self.coefficients
+        model, still = plain_model(self.system), np.zeros(len(self.system.inputs))
+        constants = np.array(list(self.system.constants.values()), dtype=np.float64)
 
-        def torques(q: FloatArray) -> list[float]:
-            twist = q[0] - q[1]
-            link = p.get("theta_offset", 0.0) - p.get("theta1", 0.0) * np.sin(q[0])
-            link -= p["theta2"] * twist + p.get("theta_cubic", 0.0) * twist**3
-            motor = p.get("alpha_offset", 0.0) + p["alpha1"] * twist
-            return [link, motor + p.get("alpha_cubic", 0.0) * twist**3]
+        def accelerations(positions: FloatArray) -> FloatArray:
+            state, rates = np.zeros(4), np.zeros(4)
+            state[::2] = positions
+            model.right_hand_side(state, still, self.values, constants, rates)
+            return rates[1::2]
 
-        found = root(torques, np.zeros(2))
-        if found.success:
+        state, start = np.zeros(4), np.zeros(2)
+        found = root(accelerations, start) if accelerations(start).any() else None
+        if found is not None and found.success:
             state[::2] = found.x
         return state
 
