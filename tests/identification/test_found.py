@@ -197,7 +197,7 @@ def test_a_ripple_far_from_zero_counts_from_where_it_is():
     far = identify([log(turned(made(1, 12.0, **RIPPLE), -30))])
     origin = -30.0 * 2.0 * np.pi
     assert far.choices.shapes["ripple_origin"] == pytest.approx(origin)
-    assert f"its angle counted from {origin:.5g} rad" in far.summary[0]
+    assert f"its angle counted from {origin:.5g})" in far.summary[0]
     for name in ("ripple_number", "ripple_angle", "torque_ripple", "motor_inertia"):
         a, b = near.parameters[name], far.parameters[name]
         assert b.value == pytest.approx(a.value, abs=a.std)

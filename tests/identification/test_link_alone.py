@@ -181,7 +181,7 @@ def test_what_an_input_alone_gives_a_meaning_to_is_refused():
     ):
         with pytest.raises(SettingError, match=r"input|link alone"):
             identify([motion(1)], settings)
-    with pytest.raises(RecordingError, match=r"made 6.*missing where other logs have one"):
+    with pytest.raises(RecordingError, match=r"made 6.*is missing, and in made 5 in N m"):
         identify([log(made(5)), motion(6)])
     joint = link()
     assert joint.system.inputs == ("x3", "x4")
