@@ -24,7 +24,7 @@ from flexid.arms.doubts import (
 from flexid.arms.fitting import exact_fits
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
-from flexid.estimators.balance_motion import balance_columns
+from flexid.estimators.balance_motion import balance_columns, starts
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
 from flexid.identification.full_model.model import Structure
@@ -141,6 +141,19 @@ def test_a_physical_start_moves_a_stiff_joint_as_before():
     assert moved["rotor_coupling_2"] == 0.0
     assert after[:, 0] == pytest.approx(before[:, 0])
     assert after[:, 2] + after[:, 3] == pytest.approx(before[:, 2] + before[:, 3])
+
+
+def test_no_start_drives_itself():
+    """Assert that nothing that brakes begins negative, though late links look like that."""
+    late = recording()
+    positions = late.positions.copy()
+    positions[:, ::2] = np.roll(positions[:, ::2], 4, axis=0)
+    balance = STRUCTURE.joint.balance
+    found = [*starts(balance, [replace(late, positions=positions)], FIXED)]
+    brakes = [name for name in found[0] if "friction" in name or "damping" in name]
+    assert len(brakes) == 10
+    assert min(start[name] for start in found for name in brakes) == 0.0
+    assert all(start["rotor_coupling_2"] >= 0.0 for start in found)
 
 
 def test_noise_of_the_torque_ends_exact_fits_early():
