@@ -7,11 +7,11 @@ import numpy as np
 from benchmarks.arms.arm import random_arm
 from benchmarks.arms.log import Motion, simulate
 from flexid.arms.identify import fixed_parameters
+from flexid.arms.starts import starts
 from flexid.estimators.balance_motion import (
     balance_kernel,
     balance_motion,
     balance_unknowns,
-    starts,
 )
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples

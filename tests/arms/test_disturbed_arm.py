@@ -24,7 +24,8 @@ from flexid.arms.doubts import (
 from flexid.arms.fitting import exact_fits
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
-from flexid.estimators.balance_motion import balance_columns, starts
+from flexid.arms.starts import starts
+from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
 from flexid.identification.full_model.model import Structure

@@ -15,10 +15,10 @@ import numpy as np
 from flexid.arms.disturbed import NEAR_STEPS, RIVAL, DisturbedFit
 from flexid.arms.fitting import EFFECT_BAND, effect_sizes
 from flexid.arms.rig_errors import likely_changes, rig_errors
+from flexid.arms.starts import filtered
 from flexid.arms.unusual import link_delays
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.balance_motion import filtered
 from flexid.estimators.samples import Samples
 from flexid.estimators.threads import cores
 from flexid.identification.estimation.doubts import (

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexid.arms.starts import filtered, starts
 from flexid.arms.unusual import (
     LINES,
     UNUSUAL_FALL,
@@ -16,7 +17,6 @@ from flexid.arms.unusual import (
 )
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.balance_motion import filtered, starts
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import Segments, divide
 from flexid.identification.full_model.fitting import (

@@ -1,0 +1,243 @@
+"""Where the fit of an arm begins: band-limited least squares on the columns of its balances.
+
+Those of the links hold no input: they are homogeneous, and any scale fits them. Two ways lead
+around that. Where the deflection is seen well, the motor's balance gives the spring, with the
+deflection as what is explained, and the spring then moves the link. Where it is small, the sum of
+both balances, in which the spring cancels, gives the inertias, and the motor's balance the rest.
+Dry friction takes any torque while a motor sticks. So either way is also gone with those rows alone
+in which it keeps moving, and of a joint that rests the link's balance is all there is.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.arrays import FloatArray
+from flexid.estimators.balance_motion import balance_columns
+from flexid.estimators.samples import Samples
+from flexid.models.torque_balance import JointTerm, TorqueBalance
+from flexid.recording.velocities import position_noise
+
+BANDS = (8.0, 16.0, 32.0, 64.0)
+"""Cut-off frequencies in Hz that are tried; each at most a tenth of the sampling rate."""
+
+_ORDER = 4  # of the filter, which runs forth and back
+_PER_PERIOD = 6.0  # rows that are kept in a period of the cut-off frequency
+_EIGHTH = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+_LEAST = 1e-3  # of a typical size: what a parameter that cannot be negative begins with at least
+_SLOW = 3.0  # standard deviations of a velocity's noise, up to which it has no direction
+_HARDLY = 1e-6  # of its column, by which least squares is drawn to zero
+_SOFTEST, _REWEIGHTED = 30.0, 3  # of the stiffest spring known; rounds
+_FEWEST_EACH = 5  # rows of a balance, in which its motor keeps moving, for each parameter
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """Columns of the balances in a band."""
+
+    columns: FloatArray  # (n_rows_kept, n_balances, n_parameters)
+    balance: TorqueBalance
+    moving: NDArray[np.bool_]  # (n_rows_kept, n_balances): of rows that keep their direction
+    resting: Sequence[int] = ()  # places of joints whose motors stand still
+
+    def parts(self, resting: Sequence[int]) -> "Iterator[Filtered]":
+        """The same without motors' balances where these rest; and, if fewer, where they stick."""
+        columns = self.columns.copy()
+        columns[:, [2 * joint + 1 for joint in resting]] = 0.0
+        yield replace(self, columns=columns, resting=resting)
+        moving = columns.copy()
+        for row in range(1, columns.shape[1], 2):
+            moves = self.moving[:, row]
+            if moves.sum() >= _FEWEST_EACH * np.count_nonzero(columns[:, row].any(axis=0)):
+                moving[~moves, row] = 0.0
+        if not np.array_equal(moving, columns):
+            yield replace(self, columns=moving, resting=resting)
+
+    @property
+    def positive(self) -> NDArray[np.bool_]:
+        """Parameters that are never negative, shape (n_parameters,): inertias, and what brakes."""
+        terms = [term for _, _, term in self.balance.placed()]
+        brakes = [isinstance(term, JointTerm) and "v" in term.expression for term in terms]
+        return np.array([term.sign > 0 for term in terms]) | brakes
+
+    @property
+    def springs(self) -> list[int]:
+        """Place of each joint's stiffness: the first term of a spring."""
+        return self._places("spring")
+
+    @property
+    def inputs(self) -> list[int]:
+        """Place of each joint's input."""
+        return self._places("input")
+
+    def _places(self, place: str) -> list[int]:
+        found: dict[int, int] = {}
+        for k, (_, joint, term) in enumerate(self.balance.placed()):
+            if isinstance(term, JointTerm) and term.place == place:
+                found.setdefault(joint, k)
+        return [found[joint] for joint in sorted(found)]
+
+
+def filtered(balance: TorqueBalance, recordings: Sequence[Samples], cutoff: float) -> Filtered:
+    """The columns of a balance along recordings, low-passed without phase shift and thinned."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+    from scipy.signal import butter, sosfiltfilt  # late: it takes a third of a second to import
+
+    parts, moving = [], []
+    for recording in recordings:
+        h = recording.sample_time
+        sos = butter(_ORDER, min(2.0 * cutoff * h, 0.9), output="sos")
+        positions = sosfiltfilt(sos, recording.positions, axis=0)
+        speeds = _derivative(positions, h)
+        signals = np.stack((positions, speeds, _derivative(speeds, h)), axis=2)
+        # A held input is half a sample late.
+        held = np.vstack((recording.inputs[:1], recording.inputs))
+        inputs = sosfiltfilt(sos, 0.5 * (held[1:] + held[:-1]), axis=0)
+        edge = min(len(positions) // 8, int(1.0 / (cutoff * h)) + 8)
+        kept = np.arange(edge, len(positions) - edge, max(1, int(1.0 / (_PER_PERIOD * cutoff * h))))
+        modes = sosfiltfilt(sos, np.sign(speeds), axis=0)
+        parts.append(balance_columns(balance, signals[kept], inputs[kept], modes[kept]))
+        noise = np.array([position_noise(column) for column in recording.positions.T])
+        slow = _SLOW * 2.0 * np.pi * noise * np.sqrt(2.0 / 3.0 * h * cutoff**3)
+        turns = np.sign(speeds) * (np.abs(speeds) > slow)
+        memory = int(1.0 / (cutoff * h)) | 1
+        ends = (each(turns, memory, axis=0)[kept] for each in (minimum_filter1d, maximum_filter1d))
+        moving.append(np.prod([*ends], axis=0) > 0.0)
+    return Filtered(np.concatenate(parts), balance, np.concatenate(moving))
+
+
+def _derivative(values: FloatArray, h: float) -> FloatArray:
+    """Central differences of order eight; plain ones at the ends."""
+    found = np.gradient(values, h, axis=0)
+    inner = sum(
+        weight * values[k : len(values) - 8 + k] for k, weight in enumerate(_EIGHTH) if weight
+    )
+    found[4:-4] = inner / h
+    return found
+
+
+def starts(
+    balance: TorqueBalance,
+    recordings: Sequence[Samples],
+    fixed: dict[str, float],
+    resting: Sequence[int] = (),
+) -> Iterator[dict[str, float]]:
+    """Values to begin a fit with, the likelier ones first; what is fixed is left as it is.
+
+    `resting` are places of joints whose motors stand still.
+    """
+    fastest = min(1.0 / recording.sample_time for recording in recordings)
+    for cutoff in sorted({min(band, 0.1 * fastest) for band in BANDS}, reverse=True):
+        data = filtered(balance, recordings, cutoff)
+        for part, way in product(data.parts(resting), (_by_deflection, _by_sums)):
+            values = way(part, fixed)
+            if np.isfinite(values).all():
+                yield _possible(data, values, fixed)
+
+
+def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
+    """The spring from the motor's balance, with the deflection on the left; then the links."""
+    values = _fixed_values(data, fixed)
+    columns, positive, free = data.columns, data.positive, _free(data, fixed)
+    values[data.inputs] = 1.0
+    scales: list[list[int]] = []
+    for joint, (spring, source) in enumerate(zip(data.springs, data.inputs, strict=True)):
+        row = 2 * joint + 1
+        if joint in data.resting:
+            values[spring] = 1.0
+            scales.append([spring])
+            continue
+        used = [k for k in free if k != spring and columns[:, row, k].any()]
+        used += [source] if source not in used else []
+        share = _least_squares(columns[:, row, used], -columns[:, row, spring], positive[used])
+        if share[used.index(source)] <= 0.0:  # the torque does not wind this spring
+            return np.full_like(values, np.nan)
+        stiffness = 1.0 / share[used.index(source)]
+        values[spring] = stiffness
+        motor = [k for k in used if k != source and not columns[:, row - 1, k].any()]
+        values[motor] = [share[used.index(k)] * stiffness for k in motor]
+        scales.append([spring, source, *motor])
+    scaled = (j for j, source in enumerate(data.inputs) if source in free or j in data.resting)
+    open_ = [*scaled]
+    rows = columns[:, ::2]
+    sought = [k for k in free if k not in {*data.springs, *data.inputs} and rows[:, :, k].any()]
+    stiffness = np.abs(values[data.springs])
+    # How much a link's balance counts that alone knows its spring: little, until that is known.
+    stiffness[list(data.resting)] = _SOFTEST * stiffness.max()
+    springs = rows[:, :, data.springs] * values[data.springs]
+    closed = [joint for joint in range(len(scales)) if joint not in open_]
+    bounds = np.append(positive[sought], np.ones(len(open_), dtype=np.bool_))
+    columns = np.concatenate((rows[:, :, sought], springs[:, :, open_]), axis=2)
+    right = -springs[:, :, closed].sum(axis=2)
+    own = {joint: len(sought) + open_.index(joint) for joint in data.resting}
+    found = _least_squares_of_rows(columns, right, stiffness, bounds)
+    for _ in range(_REWEIGHTED if own else 0):
+        for joint, place in own.items():
+            stiffness[joint] = found[place] if found[place] > 0.0 else stiffness[joint]
+        found = _least_squares_of_rows(columns, right, stiffness, bounds)
+    values[sought] = found[: len(sought)]
+    for joint, scale in zip(open_, found[len(sought) :], strict=True):
+        values[scales[joint]] *= scale  # of an input that is not calibrated
+    return values
+
+
+def _by_sums(data: Filtered, fixed: dict[str, float]) -> FloatArray:
+    """All at once: motors' balances, and the sums of motor and link, in which springs cancel."""
+    values = _fixed_values(data, fixed)
+    free = [k for k in _free(data, fixed) if k not in data.inputs]
+    values[data.inputs] = 1.0
+    columns = data.columns
+    rows = np.concatenate((columns[:, 1::2], columns[:, ::2] + columns[:, 1::2]), axis=1)
+    right = -(rows[:, :, data.inputs] @ values[data.inputs])
+    scale = np.sqrt(np.mean(right**2, axis=0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values[free] = _least_squares_of_rows(rows[:, :, free], right, scale, data.positive[free])
+    return values
+
+
+def _fixed_values(data: Filtered, fixed: dict[str, float]) -> FloatArray:
+    return np.array([fixed.get(name, 0.0) for name in data.balance.coefficients])
+
+
+def _free(data: Filtered, fixed: dict[str, float]) -> list[int]:
+    return [k for k, name in enumerate(data.balance.coefficients) if name not in fixed]
+
+
+def _least_squares_of_rows(
+    left: FloatArray, right: FloatArray, sizes: FloatArray, positive: NDArray[np.bool_]
+) -> FloatArray:
+    """Least squares of balances, each over its size."""
+    weighted = (left / sizes[:, None]).reshape(-1, left.shape[2])
+    return _least_squares(weighted, (right / sizes).ravel(), positive)
+
+
+def _least_squares(left: FloatArray, right: FloatArray, positive: NDArray[np.bool_]) -> FloatArray:
+    """Least squares with columns of unit size, some not negative; what is hardly seen is small."""
+    from scipy.optimize import lsq_linear
+
+    scale = np.sqrt(np.sum(left**2, axis=0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    orthogonal, triangle = np.linalg.qr(left / scale)
+    count = len(scale)
+    rows = np.vstack((triangle, _HARDLY * np.eye(count)))
+    sought = np.concatenate((orthogonal.T @ right, np.zeros(count)))
+    least = np.where(positive, 0.0, -np.inf)
+    return lsq_linear(rows, sought, (least, np.inf), method="bvls").x / scale
+
+
+def _possible(data: Filtered, values: FloatArray, fixed: dict[str, float]) -> dict[str, float]:
+    """The values by name, with a mass matrix that is positive."""
+    size = np.sqrt(np.mean(np.sum(data.columns**2, axis=1), axis=0))
+    torque = float(np.sqrt(np.mean((data.columns[:, :, data.inputs]) ** 2)))
+    found = {}
+    for k, (name, _, term) in enumerate(data.balance.placed()):
+        value = float(values[k])
+        if name in fixed:
+            continue
+        if term.sign > 0:
+            value = max(value, _LEAST * torque / size[k] if size[k] > 0.0 else 1.0)
+        found[name] = value
+    return found
