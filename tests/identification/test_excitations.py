@@ -137,17 +137,30 @@ def noisy_sine(noise: np.ndarray) -> RowFit:
     return RowFit("link", row.coefficients, row.gram, empty, row.total_sum, (), empty, sine, sine)
 
 
-def test_noise_is_no_motion():
-    """Assert that what a sensor's noise makes of a direction that nothing moves does not count."""
+@pytest.mark.parametrize(("count", "lost"), [(100, True), (4000, False)])
+def test_noise_is_no_motion(count: int, lost: bool):
+    """Assert that what noise makes of a direction does not count; many values know its part.
+
+    There the deflection moves beside the link by half its sensor's noise.
+    """
     rng = np.random.default_rng(6)
     noise, added = 1e-3 * rng.standard_normal((2, 2, 4000))
+    noise[1] += 5e-4 * np.sqrt(2.0) * np.sin(0.03 * np.arange(4000))
     row = noisy_sine(noise)
     values = {"theta1": 10.0, "theta2": 300.0}
     assert directions(row, values)[0][0] > 20.0 * THRESHOLDS.lost_share
-    motion = without_noise(row, noisy_sine(noise + added))
+    motion = without_noise(row, noisy_sine(noise + added), count)
     shares, parts = directions(motion, values)
-    assert shares[0] < THRESHOLDS.lost_share
+    assert (shares[0] < THRESHOLDS.lost_share) == lost
     assert parts[0] == {"theta1", "theta2"}
+
+
+def test_noise_alone_is_lost_however_many_values_there_are():
+    """Assert that a direction that nothing moves is lost."""
+    rng = np.random.default_rng(6)
+    noise, added = 1e-3 * rng.standard_normal((2, 2, 4000))
+    motion = without_noise(noisy_sine(noise), noisy_sine(noise + added), 4000)
+    assert directions(motion, {"theta1": 10.0, "theta2": 300.0})[0][0] < THRESHOLDS.lost_share
 
 
 @pytest.mark.parametrize("relative", [False, True])

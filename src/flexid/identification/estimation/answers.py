@@ -151,7 +151,10 @@ def _disturbed(job: Job) -> Answer:
     undisturbed = _undisturbed(fitted.fitted, training)
     follow = follower(fitted, whole)
     validation = validate(undisturbed, whole, job.recordings.starts, follow=follow)
-    refitted = fit_disturbed_to(fitted, whole)
+    try:
+        refitted = fit_disturbed_to(fitted, whole)
+    except ConvergenceError:  # in the held-out ends the motion runs away
+        refitted, whole = fitted, training
     fits = _fits(refitted, job)
     hidden = hidden_covariance(fits.reported, fits.full, fits.scales)
     estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)

@@ -25,7 +25,7 @@ from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_s
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.full_model.fitting import USUAL, Steps, motion_at, within_bounds
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, sensor_noise
-from flexid.identification.structure.validation import Follower
+from flexid.identification.structure.validation import Follower, from_fitted_states
 from flexid.recording.velocities import position_noise
 
 PER_PERIOD = 16.0
@@ -316,13 +316,19 @@ def _states_near(segments: Segments, near: Fitted[M]) -> FloatArray:
 
 
 def observer_following(directions: FloatArray, sizes: Sizes) -> Follower:
-    """Predictions from where an observer has got to that knows the sizes of disturbances."""
+    """Predictions from where an observer has got to that knows the sizes of disturbances.
+
+    Where that runs away, they begin from the states that fit best.
+    """
 
     def follow(
         model: SegmentedMotion, values: FloatArray, windows: Segments, warm: NDArray[np.int64]
     ) -> tuple[SegmentedMotion, FloatArray]:
         problem = replace(model, segments=windows)
         point = Point(values, problem.start_states)
-        return predicting(problem, point, directions, sizes, warm), point.initial_states
+        try:
+            return predicting(problem, point, directions, sizes, warm), point.initial_states
+        except ConvergenceError:
+            return from_fitted_states(model, values, windows, warm)
 
     return follow

@@ -146,7 +146,10 @@ def _without_what_is_not_shown(
         before = best.fitted.structure
         if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
             break
-        other = fit_in_band(leaner, data, factor, best.fitted.by_name, best.sizes)
+        try:
+            other = fit_in_band(leaner, data, factor, best.fitted.by_name, best.sizes)
+        except ConvergenceError:  # the motion runs away without them
+            break
         if _is_known(best) and _leaves_more(other, best):
             break
         best = other

@@ -17,7 +17,7 @@ _COUPLED = {"theta2", "alpha1", "beta1"} | {
 }
 _STANDING = ("theta2", "alpha1", "theta_cosine", "gamma_cosine")  # which a constant takes part of
 _OFFSETS = ("theta_offset", "alpha_offset")
-_NOISE_PART = 2.0  # times its mean: a log holds some hundred filtered values, whose square scatters
+_SCATTER = 3.0  # standard deviations of a mean square, by which noise may exceed its own
 _PART = 0.1  # of a direction, from which on a coefficient counts as part of it
 _LEAST_MOTION = (
     1e-9  # of a deflection's square, about its mean: 0.3 mrad where zeros are 10 rad apart
@@ -77,9 +77,14 @@ def unexcited(
     return frozenset(found | _COUPLED if found & _COUPLED else found)
 
 
-def without_noise(row: RowFit, noisier: RowFit) -> RowFit:
-    """A row whose Gram matrix is that of the motion alone."""
-    return replace(row, gram=row.gram - _NOISE_PART * (noisier.gram - row.gram))
+def without_noise(row: RowFit, noisier: RowFit, independent: float) -> RowFit:
+    """A row whose Gram matrix is that of the motion alone, from so many independent values.
+
+    Noise that is added shows what the sensors' own makes of it. Either square scatters by 2 over
+    their number, and twice their product by 4, relative variances.
+    """
+    part = 1.0 + _SCATTER * np.sqrt(8.0 / independent)
+    return replace(row, gram=row.gram - part * (noisier.gram - row.gram))
 
 
 def directions(row: RowFit, values: Mapping[str, float]) -> tuple[FloatArray, list[frozenset[str]]]:

@@ -94,10 +94,11 @@ class FinalFits:
         gravity = frozenset({"theta1", "gamma1"} - full.absent)
         heavy = replace(structure, absent=structure.absent - gravity)
         noisier = self._timely.with_noise(_NOISE_SEED)
+        independent = max(1.0, self.filter_rate * noisier.duration)
         pairs = zip(
             self.least_squares(heavy).rows, self.least_squares(heavy, noisier).rows, strict=True
         )
-        rows = [without_noise(row, more) for row, more in pairs]
+        rows = [without_noise(row, more, independent) for row, more in pairs]
         return {*unexcited(rows, self.reported.by_name, lost_share)}
 
     @property
