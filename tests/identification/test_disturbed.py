@@ -13,6 +13,7 @@ from made_joint import (
     PUSHED,
     data,
     half_widths,
+    log,
     pushed,
     recording,
     stopping,
@@ -20,15 +21,18 @@ from made_joint import (
 )
 
 from flexid.errors import ConvergenceError
-from flexid.identification.estimation import band, disturbed
+from flexid.identification.estimation import answers, band, disturbed
 from flexid.identification.estimation import disturbed_estimate as estimating
 from flexid.identification.estimation.band import FitInBand
 from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed, fit_disturbed_to
 from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
 from flexid.identification.full_model.fitting import Steps
 from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.identify import identify
+from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure import gap
 from flexid.identification.structure.link_delay import skew
+from flexid.identification.structure.validation import from_fitted_states
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import HARDENING
@@ -327,6 +331,44 @@ def test_what_a_balance_cannot_do_without_stays(
     nth_fit(monkeypatch, 2, less_likely(by))
     found = CASES["a drive that stops"].fit().fitted
     assert ("alpha_coulomb" in found.names) == stays
+
+
+def test_a_term_without_which_the_motion_runs_away_stays(monkeypatch: pytest.MonkeyPatch):
+    """Assert that the fit before is kept where a leaner one leads nowhere."""
+    case = CASES["a drive that stops"]
+    nth_fit(monkeypatch, 2, diverging)
+    fit = fit_disturbed(case.structure, case.data, (), (case.hold,), THRESHOLDS, with_play=False)
+    assert fit.fitted is fit.full
+
+
+def test_where_all_data_lead_nowhere_what_was_found_stands(monkeypatch: pytest.MonkeyPatch):
+    """Assert that values of the data before the held-out end are reported, with a sentence."""
+
+    def diverging_to(*_: Any) -> Disturbed:
+        raise ConvergenceError("prediction error", "the motion diverges")
+
+    monkeypatch.setattr(answers, "fit_disturbed_to", diverging_to)
+    found = identify([log(pushed(1, link_push=1.0))], Settings())
+    assert found.parameters["joint_stiffness"].verdict == "determined"
+    assert any("those of the data before the held-out end" in str(w) for w in found.warnings)
+
+
+def test_predictions_begin_anyhow_where_an_observer_runs_away(monkeypatch: pytest.MonkeyPatch):
+    """Assert that they begin from the states that fit best."""
+    fit, own = fitted("a pushed link")[0], CASES["a pushed link"].data
+    windows = replace(fit.fitted.problem.segments)
+    usual = disturbed.follower(fit, own)
+
+    def diverging_observer(*_: Any) -> Any:
+        raise ConvergenceError("prediction error", "the disturbed motion diverges")
+
+    monkeypatch.setattr(band, "predicting", diverging_observer)
+    warm = windows.lengths // 2
+    problem = replace(fit.fitted.problem, observer=None)
+    motion, states = usual(problem, fit.fitted.values, windows, warm)
+    assert motion.observer is None
+    _, expected = from_fitted_states(problem, fit.fitted.values, windows, warm)
+    assert states == pytest.approx(expected)
 
 
 def to_all_data() -> tuple[Disturbed, Disturbed]:

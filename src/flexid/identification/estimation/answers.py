@@ -29,6 +29,7 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.final_fits import (
+    RETREAT,
     FinalFits,
     final_fits,
     hidden_covariance,
@@ -151,11 +152,12 @@ def _disturbed(job: Job) -> Answer:
     undisturbed = _undisturbed(fitted.fitted, training)
     follow = follower(fitted, whole)
     validation = validate(undisturbed, whole, job.recordings.starts, follow=follow)
+    retreat: tuple[str, ...] = ()
     try:
         refitted = fit_disturbed_to(fitted, whole)
-    except ConvergenceError:  # in the held-out ends the motion runs away
-        refitted, whole = fitted, training
-    fits = _fits(refitted, job)
+    except ConvergenceError:
+        refitted, whole, retreat = fitted, training, (RETREAT,)
+    fits = _fits(refitted, retreat, job)
     hidden = hidden_covariance(fits.reported, fits.full, fits.scales)
     estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
     disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
@@ -242,7 +244,7 @@ def _undisturbed(fitted: Fitted, data: Data) -> Fitted:
     return replace(fitted, problem=problem, data=data)
 
 
-def _fits(found: Disturbed, job: Job) -> FinalFits:
+def _fits(found: Disturbed, retreat: tuple[str, ...], job: Job) -> FinalFits:
     """The fit as all fits are reported."""
     fitted, full = found.fitted, found.full
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
@@ -254,7 +256,7 @@ def _fits(found: Disturbed, job: Job) -> FinalFits:
         job.recordings,
         fitted,
         (fitted,),
-        (),
+        retreat,
         nothing,
         frozenset(),
         full,

@@ -36,6 +36,13 @@ from flexid.recording.velocities import with_velocities
 _NOISE_SEED = 1  # of what is added to see how much of a regressor is noise
 
 
+RETREAT = (
+    "the fit to all data does not converge, so the values are those of the data before the "
+    "held-out end: check what happened there"
+)
+"""What is said of values that are not those of all data."""
+
+
 @dataclass(frozen=True, eq=False)
 class FinalFits:
     """Fits to all data, ends that were held out among them."""
@@ -157,14 +164,7 @@ def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[
             [last if one_length is fitted else one_length for one_length in lengths_fitted],
             (),
         )
-    return (
-        choice.fitted,
-        [choice.fitted],
-        (
-            "the fit to all data does not converge, so the values are those of the data before "
-            "the held-out end: check what happened there",
-        ),
-    )
+    return choice.fitted, [choice.fitted], (RETREAT,)
 
 
 def _as_reported(choice: Choice, reported: Fitted) -> Choice:
