@@ -213,3 +213,19 @@ def test_a_scene_of_what_no_body_has_is_refused(name: str, value: float):
     """Assert that the parameter is named."""
     with pytest.raises(SettingError, match=name):
         arm_scene(estimate(TRUTH | {name: value}))
+
+
+def test_a_scene_of_a_joint_that_rested_is_refused():
+    """Assert that what its motor was taken for while it stood still becomes no body."""
+    found = estimate(TRUTH)
+    held = {"motor_inertia_2": 1e3, "motor_coulomb_friction_2": 1e9}
+    unknown = {
+        name: replace(found.parameters[name], value=np.nan, verdict="undetermined") for name in held
+    }
+    rested = replace(
+        found,
+        parameters={**found.parameters, **unknown},
+        fixed={**found.fixed, **held},
+    )
+    with pytest.raises(SettingError, match="has no value in the estimate"):
+        arm_scene(rested)

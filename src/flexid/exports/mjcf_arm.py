@@ -50,7 +50,8 @@ def arm_scene(result: ArmIdentification) -> Scene:
     """Write an arm as a MuJoCo scene."""
     arm, notes = result.arm, []
     values = {**result.fit.by_name, **result.fixed}
-    check_known(values)
+    # What a joint that rests was taken for is no value of it.
+    check_known({name: p.value for name, p in result.parameters.items() if name in values})
     if "N m" not in result.input_units:
         notes.append(
             "no input is a torque, so that no inertia is known: the torque constant of joint 1 is "
