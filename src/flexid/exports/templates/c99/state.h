@@ -16,7 +16,7 @@ typedef struct {
     flexid_real peak[FLEXID_WIDTH];       /* the largest that A[i][i] has been */
     flexid_real power;                    /* the faded sum of y^2 */
     flexid_real explained;                /* the part of it that the row explains */
-    flexid_real innovation;               /* y - r^T p before the last update, rad/s^2 */
+    flexid_real innovation;               /* y - r^T p before the last update */
     flexid_real recent_error;             /* mean of innovation^2, lately */
     flexid_real recent_power;             /* mean of y^2, lately */
 } flexid_row;
