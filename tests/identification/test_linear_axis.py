@@ -130,6 +130,9 @@ def test_a_stream_of_it_learns_in_its_units():
     assert watch.parameters["motor_inertia"].unit == "kg"
     assert watch.parameters["link_inertia"].value == pytest.approx(12.0, rel=0.05)
     assert "gravity_torque" not in watch.parameters
+    gravity = flexid.watch(sample_time=STEP, columns={"joint": "prismatic"}, terms=("gravity",))
+    with pytest.raises(FlexidError, match="no term of the prismatic flexible joint; it has motor_"):
+        gravity.feed(link_position=link, motor_position=motor, motor_torque=force)
 
 
 def test_a_log_of_both_kinds_is_refused():

@@ -136,10 +136,7 @@ class WatchOptions:
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
         check_sample_time(self.sample_time)
-        known = {*(RIGID_TERMS if self.kind == "rigid" else USABLE_TERMS)}
-        check_terms(
-            self.terms, known - (ANGULAR_TERMS if self.joint_type == "prismatic" else set())
-        )
+        check_terms(self.terms, _known_terms(self.kind, self.joint_type))
         if self.hold not in ("auto", "linear", "zero"):
             raise SettingError("hold", f"must be auto, linear or zero, got {self.hold!r}")
         check_filter_rate(
@@ -276,7 +273,7 @@ def options_of_stream(
     check_sample_time(sample_time)
     chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
     if "terms" in chosen:
-        chosen["terms"] = _named(chosen["terms"], channels.kind)
+        chosen["terms"] = _named(chosen["terms"], channels)
     usual = USUAL_TERMS[channels.joint_type]
     usual = rigid_terms(usual) if channels.kind == "rigid" else usual
     follows: dict[str, Any] = {
@@ -306,18 +303,27 @@ def options_of_stream(
     return WatchOptions(**{**follows, "filter_rate": rate, **chosen, **shown})
 
 
-def _named(terms: Sequence[str], kind: Kind) -> tuple[str, ...]:
+def _known_terms(kind: Kind, joint_type: JointType) -> list[str]:
+    """Terms of a joint; one that slides has none of an angle."""
+    known = [*RIGID_TERMS] if kind == "rigid" else [*USABLE_TERMS]
+    return [n for n in known if joint_type == "revolute" or n not in ANGULAR_TERMS]
+
+
+def _named(terms: Sequence[str], channels: StreamChannels) -> tuple[str, ...]:
     """Terms that a user names, by the names of the joint; refuse what it does not have."""
     check_terms(terms, USABLE_TERMS | RIGID_TERMS)
-    known = [n for n, term in USABLE_TERMS.items() if kind == "flexible" or term.link]
-    if kind == "rigid":
-        known = [*RIGID_TERMS]
+    kind = channels.kind
+    known = _known_terms(kind, channels.joint_type)
+    if kind == "link":
+        known = [name for name in known if USABLE_TERMS[name].link]
+    slides = "prismatic " if channels.joint_type == "prismatic" else ""
     found: list[str] = []
     for term in terms:
         own = {term} if term in known or kind != "rigid" else {*rigid_terms((term,))}
         if not own & {*known}:
             raise SettingError(
-                "terms", f"{term!r} is no term of the {kind} joint; it has {', '.join(known)}"
+                "terms",
+                f"{term!r} is no term of the {slides}{kind} joint; it has {', '.join(known)}",
             )
         found += own
     return tuple(dict.fromkeys(found))
