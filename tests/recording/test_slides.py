@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 from joint_log import read_columns, said
 
+from flexid.recording.wraps import without_wraps
+from flexid.streaming.guard import Guard
+
 TIME = 0.002 * np.arange(2000.0)
 LINK = 0.1 * np.sin(3.0 * TIME)  # m
 MOTOR = LINK + 1e-4 * np.cos(7.0 * TIME)
@@ -58,6 +61,20 @@ def test_an_absolute_encoder_in_front_of_a_screw_is_unwrapped() -> None:
     moved = log.recordings[0].motor_position
     assert moved - moved[0] == pytest.approx(MOTOR - MOTOR[0], abs=1e-12)
     assert any("was unwrapped" in warning for warning in log.warnings)
+
+
+def test_a_slide_that_jumps_by_metres_has_made_no_turn() -> None:
+    """Assert that 2π m are taken off no position, of a log with a lead nor of a stream."""
+    jumps = MOTOR + 2.0 * np.pi * (TIME > 2.0)
+    found, period = without_wraps(TIME, jumps, LEAD, "prismatic")
+    assert period == 0.0
+    assert found == pytest.approx(jumps, abs=1e-12)
+    samples = np.column_stack((TIME, LINK + 10.0, jumps, FORCE))
+    guard = Guard(0.002, 2, 1, from_deflection=False, joint_type="prismatic")
+    guarded = guard.guard(guard.first_state(), samples)
+    counts = guard.counts(guarded.state)
+    assert (counts.wraps, counts.jumps) == (0, 1)
+    assert guarded.rows[0] == pytest.approx([10.0, MOTOR[0], FORCE[0]])
 
 
 FAR = np.linspace(0.0, 20.0, len(TIME)) + 7.0 * (TIME > 2.0)  # m, with a step near 2π

@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.models.motion import JointType
 from flexid.recording.caution import Rank
 from flexid.recording.channel import ENCODERS, Draft
 from flexid.recording.sampling import GAP
@@ -33,7 +34,9 @@ def _unwrap(log: Draft, name: str) -> bool:
     turn = _motor_turn(log, name)
     if np.abs(steps).max() <= 0.5 * (turn or TURN) or (log.joint == "prismatic" and not turn):
         return False
-    positions, period = without_wraps(time, values, turn)
+    positions, period = without_wraps(time, values, turn, log.joint)
+    if log.joint == "prismatic" and not period:
+        return False
     period = period or TURN
     # A position may be another after a gap: there only a turn of the link's side is a wrap.
     seen = (clock <= GAP * np.median(clock)) | (period == TURN)
@@ -62,7 +65,8 @@ def _motor_turn(log: Draft, name: str) -> float:
 def without_wraps(
     time: FloatArray,
     readings: FloatArray,
-    turn: float,  # of the motor, in rad at the link's side; 0 where the encoder stands there
+    turn: float,  # of the motor, at the link's side; 0 where the encoder stands there
+    joint: JointType = "revolute",
 ) -> tuple[FloatArray, float]:
     """Positions of a whole log's encoder, and what it wraps by in front of a gear, or 0."""
     from flexid.kernels.store import load_kernel  # few logs wrap
@@ -70,9 +74,10 @@ def without_wraps(
     kernel = load_kernel("encoder_turns", (), None, ["encoder_turns"])
     gear, positions = kernel.first_gear(), np.empty(len(readings))
     sample_time = float(np.median(np.diff(time)))
-    kernel.unwrapped_log(time, readings, turn, sample_time, gear, positions)
+    turns = joint == "revolute"
+    kernel.unwrapped_log(time, readings, turn, turns, sample_time, gear, positions)
     if gear[kernel.PERIOD] < 0.0:  # what looked like a wrap was none
-        return without_wraps(time, readings, 0.0)
+        return without_wraps(time, readings, 0.0, joint)
     return positions, float(gear[kernel.PERIOD])
 
 

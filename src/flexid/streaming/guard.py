@@ -8,6 +8,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.kernels.store import load_kernel
+from flexid.models.motion import JointType
 from flexid.recording.sampling import GAP
 
 GATE = 8.0  # times the mean of an encoder's second differences, from which on it is an outlier
@@ -87,6 +88,7 @@ class Guard:
         *,
         from_deflection: bool,
         motor_turn: float = 0.0,  # as in `WatchOptions`
+        joint_type: JointType = "revolute",
     ) -> None:
         self._kernel = _kernel()
         self._n_positions, self._n_inputs = n_positions, n_inputs
@@ -94,7 +96,7 @@ class Guard:
         self._settings = np.array(
             [
                 *(sample_time, GAP, GATE, PEAKS, float(from_deflection)),
-                *(*fewest, MOVED, TWISTED, motor_turn),
+                *(*fewest, MOVED, TWISTED, motor_turn, float(joint_type == "revolute")),
             ]
         )
 

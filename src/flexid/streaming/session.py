@@ -115,6 +115,7 @@ class Session:
             options.n_inputs,
             from_deflection=options.from_deflection,
             motor_turn=options.motor_turn,
+            joint_type=options.joint_type,
         )
         self.window = max(1, round(LIMITS.window / (options.filter_rate * options.sample_time)))
         states = self.learner.first_states()

@@ -25,7 +25,7 @@ N_COUNTS = 12
 
 # Places in the settings.
 SAMPLE_TIME, GAP, GATE, PEAKS, DEFLECTION = 0, 1, 2, 3, 4
-STILL_TIME, DEAD_TIME, MOVED, TWISTED, MOTOR_TURN = 5, 6, 7, 8, 9
+STILL_TIME, DEAD_TIME, MOVED, TWISTED, MOTOR_TURN, TURNING = 5, 6, 7, 8, 9, 10
 
 # Places in the state: counts, the clock, what is known of the motor's encoder in front of a gear,
 # then of each encoder and of each input.
@@ -97,7 +97,7 @@ def set_back(state, time, settings):
 @rounded
 def unwrapped(state, sample, settings, x):
     """Positions without the turns that absolute encoders jump by; links from deflections."""
-    n = x.shape[0]
+    n, turning = x.shape[0], settings[TURNING] != 0.0
     for back in range(n):
         j = n - 1 - back
         encoder = part(state, place_of(j), N_ENCODER)
@@ -106,12 +106,13 @@ def unwrapped(state, sample, settings, x):
             continue
         turns = 0.0
         if state[SKIPPED] < PERSISTENT:
-            turns = whole_turns(sample[1 + j] - encoder[READING])
+            turns = whole_turns(sample[1 + j] - encoder[READING], turning)
         if turns != 0.0:
             encoder[TURNS] += turns
             state[COUNTS_AT + WRAPS] += 1.0
             encoder[READING] = sample[1 + j]
-        if j < n - 1 and np.isnan(encoder[READING]):  # where encoders begin is not known
+        # Where encoders begin is not known.
+        if turning and j < n - 1 and np.isnan(encoder[READING]):
             encoder[TURNS] = np.rint((sample[1 + j] - x[n - 1]) / TURN)
         x[j] = sample[1 + j] - TURN * encoder[TURNS]
 
