@@ -74,8 +74,8 @@ def without_wraps(
     kernel = load_kernel("encoder_turns", (), None, ["encoder_turns"])
     gear, positions = kernel.first_gear(), np.empty(len(readings))
     sample_time = float(np.median(np.diff(time)))
-    turns = joint == "revolute"
-    kernel.unwrapped_log(time, readings, turn, turns, sample_time, gear, positions)
+    turning = joint == "revolute"
+    kernel.unwrapped_log(time, readings, turn, turning, sample_time, gear, positions)
     if gear[kernel.PERIOD] < 0.0:  # what looked like a wrap was none
         return without_wraps(time, readings, 0.0, joint)
     return positions, float(gear[kernel.PERIOD])

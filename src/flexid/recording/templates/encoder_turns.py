@@ -29,12 +29,12 @@ N_GEAR = 11
 
 
 @rounded
-def whole_turns(step, turns):
+def whole_turns(step, turning):
     """Turns by which an encoder jumped at the link's side, from one sample to the next.
 
     A joint that slides makes none.
     """
-    if not turns or abs(step) <= np.pi:
+    if not turning or abs(step) <= np.pi:
         return 0.0
     turns = np.rint(step / TURN)
     return turns if abs(step - TURN * turns) <= 0.5 * np.pi else 0.0
@@ -124,16 +124,16 @@ def behind_gear(gear, time, reading, turn, sample_time):
 
 
 @njit(**equations)
-def unwrapped_log(time, readings, turn, turns, sample_time, gear, positions):
+def unwrapped_log(time, readings, turn, turning, sample_time, gear, positions):
     """Fill in the positions of a whole log's encoder, and its state behind a gear of `turn`.
 
-    A `turn` of zero is that of no gear; the joint turns, or slides.
+    A `turn` of zero is that of no gear. A joint that is not `turning` slides.
     """
     before, off = np.nan, 0.0
     for n in range(len(readings)):
         reading = readings[n]
         if turn > 0.0:
             reading = behind_gear(gear, time[n], reading, turn, sample_time)
-        off += TURN * whole_turns(reading - before, turns)
+        off += TURN * whole_turns(reading - before, turning)
         before = reading
         positions[n] = reading - off
