@@ -11,8 +11,8 @@ def fits_seen(monkeypatch: pytest.MonkeyPatch) -> list[FinalFits]:
     """Return the final fits of every identification that follows, in their order."""
     found: list[FinalFits] = []
 
-    def watched(*given):
-        found.append(final_fits(*given))
+    def watched(*given, **how):
+        found.append(final_fits(*given, **how))
         return found[-1]
 
     monkeypatch.setattr(answers, "final_fits", watched)

@@ -41,7 +41,7 @@ def test_a_hold_whose_steps_do_not_end_is_no_rival(monkeypatch, last_ends, other
 def reported(monkeypatch):
     """Return a function that fits to all data, where the first so many fits fail."""
 
-    def result(failing: int):
+    def result(failing: int, *, anyhow: bool = True):
         tried = []
 
         def fit_to(structure, data, start, duration):
@@ -62,7 +62,7 @@ def reported(monkeypatch):
         before = SimpleNamespace(by_name={"theta2": 1.0})
         choice: Any = SimpleNamespace(structure=structure, fitted=before, duration=3.0)
         whole: Any = "all data"
-        return *final._reported(choice, whole), tried, before
+        return *final._reported(choice, whole, anyhow=anyhow), tried, before
 
     return result
 
@@ -82,3 +82,10 @@ def test_a_fit_to_all_data_begins_where_the_choice_ended(reported, failing):
     else:
         settled = "fitted, its shapes settled"
         assert (fitted, lengths_fitted, retreat) == (settled, ["shorter", settled], ())
+
+
+def test_a_fit_that_need_not_stand_is_not_begun_anew(reported):
+    """Assert that where a fit with disturbances may stand in its place, one failure is enough."""
+    with pytest.raises(ConvergenceError, match="nowhere"):
+        reported(1, anyhow=False)
+    assert reported(0, anyhow=False)[0] == "fitted, its shapes settled"

@@ -93,7 +93,15 @@ def answer(job: Job) -> Answer:
         chosen = None
     exact = None
     if chosen is not None and (job.exact or may_stand(chosen[0].fitted, thresholds)):
-        exact = _exact(job, chosen)
+        fitted = chosen[0].fitted
+        explains = fitted.excess <= thresholds.sensor_excess or bool(fitted.at_bound)
+        anyhow = job.exact or explains
+        try:
+            exact = _exact(job, chosen, anyhow=anyhow)
+        except ConvergenceError:
+            if anyhow:
+                raise
+    if exact is not None:
         reported = exact.fits.reported
         # Disturbances would follow any bound; the exact fit says what contradicts it.
         if job.exact or reported.at_bound:
@@ -107,7 +115,7 @@ def answer(job: Job) -> Answer:
     except ConvergenceError:
         if chosen is None:
             raise
-        return exact or _exact(job, chosen)
+        return exact or _exact(job, chosen, anyhow=True)
     nearly = exact is not None and nearly_explains(exact.fits.reported, thresholds)
     if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
         return _judged(exact, exact.fits.choice.fitted, job)
@@ -122,12 +130,13 @@ def _core_width(found: Answer) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(widths, np.finfo(float).tiny)))))
 
 
-def _exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer:
+def _exact(job: Job, chosen: tuple[Choice, Validation], *, anyhow: bool) -> Answer:
     """The fit that knows of the sensors' noise alone."""
     choice, validation = chosen
     job.progress("fit to all data")
     rate, thresholds = job.settings.filter_rate, job.thresholds
-    fits = final_fits(choice, job.whole, job.recordings, rate, thresholds)
+    rest = rate, thresholds
+    fits = final_fits(choice, job.whole, job.recordings, *rest, anyhow=anyhow)
     job.progress("what the model does without")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")

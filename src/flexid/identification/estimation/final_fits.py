@@ -124,10 +124,15 @@ def final_fits(
     recordings: SplitRecordings,
     filter_rate: float | Literal["auto"],  # in 1/s
     thresholds: Thresholds,
+    *,
+    anyhow: bool,
 ) -> FinalFits:
-    """Fit a structure to all data, and what it does without."""
+    """Fit a structure to all data, and what it does without; `anyhow` where no other fit may stand.
+
+    Raises `ConvergenceError` where such a fit does not end, and another may.
+    """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
-    reported, lengths_fitted, retreat = _reported(choice, whole)
+    reported, lengths_fitted, retreat = _reported(choice, whole, anyhow=anyhow)
     choice = _as_reported(choice, reported)
     error = error_of(reported, lengths_fitted, thresholds)
     rate = suited_rate(reported, filter_rate)
@@ -149,7 +154,9 @@ def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -
     return estimate.widened(confused_covariance(estimate)) if delay_in_doubt else estimate
 
 
-def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
+def _reported(
+    choice: Choice, whole: Data, *, anyhow: bool
+) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
     """The structure fitted to all data; where that fails, as it was fitted to choose."""
     structure = choice.structure
     start = {**structure.timing.delays, **choice.fitted.by_name}
@@ -157,6 +164,8 @@ def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[
         try:
             fitted, lengths_fitted = fit_to(structure, whole, begin(), choice.duration)
         except ConvergenceError:
+            if not anyhow:
+                raise
             continue
         last = settled(fitted)
         return (
