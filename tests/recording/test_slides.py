@@ -93,6 +93,17 @@ MAPS = {
     "a lead of a joint that turns": {"lead": 0.01, "joint": "revolute"},
     "a lead and a gear": {"lead": 0.01, "gear_ratio": 10},
     "a gear of a slide": {"joint": "prismatic", "gear_ratio": 10},
+    "a lead of columns without a unit": {"lead": 0.01},
+    "a lead of an input without a unit": {
+        "lead": 0.01,
+        "motor_position": {"column": "motor_position", "unit": "m"},
+    },
+    "a lead that is too long": {
+        "lead": 10.0,
+        "motor_position": {"column": "motor_position", "unit": "turn", "scale": 100},
+        "motor_torque": {"column": "motor_torque", "unit": "N m"},
+        "link_position": {"column": "link_position", "unit": "m", "scale": 1000},
+    },
     "a gear of columns that slide": {
         "gear_ratio": 10,
         "motor_torque": {"column": "motor_torque", "unit": "N"},

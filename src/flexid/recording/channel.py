@@ -123,6 +123,11 @@ class Draft:
         """How the joint moves."""
         return self.channels["motor_position"].joint
 
+    @property
+    def ratio(self) -> str:
+        """What a column map calls the ratio of motor and link."""
+        return "gear ratio" if self.joint == "revolute" else "lead"
+
     def those_of(self, names: Iterable[str]) -> list[str]:
         """The channels of some that there are."""
         return [name for name in names if name in self.channels]

@@ -148,7 +148,7 @@ def check_speed(log: Draft, name: str) -> None:
     if not channel.unit_stated:
         smaller = _MISREAD[channel.unit][2]
         raise log.refusal(name, f"{found}: name its unit in the header, as in {name} [{smaller}]")
-    log.warn(name, f"{found}: check the unit and the gear ratio", Rank.SCALE)
+    log.warn(name, f"{found}: check the unit and the {log.ratio}", Rank.SCALE)
 
 
 def _speed(log: Draft, name: str) -> FloatArray:
@@ -231,9 +231,9 @@ def check_two_encoders(log: Draft) -> None:
     }
     oddities = {
         f"the {larger} position moves {factor:.2g} times as much as the {smaller} position: check "
-        f"the gear ratio and the units": factor > 4.0,
+        f"the {log.ratio} and the units": factor > 4.0,
         f"link and motor position hardly follow each other (correlation {correlation:.2f}): check "
-        f"that they belong to one joint, and the gear ratio": abs(correlation) < 0.3,
+        f"that they belong to one joint, and the {log.ratio}": abs(correlation) < 0.3,
     }
     for reason, is_so in faults.items():
         if is_so:

@@ -344,6 +344,12 @@ def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, flo
     units, gear = si_units(name, recipe.joint), recipe.gear if name in GEARED else None
     if unit is None:
         factor, si_unit = 1.0, units[0]
+        if gear is not None and recipe.joint == "prismatic":
+            reason = (
+                f"it has no unit, and the lead acts on what turns alone: write the unit, "
+                f"{SI_UNITS[name][0]} or {si_unit}"
+            )
+            raise RecordingError(recipe.file, recipe.place, reason)
     else:
         # What turns in front of a screw or a pulley.
         turning = SI_UNITS[name] if gear is not None else ()

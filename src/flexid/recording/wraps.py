@@ -48,7 +48,7 @@ def _unwrap(log: Draft, name: str) -> bool:
         raise log.refusal(
             name,
             f"{name} jumps by {abs(steps[jumps[0]]):.3g} {channel.unit} at {at}, which is not a "
-            f"whole turn of an encoder: check the unit and the gear ratio, or remove the outlier"
+            f"whole turn of an encoder: check the unit and the {log.ratio}, or remove the outlier"
             + ("" if period == TURN else "; if the encoder wraps, unwrap it, or log faster"),
         )
     log.warn(name, f"{name} jumps by a turn at {at}, and was unwrapped: check it")
