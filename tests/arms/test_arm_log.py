@@ -129,6 +129,30 @@ def test_samples_that_a_fast_joint_shows_to_be_lost_are_put_back_in_all(tmp_path
     assert np.abs(recording.positions - positions).max() < 2e-3
 
 
+def test_joints_that_share_no_sample_are_refused(tmp_path: Path):
+    """Assert that joints of which each lacks the other's samples leave a sentence."""
+    path = log_of(tmp_path / "run.csv")
+    header, *rows = path.read_text().splitlines()
+    for place, row in enumerate(rows):
+        cells = row.split(",")
+        cells[1 + 3 * (place % 2)] = "nan"
+        rows[place] = ",".join(cells)
+    path.write_text("\n".join([header, *rows]) + "\n")
+    with pytest.raises(RecordingError, match=r"joints have 0 samples at the same time.*one clock"):
+        read_arm_log(path, 2)
+
+
+def test_a_joint_may_rest_without_any_noise(tmp_path: Path):
+    """Assert that a joint whose channels are all constant rests, and is no repeated sample."""
+    path = log_of(tmp_path / "run.csv")
+    header, *rows = path.read_text().splitlines()
+    held = [",".join([*row.split(",")[:4], "10.0", "10.0", "0.0"]) for row in rows]
+    path.write_text("\n".join([header, *held]) + "\n")
+    log = read_arm_log(path, 2)
+    assert log.resting == (2,)
+    assert len(log.recordings[0].positions) == 1500
+
+
 def test_a_joint_may_rest_while_another_one_moves(tmp_path: Path):
     """Assert that one braked joint is read, but no dead encoder, and no log in which all rest."""
     path = log_of(tmp_path / "run.csv")

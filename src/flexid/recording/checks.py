@@ -307,6 +307,8 @@ def _of_all(channels: Sequence[FloatArray], positions: Sequence[_Position]) -> I
     """Stretches of whole samples that are repeated."""
     count = len(channels[0])
     for start, stop in _unchanging(channels):
+        if (start, stop) == (0, count):  # all rest throughout, as those of a braked joint may
+            continue
         lost = stop == count or any(_jumps(one, stop - 1) for one in positions)
         # At the beginning, a logger writes zeros until the drive answers.
         moved = start == 0 or any(_unbraked(p, start) for p in positions)

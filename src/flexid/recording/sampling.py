@@ -152,6 +152,12 @@ def _is_stamp(table: Table, column: str, index: int) -> bool:
 def keep_common(logs: Sequence[Draft]) -> None:
     """Leave out of each joint's log the samples that another one has left out."""
     common = reduce(np.intersect1d, (log.time for log in logs))
+    if len(common) < FEWEST_SAMPLES <= min(len(log.time) for log in logs):
+        raise logs[0].refusal(
+            "",
+            f"the joints have {len(common)} samples at the same time, where {FEWEST_SAMPLES} are "
+            f"the fewest that are read: log all joints in every sample, on one clock",
+        )
     for log in logs:
         if len(log.time) > len(common):
             log.keep(np.isin(log.time, common))
