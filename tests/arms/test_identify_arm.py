@@ -63,14 +63,20 @@ def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path
     assert document["hold"] == "zero"
 
 
-def test_a_joint_that_rests(tmp_path: Path):
+@pytest.mark.parametrize("noise", [True, False])
+def test_a_joint_that_rests(tmp_path: Path, noise: bool):
     """Assert that the other joint is found, and what only motion of this one shows is not."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     first, second = MADE.links
     held = replace(MADE, links=(first, replace(second, motor_coulomb=1e4)))
     motion = Motion(duration=6.0, sample_time=2e-3, bits=17)
-    save(simulate(held, motion, np.random.default_rng(7)), tmp_path / "run.csv")
-    found = identify_arm(tmp_path / "run.csv", PlanarArm((0.4, 0.3), (9.81, 0.0))).parameters
+    log = simulate(held, motion, np.random.default_rng(7))
+    if not noise:
+        log.motor[:, 1], log.torque[:, 1] = log.motor[0, 1], 0.0
+    save(log, tmp_path / "run.csv")
+    result = identify_arm(tmp_path / "run.csv", PlanarArm((0.4, 0.3), (9.81, 0.0)))
+    found = result.parameters
+    assert not any("repeats motor_position_2 not" in warning for warning in result.warnings)
     for name in ("joint_stiffness_1", "motor_inertia_1"):
         assert found[name].verdict == "determined"
         assert abs(found[name].value / MADE.truth()[name] - 1.0) < 0.01

@@ -322,4 +322,6 @@ def _warnings(parameters: dict[str, ParameterEstimate], found: _Found) -> Iterat
         disturbances = Disturbances(found.shares, found.fitted.data.samples[0].sample_time)
         yield from model_warnings(ModelError(0.0, 0.0, 0.0), "flexible", 0.0, disturbances)
         return
-    yield from validation_warnings(found.validation.fit_percent)
+    resting = {f"motor_position_{joint}" for joint in found.fitted.structure.joint.resting}
+    fits = found.validation.fit_percent
+    yield from validation_warnings({n: fit for n, fit in fits.items() if n not in resting})

@@ -238,7 +238,7 @@ def _spreads(joint: Channels, samples: Sequence[Samples], starts: Sequence[int])
     every = [joint.channels_of(recording.positions, recording.inputs) for recording in samples]
     held = _spread([y[start:] for y, start in zip(every, starts, strict=True)])
     fitted = _spread([y[:start] for y, start in zip(every, starts, strict=True)])
-    return np.where(held < _REST * fitted, np.nan, held)
+    return np.where(held <= _REST * fitted, np.nan, held)
 
 
 def _spread(stretches: Sequence[FloatArray]) -> FloatArray:
