@@ -103,6 +103,15 @@ def test_logs_that_cannot_be_used(tmp_path: Path, made: dict[str, Any], joints: 
     assert words in message, message
 
 
+@pytest.mark.parametrize("key", ["gear_ratoi_2", "lead_1", "joint", "motor_position"])
+def test_a_key_that_no_joint_reads_is_refused(tmp_path: Path, key: str):
+    """Assert that a slip of the pen in a column map is named, and not left out."""
+    column_map = tmp_path / "columns.toml"
+    column_map.write_text(f"{key} = 100.0\n")
+    with pytest.raises(RecordingError, match=rf"columns.toml: key '{key}': this is not a channel"):
+        read_arm_log(log_of(tmp_path / "run.csv"), 2, column_map)
+
+
 def test_a_gap_of_one_joint_divides_the_recordings_of_all(tmp_path: Path):
     """Assert that all joints are cut where a cell of one of them holds no number."""
     log = read_arm_log(log_of(tmp_path / "run.csv", bad="nan"), 2)

@@ -15,7 +15,7 @@ from flexid.identification.full_model.model import Data, encoder_noise
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS, SI_UNITS
-from flexid.recording.names import folded, named_channel, split_header
+from flexid.recording.names import did_you_mean, folded, named_channel, split_header
 from flexid.recording.read import logs_of_joints
 from flexid.recording.recording import Log
 from flexid.recording.series import names_of, table_of_file
@@ -74,6 +74,8 @@ def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog
     table = read_table(path) if is_text else _names(path)
     given = _given(columns)
     _check_joints(file, table, given, joints)
+    if columns is not None:
+        _check_keys(columns, given, joints)
     maps = [_columns_of(file, table, given, joint, joints) for joint in range(1, joints + 1)]
     logs = logs_of_joints([(table if is_text else table_of_file(path, own), own) for own in maps])
     for joint, log in enumerate(logs, 1):
@@ -127,6 +129,19 @@ def _check_joints(file: str, table: Table, given: dict[str, Any], joints: int) -
                 f"the arm has {joints} joint{'s' if joints > 1 else ''}: give a length for each "
                 f"joint of the log in [arm], or leave this channel out of the log",
             )
+
+
+def _check_keys(columns: Path, given: Mapping[str, Any], joints: int) -> None:
+    """Raise for a key of a column map that no joint reads."""
+    numbers = range(1, joints + 1)
+    known = [*_SHARED, *(f"{name}_{n}" for name in (*SI_UNITS, "gear_ratio") for n in numbers)]
+    for key in given:
+        if key not in known:
+            reason = (
+                f"this is not a channel of a joint{did_you_mean(key, known)}: give a channel or "
+                f"gear_ratio the number of its joint, as in motor_position_1"
+            )
+            raise RecordingError(shown(columns), f"key {key!r}", reason)
 
 
 def _columns_of(
