@@ -306,6 +306,28 @@ def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pyt
     assert len(made) == ended
 
 
+def test_a_fit_that_explains_little_begins_with_few_terms_too(monkeypatch: pytest.MonkeyPatch):
+    """Assert that the likelier is kept of fits from all terms, and from those of the paper."""
+    usual = fitted("a drive that stops")[0]
+    made: list[Structure] = []
+    fit = disturbed.fit_in_band
+
+    def first_astray(structure: Structure, *given: Any, **how: Any) -> FitInBand:
+        made.append(structure)
+        found = fit(structure, *given, **how)
+        if len(made) > 1:
+            return found
+        return replace(found, cost=found.cost + 1e4, sizes=replace(found.sizes, disturbances=huge))
+
+    huge = 1e3 * usual.sizes.disturbances
+    monkeypatch.setattr(disturbed, "fit_in_band", first_astray)
+    case = CASES["a drive that stops"]
+    found = fit_disturbed(case.structure, case.data, (), (case.hold,), THRESHOLDS, with_play=False)
+    assert made[1].absent > made[0].absent
+    assert made[2].absent == made[0].absent
+    assert found.full.values == pytest.approx(usual.full.values, rel=1e-2)
+
+
 def less_likely(by: float) -> Callable[[FitInBand], FitInBand]:
     """A fit that leaves ten times as much, and is less likely."""
 
