@@ -15,7 +15,7 @@ from flexid.identification.full_model.model import Data, encoder_noise
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS, SI_UNITS
-from flexid.recording.names import did_you_mean, folded, named_channel, split_header
+from flexid.recording.names import folded, named_channel, nearest_name, split_header
 from flexid.recording.read import logs_of_joints
 from flexid.recording.recording import Log
 from flexid.recording.series import names_of, table_of_file
@@ -138,7 +138,7 @@ def _check_keys(columns: Path, given: Mapping[str, Any], joints: int) -> None:
     for key in given:
         if key not in known:
             reason = (
-                f"this is not a channel of a joint{did_you_mean(key, known)}: give a channel or "
+                f"this is not a channel of a joint{nearest_name(key, known)}: give a channel or "
                 f"gear_ratio the number of its joint, as in motor_position_1"
             )
             raise RecordingError(shown(columns), f"key {key!r}", reason)

@@ -12,9 +12,9 @@ from flexid.recording.clock import Clock, is_stamp
 from flexid.recording.names import (
     Usual,
     common_words,
-    did_you_mean,
     folded,
     named_channel,
+    nearest_name,
     quoted,
     split_header,
     words_of,
@@ -241,7 +241,7 @@ class _Plan:
         is_meant = is_optional and self.map.unread & {*_NEEDED[missing[0]]}
         if not missing or is_meant or (missing == [_INPUT] and not bare):
             return
-        hints = [did_you_mean(label.split(" ")[0], bare.values()) for label in missing]
+        hints = [nearest_name(label.split(" ")[0], bare.values()) for label in missing]
         lacks = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
         what = self.map.described if self.is_mapped else "a column map"
         found = f"found {self.table.listing}"

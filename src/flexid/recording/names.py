@@ -376,7 +376,7 @@ def _leaves_side_out(end: str, parent: str) -> bool:
     return is_open and not CLEAR_SIDES.isdisjoint(re.findall("[a-z]+", parent.casefold()))
 
 
-def did_you_mean(word: str, candidates: Iterable[str]) -> str:
+def nearest_name(word: str, candidates: Iterable[str]) -> str:
     """A question in brackets that names the candidate closest to a word; empty if none is."""
     by_lower = {name.lower(): name for name in candidates if len(name) <= LONGEST}
     close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.75)

@@ -26,7 +26,7 @@ from flexid.recording.channel import (
     si_units,
 )
 from flexid.recording.clock import Clock
-from flexid.recording.names import cut, did_you_mean, folded, quoted, split_header
+from flexid.recording.names import cut, folded, nearest_name, quoted, split_header
 from flexid.recording.table import Table
 from flexid.recording.units import UnitError, is_of_a_slide, scale_to_si
 from flexid.toml_file import parse_toml, read_bytes
@@ -129,7 +129,7 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
             raise RecordingError(
                 file,
                 f"key {key!r}",
-                f"this is not a channel{did_you_mean(str(key), SI_UNITS)}: use one of "
+                f"this is not a channel{nearest_name(str(key), SI_UNITS)}: use one of "
                 f"{', '.join(SI_UNITS)}, joint, gear_ratio, lead or sample_time",
             )
     unread = frozenset(key for key, value in content.items() if value is False)
@@ -289,7 +289,7 @@ def _find_header(table: Table, column: str, recipe: Recipe) -> str:
         if matches:
             reason = f"{quoted(matches)} both match {column!r}: write the name as in the file"
             raise RecordingError(recipe.file, recipe.place, reason)
-    hint = did_you_mean(column, bare.values())
+    hint = nearest_name(column, bare.values())
     reason = f"{table.file} has no column {column!r}{hint}: name one of {table.listing}"
     raise RecordingError(recipe.file, recipe.place, reason)
 
