@@ -306,8 +306,14 @@ def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pyt
     assert len(made) == ended
 
 
-def test_a_fit_that_explains_little_begins_with_few_terms_too(monkeypatch: pytest.MonkeyPatch):
-    """Assert that the likelier is kept of fits from all terms, and from those of the paper."""
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_fit_that_explains_little_begins_with_few_terms_too(
+    monkeypatch: pytest.MonkeyPatch, fails: bool
+):
+    """Assert that the likelier is kept of fits from all terms, and from those of the paper.
+
+    These may lead nowhere.
+    """
     usual = fitted("a drive that stops")[0]
     made: list[Structure] = []
     fit = disturbed.fit_in_band
@@ -316,7 +322,7 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(monkeypatch: pytes
         made.append(structure)
         found = fit(structure, *given, **how)
         if len(made) > 1:
-            return found
+            return diverging(found) if fails and len(made) == 2 else found
         return replace(found, cost=found.cost + 1e4, sizes=replace(found.sizes, disturbances=huge))
 
     huge = 1e3 * usual.sizes.disturbances
@@ -324,6 +330,9 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(monkeypatch: pytes
     case = CASES["a drive that stops"]
     found = fit_disturbed(case.structure, case.data, (), (case.hold,), THRESHOLDS, with_play=False)
     assert made[1].absent > made[0].absent
+    if fails:
+        assert found.full.structure is made[0]
+        return
     assert made[2].absent == made[0].absent
     assert found.full.values == pytest.approx(usual.full.values, rel=1e-2)
 

@@ -97,7 +97,7 @@ def fit_disturbed(
     tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
     full = _likeliest(tried, data, factor)
     if max(_shares(full.fitted, full.sizes).values()) > _ASTRAY:
-        full = min(full, *_from_the_papers_terms(full, data, factor), key=_cost)
+        full = min([full, *_from_the_papers_terms(full, data, factor)], key=_cost)
     likely = None if structure.joint.kind == "rigid" else likely_play(full.fitted.structure, data)
     by_play, lost = likely.doubt if likely else 0.0, 0.0
     if likely and with_play:
