@@ -23,7 +23,7 @@ class _Named(click.ParamType[str]):
 
     name = "path"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: Any) -> str:  # noqa: ARG002
+    def convert(self, value: Any, param: click.Parameter | None, ctx: Any) -> str:  # noqa: ARG002 - click's
         """The name as it is typed."""
         if not value.strip():
             assert param is not None

@@ -131,10 +131,11 @@ def _bounds(first: Sizes, sample_time: float, slowest: float) -> tuple[FloatArra
     """Least and largest logarithm of each size."""
     motion = first.disturbances / _FIRST_SHARE
     rates = slowest, max(slowest, 1.0 / sample_time)
-    return tuple(
+    least, largest = (
         Sizes(first.sensors * noise, motion * share, np.full(len(motion), rate)).logarithms
         for noise, share, rate in zip(_RANGES, _SHARES, rates, strict=True)
-    )  # type: ignore[return-value]
+    )
+    return least, largest
 
 
 class _Observed(NamedTuple):

@@ -42,7 +42,7 @@ from flexid.identification.structure.link_delay import is_damping, shifted, skew
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
+from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of taking terms away
@@ -57,7 +57,6 @@ _WIDTHS = 5  # of play, until it is as wide as its gap
 # Of a balance's acceleration, that a fit leaves unexplained which may have gone astray with all
 # terms. Of 17 logs of odd rigs, a start of few terms led six to a likelier fit.
 _ASTRAY = 0.5
-_OF_THE_PAPER = frozenset(flexible_joint(PAPER_TERMS).coefficients)
 _SKEWED = 0.5  # share of the deflection's variance that a delay explains, to begin with it
 
 
@@ -134,9 +133,9 @@ def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand
 
 def _from_the_papers_terms(full: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
     """The same structure from where the few terms of the paper lead, if they do."""
-    structure = full.fitted.structure
+    structure, of_the_paper = full.fitted.structure, flexible_joint().coefficients
     names = dict.fromkeys(structure.unknowns(data.groups).names, 0.0)
-    more = {name for name in names if name.partition("[")[0] not in _OF_THE_PAPER}
+    more = {name for name in names if name.partition("[")[0] not in of_the_paper}
     few = structure.without(more | {*structure.timing.sought})
     for found in _fits([(few, _start(few, data))], data, factor):
         delays = dict.fromkeys(structure.timing.sought, 0.0)
