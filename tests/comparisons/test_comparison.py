@@ -31,6 +31,9 @@ def number(value, std, freedom=np.inf, *, unit="N m", name="gravity_torque", log
     )
 
 
+TWO = [drawn(np.random.default_rng(seed)) for seed in (1, 2)]
+
+
 def two(seed=9, true=TRUE, **keywords):
     """Two estimates of one drive, drawn one after the other."""
     rng = np.random.default_rng(seed)
@@ -39,13 +42,11 @@ def two(seed=9, true=TRUE, **keywords):
 
 def compared(a, b, *, same_log=False):
     """The difference of one number in two estimates that hold nothing else."""
-    rng = np.random.default_rng(0)
-    made = [replace(drawn(rng), parameters={p.name: p}) for p in (a, b)]
+    first, second = (replace(e, parameters={p.name: p}) for e, p in zip(TWO, (a, b), strict=True))
     if same_log:
-        made[1] = replace(
-            made[1], provenance={**made[0].provenance, "settings": {"hold": "linear"}}
-        )
-    return compare_estimates(made[0], made[1]).parameters[a.name]
+        settings = {**first.provenance, "settings": {"hold": "linear"}}
+        second = replace(second, provenance=settings)
+    return compare_estimates(first, second).parameters[a.name]
 
 
 def test_two_samples_as_scipy_tests_them():
@@ -95,40 +96,6 @@ def test_no_percentage_of_what_may_be_zero():
     assert found.outcome == "changed"
     assert np.isnan(found.percent)
     assert found.interval[0] > 0.4
-
-
-@pytest.mark.parametrize("freedom", [(8, 25), (20, 20)])
-@pytest.mark.parametrize("logarithmic", [False, True])
-def test_intervals_of_differences_hold_the_truth(freedom, logarithmic):
-    """Assert a coverage of 95 % for unlike deviations that are themselves estimated."""
-    rng = np.random.default_rng(11)
-    count, true, relative = 2000, (0.1, 0.13), (0.02, 0.06)
-    held = 0
-    for _ in range(count):
-        made = []
-        for value, share, nu in zip(true, relative, freedom, strict=True):
-            std = share * np.sqrt(rng.chisquare(nu) / nu)
-            if logarithmic:  # the reciprocal of what is normal
-                estimate = 1.0 / (1.0 / value * (1.0 + share * rng.standard_normal()))
-            else:
-                estimate = value * (1.0 + share * rng.standard_normal())
-            made.append(number(estimate, std * estimate, nu, logarithmic=logarithmic))
-        found = difference_of(*made)
-        if logarithmic:
-            low, high = found.percent_interval
-            held += low < 100.0 * (true[1] / true[0] - 1.0) < high
-        else:
-            held += found.interval[0] < true[1] - true[0] < found.interval[1]
-    assert abs(held / count - 0.95) < 4.0 * np.sqrt(0.95 * 0.05 / count)
-
-
-TWO = [drawn(np.random.default_rng(seed)) for seed in (1, 2)]
-
-
-def difference_of(a, b):
-    """The same without drawing all the rest again."""
-    first, second = (replace(e, parameters={p.name: p}) for e, p in zip(TWO, (a, b), strict=True))
-    return compare_estimates(first, second).parameters[a.name]
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
@@ -247,57 +214,6 @@ def test_what_one_model_does_without_is_compared_by_its_bound():
     assert d.outcome == "changed"
     assert d.value == pytest.approx(-0.499)
     assert found.lacking == ()
-
-
-def with_infinite(estimate):
-    """Nothing known of the stiffness."""
-    return with_parameter(
-        estimate,
-        "joint_stiffness",
-        std=np.inf,
-        interval=(-np.inf, np.inf),
-        verdict="undetermined",
-        reason="the log holds no information on it",
-    )
-
-
-def contradicted(estimate):
-    """Narrow, but said to be undetermined: something that was known contradicts the log."""
-    return with_parameter(
-        estimate, "joint_stiffness", verdict="undetermined", reason="what is known contradicts it"
-    )
-
-
-def given(estimate):
-    """Not estimated."""
-    value = estimate.parameters["joint_stiffness"].value
-    return with_parameter(
-        estimate, "joint_stiffness", std=0.0, interval=(value, value), reason="given"
-    )
-
-
-def in_volts(estimate):
-    """Of an input that is no torque."""
-    return with_parameter(estimate, "joint_stiffness", unit="V/rad")
-
-
-@pytest.mark.parametrize(
-    ("change", "outcome", "reason"),
-    [
-        (with_infinite, "not determined", "in B the log holds no information on it"),
-        (contradicted, "not determined", "in B what is known contradicts it"),
-        (given, "not compared", "in B it was not estimated: it follows from what was given"),
-        (in_volts, "not compared", "A has it in N m/rad, B in V/rad"),
-    ],
-)
-def test_what_cannot_be_compared_says_why(change, outcome, reason):
-    """Assert that each obstacle is one reason, and that only what the data lack is a lack."""
-    a, b = two()
-    found = compare_estimates(a, change(b))
-    d = found.parameters["joint_stiffness"]
-    assert (d.outcome, d.reason) == (outcome, reason)
-    assert np.isnan(d.value)
-    assert found.agree is (outcome == "not compared")
 
 
 def test_values_of_one_log_each_are_not_compared():
@@ -424,94 +340,87 @@ def test_two_axes_of_one_file_are_two_logs():
         assert compare_estimates(first, same).logs == "same"
 
 
-def with_shape(estimate, parameter, coefficient, shapes):
-    """The same with a term whose coefficient rests on constants of shapes."""
-    slopes = {coefficient: 1.0}
-    size = replace(number(0.5, 0.02, 30.0, name=parameter), slopes=slopes)
-    own = replace(estimate.coefficients["alpha1"], name=coefficient, slopes=slopes)
-    return replace(
-        estimate,
-        parameters={**estimate.parameters, parameter: size},
-        coefficients={**estimate.coefficients, coefficient: own},
-        choices=replace(estimate.choices, shapes=shapes),
-    )
-
-
-def with_width(estimate, width):
-    """The same with Stribeck friction of a width."""
-    shapes = {"stribeck_velocity": width, "backlash_width": width}
-    return with_shape(estimate, "motor_stribeck_friction", "alpha_stribeck", shapes)
-
-
-def test_an_amplitude_goes_with_its_width():
-    """Assert that widths are shown, and that what rests on unlike ones is not compared."""
-    rng = np.random.default_rng(9)
-    a, near, far = (with_width(drawn(rng), width) for width in (0.1, 0.19, 0.21))
-    found = compare_estimates(a, near)
-    assert found.parameters["motor_stribeck_friction"].compared
-    assert found.settings["shapes"][0] == "stribeck_velocity 0.1, backlash_width 0.1"
-    found = compare_estimates(a, far)
-    d = found.parameters["motor_stribeck_friction"]
-    assert d.outcome == "not compared"
-    assert d.reason.startswith("it rests on a stribeck_velocity of 0.1 in A and of 0.21 in B")
-    assert not found.coefficients["alpha_stribeck"].compared
-    assert found.parameters["joint_stiffness"].compared
-
-
-def with_ripple(estimate, number_of_periods, origin):
-    """The same with a ripple that counts from somewhere."""
-    shapes = {"ripple_number": number_of_periods, "ripple_origin": origin}
-    return with_shape(estimate, "torque_ripple", "alpha_ripple_sine", shapes)
+OPEN = {"std": np.inf, "interval": (-np.inf, np.inf), "verdict": "undetermined"}
+GIVEN = {"value": 100.0, "std": 0.0, "interval": (100.0, 100.0)}
 
 
 @pytest.mark.parametrize(
-    ("number_of_periods", "origin", "words"),
+    ("change", "outcome", "reason"),
     [
-        (23.6, 6.28, ""),
-        (24.0, 6.28, "it rests on a ripple_number of 23.4 in A and of 24 in B"),
-        (23.4, 0.0, "it rests on a ripple_origin of 6.28 in A and of 0 in B"),
-        (23.4, -6.28, "it rests on a ripple_origin of 6.28 in A and of -6.28 in B"),
-        (23.4, 12.56, "it rests on a ripple_origin of 6.28 in A and of 12.56 in B"),
+        (OPEN | {"reason": "the log is silent"}, "not determined", "in B the log is silent"),
+        ({"verdict": "undetermined", "reason": "x"}, "not determined", "in B x"),
+        (GIVEN, "not compared", "in B it was not estimated: it follows from what was given"),
+        ({"unit": "V/rad"}, "not compared", "A has it in N m/rad, B in V/rad"),
+    ],
+    ids=["nothing known", "contradicted", "given", "another unit"],
+)
+def test_what_cannot_be_compared_says_why(change, outcome, reason):
+    """Assert that each obstacle is one reason, and that only what the data lack is a lack."""
+    a, b = two()
+    found = compare_estimates(a, with_parameter(b, "joint_stiffness", **change))
+    d = found.parameters["joint_stiffness"]
+    assert (d.outcome, d.reason) == (outcome, reason)
+    assert np.isnan(d.value)
+    assert found.agree is (outcome == "not compared")
+
+
+def with_term(seed, names, value=0.5, **shapes):
+    """A drive with a term, by parameter and coefficient, that rests on constants of shapes."""
+    made, (parameter, coefficient) = drawn(np.random.default_rng(seed)), names
+    slopes = {coefficient: 1.0}
+    size = replace(number(value, 0.01 * value, 30.0, name=parameter), slopes=slopes)
+    own = replace(made.coefficients["alpha1"], name=coefficient, slopes=slopes)
+    return replace(
+        made,
+        parameters={**made.parameters, parameter: size},
+        coefficients={**made.coefficients, coefficient: own},
+        choices=replace(made.choices, shapes=shapes),
+    )
+
+
+STRIBECK = ("motor_stribeck_friction", "alpha_stribeck")
+RIPPLE = ("torque_ripple", "alpha_ripple_sine")
+PLAY = ("half_backlash", "alpha_backlash")
+NUMBER = "it rests on a ripple_number of 23.4 in A and of 24 in B"
+
+
+@pytest.mark.parametrize(
+    ("names", "shapes", "others", "compared", "reason"),
+    [
+        (STRIBECK, {"stribeck_velocity": 0.1}, {"stribeck_velocity": 0.19}, True, ""),
+        (
+            *(STRIBECK, {"stribeck_velocity": 0.1}, {"stribeck_velocity": 0.21}, False),
+            "it rests on a stribeck_velocity of 0.1 in A and of 0.21 in B",
+        ),
+        (RIPPLE, {"ripple_number": 23.4}, {"ripple_number": 23.6}, True, ""),
+        (RIPPLE, {"ripple_number": 23.4}, {"ripple_number": 24.0}, False, NUMBER),
+        # The amplitude does not depend on where a ripple counts from.
+        *(
+            (
+                *(RIPPLE, {"ripple_origin": 6.28}, {"ripple_origin": origin}, True),
+                f"it rests on a ripple_origin of 6.28 in A and of {origin:g} in B",
+            )
+            for origin in (0.0, -6.28, 12.56)
+        ),
+        # A gap has its own width, unless one was chosen for the motion.
+        (PLAY, {"backlash_width": 0.5}, {"backlash_width": 1.5, "value": 1.5}, True, ""),
+        (
+            *(PLAY, {"backlash_width": 0.5}, {"backlash_width": 3.05, "value": 1.5}, False),
+            "it rests on a backlash_width of 0.5 in A and of 3.05 in B",
+        ),
+        (
+            *(PLAY, {"backlash_width": 0.5}, {"backlash_width": 1.5, "value": -1.5}, False),
+            "it rests on a backlash_width of 0.5 in A and of 1.5 in B",
+        ),
     ],
 )
-def test_a_ripple_is_compared_with_the_same(number_of_periods, origin, words):
-    """Assert that another number of periods, and another place to count from, make another."""
-    rng = np.random.default_rng(9)
-    a = with_ripple(drawn(rng), 23.4, 6.28)
-    found = compare_estimates(a, with_ripple(drawn(rng), number_of_periods, origin))
-    sine = found.coefficients["alpha_ripple_sine"]
-    assert sine.compared == (not words)
-    assert sine.reason.startswith(words)
-    # The amplitude does not depend on where a ripple counts from.
-    assert found.parameters["torque_ripple"].compared == ("ripple_number" not in words)
-
-
-def with_gap(estimate, gap, width):
-    """The same with play of a gap, found with a shape of a width."""
-    play = replace(
-        number(gap, 0.01 * gap, 30.0, name="half_backlash"), slopes={"alpha_backlash": 1}
-    )
-    shapes = {"stribeck_velocity": 0.1, "backlash_width": width}
-    return replace(
-        estimate,
-        parameters={**estimate.parameters, play.name: play},
-        choices=replace(estimate.choices, shapes=shapes),
-    )
-
-
-def test_the_width_of_a_gap_is_its_own():
-    """Assert that gaps of other sizes are compared, unless a width was chosen for the motion."""
-    rng = np.random.default_rng(9)
-    own = 2e-4
-    a = with_gap(drawn(rng), 2e-4, own)
-    worn = with_gap(drawn(rng), 6e-4, 3.0 * own)
-    assert compare_estimates(a, worn).parameters["half_backlash"].outcome == "changed"
-    chosen = with_gap(drawn(rng), 6e-4, 6.1 * own)
-    assert compare_estimates(a, chosen).parameters["half_backlash"].outcome == "not compared"
-    none = with_gap(drawn(rng), -6e-4, 3.0 * own)
-    assert compare_estimates(a, none).parameters["half_backlash"].outcome == "not compared"
-    # Stribeck friction is not compared because a gap happens to be as wide.
-    a, b = (with_width(with_gap(drawn(rng), 0.15, 0.1), width) for width in (0.1, 0.21))
-    found = compare_estimates(a, b).parameters
-    assert found["motor_stribeck_friction"].outcome == "not compared"
-    assert found["half_backlash"].compared
+def test_what_rests_on_a_shape_is_compared_with_the_same(names, shapes, others, compared, reason):
+    """Assert that amplitudes of unlike widths, and phases of unlike ripples, are not compared."""
+    a, b = with_term(9, names, **shapes), with_term(10, names, **others)
+    found = compare_estimates(a, b)
+    assert found.settings["shapes"][0] == "{} {:g}".format(*next(iter(shapes.items())))
+    assert found.parameters[names[0]].compared == compared
+    coefficient = found.coefficients[names[1]]
+    assert coefficient.compared == (not reason)
+    assert coefficient.reason.startswith(reason)
+    assert found.parameters["joint_stiffness"].compared

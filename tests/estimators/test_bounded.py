@@ -90,18 +90,6 @@ def test_brute_force_finds_the_same(bounds):
     assert at_bound
 
 
-def test_a_bound_that_binds_only_after_another():
-    """Assert that what leaves its bounds once another is fixed is fixed as well."""
-    free = by_filter(ALL)
-    pushed = by_filter(ALL.fixing({"alpha1": 300.0}))
-    beta = pushed.values[pushed.names.index("beta1")]
-    assert beta < 0.5 * (beta + free.values[4]) < free.values[4]
-    bounds = {"alpha1": (0.0, 300.0), "beta1": (0.5 * (beta + free.values[4]), 10.0)}
-    fit, at_bound = bounded_fit(by_filter, ALL, bounds)
-    assert set(at_bound) == {"alpha1", "beta1"}
-    assert set(fit.names) == {"theta1", "theta2", "alpha2"}
-
-
 def test_what_the_data_leave_open_keeps_to_its_bounds():
     """Assert that infinite variance does no harm: twins share what the bounds leave them."""
     fit, at_bound = bounded_fit(cart, Unknowns(CART), {"gain": (1.5, np.inf), "push": (0.0, 1.0)})

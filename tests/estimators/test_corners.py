@@ -20,9 +20,6 @@ PLAY = ParametricSystem(
     ),
     constants={"w": HALF_GAP},
 )
-PLAIN = ParametricSystem(
-    "oscillator", (Row("mass", "q", "v", {"spring": "-q", "gain": "u"}),), constants={"w": HALF_GAP}
-)
 H, COUNT = 0.02, 300
 TIME = H * np.arange(COUNT)
 FORCE = 3.0 * np.sin(2.1 * TIME) + 4.0 * np.sin(5.3 * TIME)
@@ -64,13 +61,6 @@ def test_gradient_is_that_of_the_sum_of_squares():
     gradient = problem.equations(AT).gradient.sum(axis=0)
     for place in range(len(gradient)):
         assert gradient[place] == pytest.approx(fall(problem, AT, place, 1e-5), rel=2e-3)
-
-
-def test_a_term_that_is_off_has_no_corners():
-    """Assert that steps are those of a model without the term where its coefficient is zero."""
-    without = motion(problem_of(PLAIN, FORCE, H), point_of([VALUES[0], VALUES[2]], *STATE))
-    off = point_of([VALUES[0], 0.0, VALUES[2]], *STATE)
-    assert motion(problem_of(PLAY, FORCE, H), off) == pytest.approx(without, abs=1e-13)
 
 
 def test_a_mass_may_rest_at_a_corner():

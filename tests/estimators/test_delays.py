@@ -95,18 +95,6 @@ def test_given_delays_are_taken():
     assert none.noise[0] > 3.0 * NOISE
 
 
-def test_delays_are_known_by_name():
-    """Assert that what is given, what was found, and what is neither are told apart."""
-    timing = Timing("cubic", {INPUT: 0.004, "motor_delay": 0.5}, sought=("link_delay",))
-    problem = problem_of(log(5, 0.0, 0.0), timing)
-    assert problem.names[-1] == "link_delay"
-    assert problem.delays(np.array([*VALUES, 0.002])) == {
-        INPUT: 0.004,
-        "link_delay": 0.002,
-        "motor_delay": 0.5,
-    }
-
-
 @pytest.mark.parametrize("relative_to", [{}, {"link": "motor"}])
 def test_gradient_by_the_delays(relative_to):
     """Assert that the right-hand side is minus half the slope of the sum of squares.

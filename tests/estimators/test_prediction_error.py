@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_motion import CART, held_cart
-from noisy_joint import POSITION_NOISE, TRUTH, VALUES, clean_motion, joint_samples, worst_error
+from noisy_joint import POSITION_NOISE, VALUES, clean_motion, joint_samples, worst_error
 from scipy.signal import lfilter
 from scipy.stats import t
 from segment_bound import cramer_rao_bound, segment_derivatives
@@ -20,7 +20,6 @@ from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Hold
-from flexid.simulation.free_run import free_run
 
 JOINT = flexible_joint()
 
@@ -34,13 +33,6 @@ def fit(samples: Samples, duration: float = 1.0, hold: Hold = "linear") -> Predi
 def of_white_noise(found: PredictionErrorFit) -> np.ndarray:
     """The textbook standard deviations, which are right for white residuals only."""
     return np.sqrt(np.diag(np.linalg.inv(found.information)))
-
-
-def simulated(hold: Hold = "linear", n: int = 8000) -> Samples:
-    """The joint's own free run under a random input, positions only."""
-    torque = np.repeat(np.random.default_rng(9).normal(0.0, 30.0, n // 50), 50)[:, None]
-    x = free_run(JOINT, TRUTH, [0.1, 0.0, 0.2, 0.5], torque, 1e-3, hold)
-    return Samples(x[:, ::2], None, torque, 1e-3)
 
 
 def correlated(seed: int, rho: float = 0.9) -> Samples:
@@ -79,12 +71,6 @@ def test_less_is_part_of_everything():
         assert part.normal == pytest.approx(full.normal[:, :n, :n], rel=1e-9)
         scale = np.abs(full.gradient).max()
         assert part.gradient == pytest.approx(full.gradient[:, :n], abs=1e-9 * scale)
-
-
-@pytest.mark.parametrize("hold", ["zero", "linear"])
-def test_exact_on_its_own_motion(hold):
-    """Assert that a clean record of the model itself gives the truth to rounding, either hold."""
-    assert fit(simulated(hold), hold=hold).values == pytest.approx(VALUES, rel=1e-8)
 
 
 def test_held_input_is_integrated_exactly():

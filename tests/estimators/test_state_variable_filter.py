@@ -77,19 +77,16 @@ def test_recordings_need_not_follow_each_other():
     assert len(fit.rows[0].left_hand_side) == len(recordings[0]) + len(recordings[1]) - 4
 
 
-def test_a_joint_at_rest_determines_nothing():
-    """Assert that a record without motion gives finite values and infinite variances."""
-    still = Samples(np.full((500, 2), 0.3), None, np.zeros((500, 1)), 1e-3)
-    fit = filtered_least_squares([still], flexible_joint(("motor_viscous",)))
-    assert np.isfinite(fit.values).all()
-    assert np.isinf(fit.standard_deviations).all()
+AT_REST = np.full((500, 2), 0.3), flexible_joint(("motor_viscous",))
 
 
-@pytest.mark.parametrize("n", [0, 2, 4, 5])
-def test_too_few_samples_determine_nothing(n):
-    """Assert that a handful of samples gives infinite variances, not an exception."""
-    samples = positions_only(joint_samples(0))
-    short = replace(samples, positions=samples.positions[:n], inputs=samples.inputs[:n])
-    fit = filtered_least_squares([short], JOINT)
+@pytest.mark.parametrize(
+    ("positions", "joint"),
+    [*((joint_samples(0).positions[:n], JOINT) for n in (0, 2, 4, 5)), AT_REST],
+)
+def test_rest_and_few_samples_determine_nothing(positions, joint):
+    """Assert that a joint at rest, or a handful of samples, gives infinite variances, no error."""
+    short = Samples(positions, None, np.zeros((len(positions), 1)), 1e-3)
+    fit = filtered_least_squares([short], joint)
     assert np.isfinite(fit.values).all()
     assert np.isinf(fit.standard_deviations).all()
