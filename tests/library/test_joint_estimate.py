@@ -14,8 +14,6 @@ from matplotlib.figure import Figure
 import flexid
 from flexid.errors import FlexidError, SettingError
 
-TRUE = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
-
 
 @pytest.fixture(scope="module")
 def log(examples):
@@ -35,17 +33,6 @@ def loaded(estimate, tmp_path_factory):
     path = tmp_path_factory.mktemp("estimate") / "estimate.json"
     estimate.save(path)
     return flexid.load(path)
-
-
-def test_intervals_have_any_level(estimate):
-    """Assert that a higher level gives wider intervals, and the usual one those that are shown."""
-    usual = estimate.intervals(0.95)
-    for name, (low, high) in estimate.intervals(0.99).items():
-        assert low < usual[name][0] < usual[name][1] < high
-    shown = {**estimate.parameters, **estimate.coefficients}
-    assert usual == {name: value.interval for name, value in shown.items()}
-    with pytest.raises(SettingError, match=r"0\.95"):
-        estimate.intervals(95)
 
 
 def test_the_covariance_is_that_of_all_values(estimate):
@@ -147,14 +134,6 @@ def test_a_saved_estimate_is_the_same(estimate, loaded):
     assert loaded.intervals(0.8) == estimate.intervals(0.8)
     np.testing.assert_array_equal(loaded.covariance, estimate.covariance)
     assert loaded.document == estimate.document
-
-
-def test_a_loaded_estimate_says_that_it_has_no_series(loaded):
-    """Assert that figures of time series are refused with those that there are."""
-    for name in ("fit", "residuals"):
-        with pytest.raises(SettingError, match="there is bode"):
-            loaded.plot(name)
-    assert loaded.plot().axes
 
 
 def test_values_are_found_by_name(estimate):

@@ -116,12 +116,6 @@ def test_samples_that_cannot_be(samples, words):
         flexid.watch(sample_time=1e-3).feed(**samples)
 
 
-def test_channels_that_say_nothing():
-    """Assert that a motor alone is refused as a log of it is."""
-    with pytest.raises(RecordingError, match="no torque, current or voltage"):
-        flexid.watch(sample_time=1e-3).feed(motor_position=1.0)
-
-
 def test_channels_stay_the_same(samples):
     """Assert that a block without the link is refused where there was one."""
     watch = flexid.watch(sample_time=1e-3, **PAPER)
