@@ -12,7 +12,6 @@ from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import make_trial
 from benchmarks.trials.integrator import Drive
 from benchmarks.trials.page import RESULTS
-from benchmarks.trials.plain_least_squares import plain_least_squares
 from benchmarks.trials.repeated import make_repeated
 
 ROOT = Path(__file__).parents[2]
@@ -94,17 +93,3 @@ def test_offsets_and_masses_become_what_the_log_shows():
     assert values["motor_coulomb_friction"] == 2.0
     assert values["link_offset_torque"] == pytest.approx(3.0)
     assert values["motor_offset_torque"] == pytest.approx(0.5 + 1.0 - 0.2 - 3.0)
-
-
-@pytest.mark.parametrize(
-    "family", ["basic", "both_delays", "damping_link_friction", "offsets_tilted_friction"]
-)
-def test_the_truth_explains_the_log(family):
-    """Assert that plain least squares, given the structure, comes near the truth in the median."""
-    errors = []
-    for seed in range(5):
-        trial = make_trial(family, seed)
-        found = plain_least_squares(trial)
-        for name in ("gravity_torque", "link_inertia", "motor_inertia", "joint_stiffness"):
-            errors.append(abs(found[name] / trial.truth[name] - 1.0))
-    assert np.median(errors) < 0.02

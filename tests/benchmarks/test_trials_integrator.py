@@ -60,27 +60,6 @@ def test_stick_and_slip_are_those_of_scipy():
     np.testing.assert_allclose(states, expected, atol=2e-8)
 
 
-def energy(drive, states):
-    """Kinetic energy, and that of spring and gravity."""
-    q, w, p, v = states.T
-    kinetic = 0.5 * drive.link_inertia * w**2 + 0.5 * drive.motor_inertia * v**2
-    spring = 0.5 * drive.joint_stiffness * (q - p) ** 2
-    spring += 0.25 * drive.cubic_stiffness * (q - p) ** 4
-    return kinetic + spring - drive.gravity_torque * np.cos(q - drive.gravity_angle)
-
-
-def test_energy_is_what_the_torque_puts_in():
-    """Assert that without friction the torque's work is the energy, to the last digits."""
-    drive = Drive(0.3, 0.2, 50.0, gravity_torque=3.0, gravity_angle=0.3, cubic_stiffness=400.0)
-    times = np.arange(8001) * 1e-3
-    held = np.sin(3.0 * times) + 0.7 * np.sin(11.0 * times)
-    states, _ = played(drive, times, held)
-    work = np.append(0.0, np.cumsum(held[:-1] * np.diff(states[:, 2])))
-    gained = energy(drive, states) - energy(drive, states[:1])
-    assert np.ptp(gained) > 0.5
-    np.testing.assert_allclose(gained, work, atol=1e-9)
-
-
 def test_lugre_creeps_before_it_breaks_away():
     """Assert that a load below the static friction stretches the bristles and does no more."""
     drive = Drive(

@@ -184,27 +184,12 @@ def whole(experiment, tmp_path_factory):
     return rows
 
 
-def test_the_number_of_workers_changes_no_bit(experiment, whole, tmp_path):
-    """Assert that three threads leave the rows of one."""
-    run_campaign(experiment, tmp_path, workers=3)
-    assert same_bits(rows_of(tmp_path), whole)
-
-
 def test_threads_of_a_new_process_load_the_kernel_once(experiment, whole, tmp_path):
     """Assert that four threads that start together, with nothing loaded, leave the same rows."""
     code = "from flexid.cli.main import main; main()"
     command = [sys.executable, "-c", code, "campaign", experiment.path, "--out", str(tmp_path)]
     subprocess.run([*command, "--workers", "4"], check=True, timeout=300)
     assert same_bits(rows_of(tmp_path), whole)
-
-
-def test_the_part_size_changes_no_bit(whole, tmp_path):
-    """Assert that parts of five leave the rows of parts of three."""
-    path = write_experiment(tmp_path / "tiny.toml")
-    path.write_text(path.read_text().replace("runs_per_part = 3", "runs_per_part = 5"))
-    run_campaign(read_experiment(path), tmp_path / "out")
-    assert len(list(tmp_path.glob("out/runs/*.parquet"))) == 3
-    assert same_bits(rows_of(tmp_path / "out"), whole)
 
 
 def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):

@@ -50,14 +50,6 @@ def test_a_sobol_plan_goes_on_where_a_shorter_one_ends():
     assert np.array_equal(short.values, long.values[:11])
 
 
-def test_draws_follow_their_distribution():
-    """Assert that mean and deviation of a normal input, and the share of each listed value, fit."""
-    plan = make_plan(variation("sobol", 1024, a=NORMAL, b=(1.0, 2.0, 4.0, 8.0)), sampled=False)
-    assert plan.values[:, 0].mean() == pytest.approx(5.0, abs=2e-3)
-    assert plan.values[:, 0].std() == pytest.approx(0.5, rel=1e-2)
-    assert np.unique(plan.values[:, 1], return_counts=True)[1].tolist() == [256] * 4
-
-
 @given(
     st.sampled_from(["latin-hypercube", "sobol"]),
     st.integers(1, 70),
@@ -143,18 +135,6 @@ def test_relative_errors_are_those_of_each_runs_own_truth(tmp_path):
     )
 
 
-def test_a_diverging_run_is_a_row(tmp_path):
-    """Assert that a gain that diverges says so, when it did, and that its neighbours finish."""
-    text = EXPERIMENT.replace("duration = 0.1", "duration = 2.0")
-    values = [10.0, 1e9, 10.0]
-    experiment, table = planned(tmp_path, grid("controller.derivative", values), text)
-    rows = part_rows(experiment, table)
-    assert rows["status"].to_list() == ["finished", "diverged", "finished"]
-    assert rows["error"].to_list() == [None, None, None]
-    assert rows["reached"][1] < 2.0
-    assert rows["reached"][0] == pytest.approx(2.0)
-
-
 def test_a_value_that_is_not_allowed_is_a_row(tmp_path):
     """Assert that a negative noise, drawn from a normal distribution, loses its own run alone."""
     campaign = """
@@ -190,23 +170,6 @@ def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
     assert rows["status"].to_list() == ["finished", "error", "finished"]
     assert rows["error"].to_list() == [None, "ZeroDivisionError: no way", None]
     assert rows[[0, 2]].equals(whole[[0, 2]])
-
-
-def test_runs_may_differ_in_length(tmp_path):
-    """Assert that the duration, too, can be varied."""
-    experiment, table = planned(tmp_path, grid("run.duration", [0.05, 0.1, 0.05]))
-    rows = part_rows(experiment, table)
-    assert rows["steps"].to_list() == [51, 101, 51]
-    assert rows["reached"].to_list() == pytest.approx([0.05, 0.1, 0.05])
-
-
-def test_a_continuous_loop_has_no_seed(tmp_path):
-    """Assert that a continuous experiment runs as well, without noise to be seeded."""
-    text = EXPERIMENT.partition("[sampling]")[0].replace("duration = 0.1", "duration = 0.05")
-    experiment, table = planned(tmp_path, grid("controller.derivative", [5.0, 10.0]), text)
-    rows = part_rows(experiment, table)
-    assert "sampling.seed" not in rows.columns
-    assert rows["status"].to_list() == ["finished", "finished"]
 
 
 def test_a_part_stops_when_asked(tmp_path):

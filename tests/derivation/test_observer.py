@@ -24,18 +24,6 @@ def _is_zero(expression: sp.Expr) -> bool:
     return sp.simplify(sp.expand(expression.replace(sp.sign, lambda z: sp.Abs(z) / z))) == 0
 
 
-def test_error_dynamics_notice_a_wrong_sign():
-    """Assert that the check above fails for the printed minus sign before the sum in (3)."""
-    from dataclasses import replace
-
-    observer = derive_observer(PAPER)
-    row = observer.rows[0]
-    wrong_row = replace(row, cancelling=tuple(-C for C in row.cancelling))
-    wrong = replace(observer, rows=(wrong_row, observer.rows[1]))
-    found = error_dynamics(wrong)[0][0] - expected_error_dynamics(row)[0]
-    assert not _is_zero(found)
-
-
 @pytest.mark.parametrize(
     ("system", "quadratures", "rates"),
     [
@@ -70,28 +58,6 @@ def test_acceleration_is_refused_by_name():
     error = caught.value
     assert (error.row, error.coefficient, error.velocity) == ("link", "theta_damping", "x4")
     assert "least squares" in str(error)
-
-
-def test_acceleration_in_known_part_is_accepted():
-    """Assert that a known damping of the joint is no obstacle: nothing is integrated there."""
-    observer = derive_observer(
-        flexible_joint(
-            ("gravity", "joint_damping"), known={"theta_damping": 0.1, "alpha_damping": 0.2}
-        )
-    )
-    assert len(observer.rows[0].intermediate) == 2
-
-
-def test_velocity_that_cancels_is_no_dependence():
-    """Assert that sin² + cos² of another row's velocity is seen to be constant."""
-    system = ParametricSystem(
-        "identity",
-        (
-            Row("one", "q", "v", {"a": "q*(sin(w)**2 + cos(w)**2)"}),
-            Row("two", "p", "w", {"b": "p"}),
-        ),
-    )
-    assert str(derive_observer(system).rows[0].immersion[0]) == "q*v"
 
 
 REST = r"'a' divides by zero at v = 0.*v/\(v\*\*2"

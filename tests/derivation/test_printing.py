@@ -9,19 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sympy as sp
 from scipy.integrate import quad
-from systems import ALL, PAPER
+from systems import ALL
 
-from flexid.derivation.symbolic import symbol
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.paper.observer import SymbolicObserver, derive_observer, graded_rule
 from flexid.paper.printing import (
     c_observer,
-    fresh_names,
-    latex_name,
     latex_observer,
-    printable_rows,
     python_observer,
 )
 
@@ -41,48 +36,6 @@ def test_golden_text(target: str, name: str, request: pytest.FixtureRequest):
     if request.config.getoption("--update-golden"):
         file.write_text(printed, encoding="utf-8")
     assert printed == file.read_text("utf-8")
-
-
-def paper_by_hand() -> tuple[list[sp.Expr], list[sp.Expr]]:
-    """Return (5) and (6) of Huang (2003), typed by hand, with the brackets (6) has lost."""
-    x1, x2, x3, x4, u, c1, c2 = map(symbol, ["x1", "x2", "x3", "x4", "u", "c1", "c2"])
-    y1, y2, z1, z2 = map(symbol, ["y1", "y2", "z1", "z2"])
-    hats = map(symbol, ("theta1_hat", "theta2_hat", "alpha1_hat", "alpha2_hat"))
-    theta1, theta2, alpha1, alpha2 = hats
-    s = theta1 * sp.sin(x1) + theta2 * (x1 - x3)
-    r = alpha1 * (x1 - x3) - alpha2 * x4 + symbol("beta1") * u
-    outputs = [
-        y1 - c1 * x2 * sp.sin(x1),
-        y2 - c1 * (x1 - x3) * x2,
-        z1 + c2 * (x1 - x3) * x4,
-        z2 - c2 * x4**2 / 2,
-    ]
-    updates = [
-        -c1 * (sp.sin(x1) * s - x2**2 * sp.cos(x1)),
-        -c1 * ((x1 - x3) * s - (x2 - x4) * x2),
-        -c2 * ((x1 - x3) * r + (x2 - x4) * x4),
-        c2 * x4 * r,
-    ]
-    return outputs, updates
-
-
-def test_flexible_joint_is_equations_5_and_6():
-    """Assert symbolic equality with (5) and (6), sign by sign, before and after grouping."""
-    observer = derive_observer(PAPER)
-    outputs, updates = paper_by_hand()
-    rows = printable_rows(observer, fresh_names(observer))
-    grouped_outputs = [y + cb for row in rows for _, y, cb in row.estimates]
-    grouped_updates = [
-        (-row.gain * (product + C)).subs(row.abbreviation, row.meaning)
-        for row in rows
-        for _, product, C in row.updates
-    ]
-    derived = [e for row in observer.rows for e in (*row.outputs, *row.updates)]
-    hand = [*outputs[:2], *updates[:2], *outputs[2:], *updates[2:]]
-    for found, wanted in zip(
-        [*derived, *grouped_outputs, *grouped_updates], [*hand, *outputs, *updates], strict=True
-    ):
-        assert sp.expand(found - wanted) == 0
 
 
 Arrays = dict[str, np.ndarray]
@@ -190,21 +143,6 @@ def test_printed_functions_have_the_symbolic_values(
     found = call_c(library.observer_estimates, values, size)
     assert found == pytest.approx(estimates, rel=1e-9)
     assert call_c(library.observer_rates, values, size) == pytest.approx(rates, rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("name", "accent", "latex"),
-    [
-        ("x1", "", "x_{1}"),
-        ("theta1", r"\hat", r"\hat{\theta}_{1}"),
-        ("theta_coulomb", r"\hat", r"\hat{\theta}_{\mathrm{coulomb}}"),
-        ("gravity", r"\hat", r"\widehat{\mathrm{gravity}}"),
-        ("u", r"\dot", r"\dot{u}"),
-    ],
-)
-def test_latex_names(name: str, accent: str, latex: str):
-    """Assert that letters, Greek names, words and subscripts are set as such."""
-    assert latex_name(name, accent) == latex
 
 
 @pytest.mark.parametrize("width", [0.02, 0.1, 1.0, 10.0])

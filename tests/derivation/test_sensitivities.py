@@ -122,20 +122,6 @@ def test_slopes_are_derivatives_of_the_rates(plain, name):
     assert r[:, delay] == pytest.approx(difference(no_x, no_p, du), rel=1e-6, abs=1e-6)
 
 
-def test_a_coefficient_without_a_column_leaves_the_others_alone(plain):
-    """Assert that dropping a column changes no other."""
-    system = ALL["paper"]
-    functions = plain(sensitivity_functions(system, "Test"))
-    x, u, modes, p, c = drawn(system, 12)
-    at, _ = columns_of(system)
-    dropped = np.concatenate(([0], at[:-1]))
-    _, full = slopes_of(functions, system, x, u, 0.0 * u, modes, p, c, at, 0)
-    _, part = slopes_of(functions, system, x, u, 0.0 * u, modes, p, c, dropped, 0)
-    first = 1 + len(x)
-    assert np.any(part[:, 0])  # nothing is read there
-    assert np.array_equal(part[:, first:-1], full[:, first + 1 :])
-
-
 @pytest.mark.parametrize("stop", [0.0, 2.0])
 def test_costly_functions_are_called_where_they_are_needed(plain, stop):
     """Assert that of terms that are off nothing is computed, unless it is sought."""

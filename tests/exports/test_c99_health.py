@@ -167,22 +167,6 @@ def test_a_rest_contradicts_nothing(drive):
     assert set(estimation.feed(noise[6000:])[100:]) == {CONVERGED}
 
 
-def test_a_gap_corrupts_nothing(drive):
-    """Assert that half a second that is missing does no harm where it is said, and else does."""
-    samples = measured(motion(6.0))
-    errors = {}
-    for said in (True, False):
-        estimation = drive()
-        estimation.feed(samples[:3000])
-        if said:
-            estimation.gap()
-        estimation.feed(samples[3500:4000])
-        found = np.array([*estimation.estimates.values()]) / [*TRUE.values()]
-        errors[said] = float(np.abs(found - 1.0).max())
-    assert errors[True] < 1e-3
-    assert errors[False] > 0.1
-
-
 def test_a_gap_brings_no_noise_of_its_own(drive):
     """Assert that, with noise, estimates after many gaps are as good as the samples allow.
 

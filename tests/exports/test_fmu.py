@@ -296,11 +296,3 @@ def test_names_that_it_has_itself_and_missing_values_are_refused(joint, tmp_path
     cases = {"a state called time": odd, "bare": ExportRequest(joint)}
     cases["a value missing"] = ExportRequest(joint, some)
     refusals({name: partial(write_fmu, one, tmp_path) for name, one in cases.items()})
-
-
-def test_the_same_model_is_the_same_file(units, request_of_joint, tmp_path):
-    """Assert that a plant has the same bytes each time."""
-    write_fmu(request_of_joint, tmp_path)
-    for version in (2, 3):
-        name = f"plant_fmi{version}.fmu"
-        assert (tmp_path / name).read_bytes() == (units[0] / name).read_bytes()

@@ -70,39 +70,33 @@ SMOOTH = {
 }
 
 
-@pytest.mark.parametrize("unit", ["N m", "V"])
-@pytest.mark.parametrize("theta1", [5.0, -3.0, 1e-4])
-def test_accelerations_are_those_of_the_model(unit, theta1):
+SLIDES = {"theta1": 0.0, "theta_cosine": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("unit", "joint", "own"),
+    [
+        *(
+            (unit, "revolute", {"theta1": theta1})
+            for unit in ("N m", "V")
+            for theta1 in (5.0, -3.0, 1e-4)
+        ),
+        *((unit, "prismatic", SLIDES) for unit in ("N", "A")),
+    ],
+)
+def test_accelerations_are_those_of_the_model(unit, joint, own):
     """Assert that every term without a corner acts as its equation says, whatever the input is."""
-    coefficients = {**PAPER, **SMOOTH, "theta1": theta1}
-    scene = _scene({**SMOOTH, "theta1": theta1}, unit)
-    rng = np.random.default_rng(1)
-    for x in rng.normal(size=(8, 4)) * (1.0, 3.0, 1.0, 5.0):
+    coefficients = {**PAPER, **SMOOTH, **own}
+    scene = mjcf_scene("flexible", coefficients, unit, joint)
+    for x in np.random.default_rng(1).normal(size=(8, 4)) * (1.0, 3.0, 1.0, 5.0):
         found = _accelerations(scene, x, 1.7)
         # Ten digits are written, of torques that may nearly cancel.
         np.testing.assert_allclose(found, _by_hand(coefficients, x, 1.7), rtol=1e-6)
-    assert len(scene.notes) == (unit == "V")
-
-
-@pytest.mark.parametrize("unit", ["N", "A"])
-def test_a_linear_axis_slides(unit):
-    """Assert that bodies of a prismatic joint move on slides as the equations say."""
-    coefficients = {**PAPER, **SMOOTH, "theta1": 0.0, "theta_cosine": 0.0}
-    scene = mjcf_scene("flexible", coefficients, unit, "prismatic")
-    model = mujoco.MjModel.from_xml_string(scene.xml)
-    assert (model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE).all()
-    for x in np.random.default_rng(2).normal(size=(8, 4)):
-        found = _accelerations(scene, x, 1.7)
-        np.testing.assert_allclose(found, _by_hand(coefficients, x, 1.7), rtol=1e-6)
-    assert all("1 kg," in note for note in scene.notes)
-    assert len(scene.notes) == (unit == "A")
-
-
-def test_without_gravity():
-    """Assert that a link which nothing pulls down has no lever."""
-    described = {c: v for c, v in PAPER.items() if c != "theta1"}
-    found = _accelerations(mjcf_scene("flexible", described), np.array([0.5, 0.0, 0.5, 0.0]), 0.0)
-    np.testing.assert_allclose(found, 0.0, atol=1e-9)
+    assert len(scene.notes) == (unit in "VA")
+    if joint == "prismatic":
+        model = mujoco.MjModel.from_xml_string(scene.xml)
+        assert (model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE).all()
+        assert all("1 kg," in note for note in scene.notes)
 
 
 def test_a_rigid_joint_is_one_hinge():

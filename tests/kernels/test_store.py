@@ -193,37 +193,32 @@ def test_damaged_files_are_made_anew(cache: Path) -> None:
     assert begun.exists()
 
 
-def test_a_cache_that_cannot_be_written_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def no_locks(*_: object) -> None:
+    """Fail as a file system on which no process can wait for another."""
+    raise NotImplementedError("no locks here")
+
+
+@pytest.mark.parametrize(
+    ("place", "broken", "by", "words"),
+    [
+        ("file/cache", "", None, r"file/cache cannot be written .*FLEXID_CACHE_DIR"),
+        # Kernels that are there are not loaded where numba could save nothing.
+        ("", "os.access", lambda *_: False, r"cannot be written \(Permission denied\)"),
+        ("", "filelock.FileLock.acquire", no_locks, r"cannot be written \(no locks here\)"),
+    ],
+    ids=["no folder", "only to be read", "no locks"],
+)
+def test_a_cache_that_cannot_be_used_is_refused(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, place: str, broken: str, by: Any, words: str
 ) -> None:
     """Assert that the folder and the remedy are named."""
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
-    with pytest.raises(SettingError, match=r"file/cache cannot be written .*FLEXID_CACHE_DIR"):
-        store.load_kernel("nowhere", ["x"], lambda: KERNEL)
-
-
-def test_a_cache_that_may_only_be_read_is_refused(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Assert that kernels which are there are not loaded where numba could save nothing."""
-    forget(store.load_kernel("read", ["x"], lambda: KERNEL))
-    monkeypatch.setattr(os, "access", lambda *_: False)  # as to a user that does not own it
-    with pytest.raises(SettingError, match=r"cannot be written \(Permission denied\)"):
-        store.load_kernel("read", ["x"], lambda: KERNEL)
-    assert list(cache.glob("flexid_read_*.py"))
-
-
-def test_a_cache_without_locks_is_refused(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Assert that a file system on which no process can wait for another is one sentence."""
-
-    def acquire(*_: object) -> None:
-        raise NotImplementedError("no locks here")
-
-    monkeypatch.setattr("filelock.FileLock.acquire", acquire)
-    with pytest.raises(SettingError, match=r"cannot be written \(no locks here\)"):
-        store.load_kernel("locked", ["x"], lambda: KERNEL)
-    assert not list(cache.glob("*.py"))
+    forget(store.load_kernel("here", ["x"], lambda: KERNEL))
+    (cache / "file").write_text("")
+    monkeypatch.setenv(store.CACHE_VARIABLE, str(cache / place))
+    if broken:
+        monkeypatch.setattr(broken, by)
+    with pytest.raises(SettingError, match=words):
+        store.load_kernel("here", ["x"], lambda: KERNEL)
 
 
 PAIRS = """

@@ -47,15 +47,6 @@ def test_each_term_adds_its_coefficients(term: str):
     assert added == {*TERMS[term].link, *TERMS[term].motor}
 
 
-def test_order_of_terms_does_not_matter():
-    """Assert that the same terms in another order declare the same model."""
-    one, other = (
-        flexible_joint(("gravity", "link_viscous")),
-        flexible_joint(("link_viscous", "gravity")),
-    )
-    assert one.digest == other.digest
-
-
 def along(system, states):
     """Regressors by coefficient along states, without an input."""
     motion = Samples(states[:, ::2], states[:, 1::2], np.zeros((len(states), 1)), 1.0)
@@ -94,14 +85,6 @@ def test_a_spring_bends_where_it_is_said_to():
     found = along(joint, states)
     np.testing.assert_allclose(found["alpha_bend"], [-0.3, 0, 0, 0, 0, 0, 0.5], atol=1e-9)
     np.testing.assert_allclose(found["theta_bend"], -found["alpha_bend"], atol=1e-9)
-
-
-def test_smoothing_is_a_constant_only_where_there_is_friction():
-    """Assert that models without Coulomb friction keep the constants they had."""
-    assert flexible_joint(coulomb_velocity=0.02).constants == {}
-    assert flexible_joint(("motor_coulomb",), coulomb_velocity=0.02).constants == {
-        "coulomb_velocity": 0.02
-    }
 
 
 REFUSED = {

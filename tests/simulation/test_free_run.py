@@ -68,18 +68,6 @@ def test_convergence_is_of_fourth_order():
     np.testing.assert_allclose(slopes, -4, atol=0.25)
 
 
-def test_steep_friction_is_resolved():
-    """Assert that a stiff model gives the motion of a hundred times the sample rate."""
-    joint = flexible_joint(("gravity", "motor_viscous", "motor_coulomb"))
-    coefficients = {**COEFFICIENTS, "alpha_coulomb": 300.0}
-    ends = []
-    for h in (1e-2, 1e-4):
-        samples = 20 * np.sin(2 * np.arange(round(2 / h) + 1) * h)
-        ends.append(free_run(joint, coefficients, np.zeros(4), samples, h)[-1])
-    # What is left is the input, interpolated between samples.
-    np.testing.assert_allclose(ends[0], ends[1], atol=1e-4)
-
-
 def test_fast_poles():
     """Assert that one beyond the sampling settles, and an absurd one is refused at once."""
     cart = ParametricSystem("cart", (Row("cart", "q", "v", {"drag": "-v"}, known="u"),))
