@@ -207,7 +207,7 @@ def covered(variances: list[float], blocks: int) -> tuple[np.ndarray, float]:
     ],
 )
 def test_noise_is_covered(variances, blocks, least):
-    """Assert that intervals hold 95 %, shorter where noise is white, of few directions each its own.
+    """Assert that intervals hold 95 %, and that a noise of few directions is not shared out.
 
     The factor's floor, which acts where the noise is the sensors' alone, adds a little.
     """

@@ -58,7 +58,7 @@ def test_standard_deviations_are_those_of_the_errors():
 
 
 def test_standard_deviations_after_two_seconds():
-    """Assert that in the first second variances are infinite, and at 4 s most intervals are right."""
+    """Assert that in the first second variances are infinite, and at 4 s most intervals right."""
     held = []
     for seed in range(20):
         samples = encoders(seed)

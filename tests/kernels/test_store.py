@@ -199,17 +199,23 @@ def no_locks(*_: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "broken", "by", "words"),
+    ("task", "place", "broken", "by", "words"),
     [
-        ("file/cache", "", None, r"file/cache cannot be written .*FLEXID_CACHE_DIR"),
+        ("new", "file/cache", "", None, r"file/cache cannot be written .*FLEXID_CACHE_DIR"),
         # Kernels that are there are not loaded where numba could save nothing.
-        ("", "os.access", lambda *_: False, r"cannot be written \(Permission denied\)"),
-        ("", "filelock.FileLock.acquire", no_locks, r"cannot be written \(no locks here\)"),
+        ("here", "", "os.access", lambda *_: False, r"cannot be written \(Permission denied\)"),
+        ("new", "", "filelock.FileLock.acquire", no_locks, r"cannot be written \(no locks here\)"),
     ],
     ids=["no folder", "only to be read", "no locks"],
 )
 def test_a_cache_that_cannot_be_used_is_refused(
-    cache: Path, monkeypatch: pytest.MonkeyPatch, place: str, broken: str, by: Any, words: str
+    cache: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    task: str,
+    place: str,
+    broken: str,
+    by: Any,
+    words: str,
 ) -> None:
     """Assert that the folder and the remedy are named."""
     forget(store.load_kernel("here", ["x"], lambda: KERNEL))
@@ -218,7 +224,7 @@ def test_a_cache_that_cannot_be_used_is_refused(
     if broken:
         monkeypatch.setattr(broken, by)
     with pytest.raises(SettingError, match=words):
-        store.load_kernel("here", ["x"], lambda: KERNEL)
+        store.load_kernel(task, ["x"], lambda: KERNEL)
 
 
 PAIRS = """

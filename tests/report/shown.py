@@ -60,7 +60,7 @@ def item_lines(item: Item) -> Iterator[str]:
 
 
 def chart_lines(chart: Chart) -> Iterator[str]:
-    """What a chart draws: its axes, and of each mark first, last and largest value, and the mean."""
+    """What a chart draws: axes, and of each mark first, last and largest value, and the mean."""
     yield f"# {chart.name}: {chart.title}"
     yield chart.says
     for panel in chart.panels:
