@@ -81,10 +81,11 @@ def values_text(mark: Mark) -> str:
     if isinstance(mark, Level):
         return f"{mark.along} = {mark.value:.3e}"
     found = []
-    for values in (
-        getattr(mark, name) for name in ("x", "y", "low", "high") if hasattr(mark, name)
-    ):
+    for name in ("x", "y", "low", "high"):
+        values = getattr(mark, name, np.empty(0))
         own = values[np.isfinite(values)]
-        of_all = (own[0], own[-1], np.abs(own).max(), np.abs(own).mean()) if len(own) else ()
-        found.append(", ".join(f"{v * (abs(v) > 1e-9 * of_all[2]):.3e}" for v in of_all))
+        if len(own):
+            largest = np.abs(own).max()
+            of_all = (own[0], own[-1], largest, np.abs(own).mean())
+            found.append(", ".join(f"{v * (abs(v) > 1e-9 * largest):.3e}" for v in of_all))
     return f"{len(mark.x)}: {'; '.join(found)}"
