@@ -11,13 +11,8 @@ from flexid.identification.judgement.compliance import Compliance
 from flexid.identification.judgement.estimates import verdict
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.vocabulary import evidence
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
-    ModelError,
-    ParameterEstimate,
-    Validation,
-)
 from flexid.identification.vocabulary.intervals import interval, propagated
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
@@ -68,7 +63,7 @@ def estimate_of(fit, log="a log", **settings):
         fit.names, fit.values.tolist(), fit.deviations.tolist(), fit.degrees_of_freedom, strict=True
     ):
         ends = interval(value, std, freedom)
-        coefficients[name] = CoefficientEstimate(
+        coefficients[name] = evidence.CoefficientEstimate(
             name,
             COEFFICIENT_UNITS[name.partition("[")[0]].format(input="(N m)"),
             value,
@@ -83,7 +78,7 @@ def estimate_of(fit, log="a log", **settings):
     for parameter in physical_parameters(values, input_is_torque=True):
         p = propagated(parameter, values, fit)
         judged = verdict(p.value, p.interval)
-        parameters[parameter.name] = ParameterEstimate(
+        parameters[parameter.name] = evidence.ParameterEstimate(
             parameter.name,
             parameter.unit,
             p.value,
@@ -102,8 +97,8 @@ def estimate_of(fit, log="a log", **settings):
         least_squares={},
         excitation={"link": excitation_of_gram("link", ["theta1", "theta2"], gram)},
         residual_excess={"link_position": 1.0},
-        model_error=ModelError(0.0, 3.0, 0.0),
-        validation=Validation({"link_position": 99.0}, ()),
+        model_error=evidence.ModelError(0.0, 3.0, 0.0),
+        validation=evidence.Validation({"link_position": 99.0}, ()),
         compliance=Compliance(True, "the deflection moves", 0.1, 1e-4),
         removed={},
         fit=fit,

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexid.analysis.lyapunov import (
-    ALLOWED_RISE,
-    LyapunovMonitor,
-    RowHistory,
-    monitor,
-    monitor_run,
-    row_histories,
-)
+from flexid.analysis import lyapunov
 from flexid.errors import SettingError
 from flexid.simulation.closed_loop import simulate
 from flexid.studies.readings import sine, table1_loop
@@ -28,7 +21,7 @@ def regressors(time):
 
 
 @pytest.fixture(scope="module")
-def history() -> RowHistory:
+def history() -> lyapunov.RowHistory:
     """Return p̃' = -c r rᵀp̃ integrated by SciPy."""
 
     def rate(t, e):
@@ -36,21 +29,21 @@ def history() -> RowHistory:
         return -0.7 * r * (r @ e)
 
     run = solve_ivp(rate, (0, 20), [1.0, -2.0], "DOP853", TIME, rtol=TOLERANCE, atol=1e-14)
-    return RowHistory("row", ("a", "b"), 0.7, regressors(TIME), run.y.T)
+    return lyapunov.RowHistory("row", ("a", "b"), 0.7, regressors(TIME), run.y.T)
 
 
 def watch(*rows, window=2.0):
     """Return the monitor at the tolerance of the run."""
-    return monitor(TIME, rows, window, TOLERANCE, 1e-14)
+    return lyapunov.monitor(TIME, rows, window, TOLERANCE, 1e-14)
 
 
-def trapezoidal_error(watched: LyapunovMonitor) -> float:
+def trapezoidal_error(watched: lyapunov.LyapunovMonitor) -> float:
     """Return what the imbalance may be by the trapezoidal rule alone: h²/12 ∫|V'''| dt / V(0)."""
     step = watched.time[1] - watched.time[0]
     return step / 12.0 * np.abs(np.diff(watched.rate, 2)).sum() / watched.value[0]
 
 
-def imbalance(watched: LyapunovMonitor) -> float:
+def imbalance(watched: lyapunov.LyapunovMonitor) -> float:
     """Return |V(T) - V(0) - ∫V' dt| / V(0) by the trapezoidal rule."""
     change = watched.value[-1] - watched.value[0]
     return float(abs(change - np.trapezoid(watched.rate, watched.time)) / watched.value[0])
@@ -71,16 +64,16 @@ def test_rate_is_the_derivative_of_the_value(history):
 
 def test_value_never_rises_along_7(history):
     """Assert that V does not rise above the integrator's error."""
-    assert watch(history).rise_in_tolerances < ALLOWED_RISE
+    assert watch(history).rise_in_tolerances < lyapunov.ALLOWED_RISE
 
 
 def test_small_rises_are_seen(history):
     """Assert that a jump of a millionth, or a slow creep that adds up, is reported as a rise."""
     errors = history.errors.copy()
     errors[2001:] = errors[2000] * (1 + 1e-6)
-    assert watch(replace(history, errors=errors)).rise_in_tolerances > ALLOWED_RISE
+    assert watch(replace(history, errors=errors)).rise_in_tolerances > lyapunov.ALLOWED_RISE
     errors = history.errors[0] * (1 + 1e-9 * np.arange(len(TIME)))[:, None]
-    assert watch(replace(history, errors=errors)).rise_in_tolerances > ALLOWED_RISE
+    assert watch(replace(history, errors=errors)).rise_in_tolerances > lyapunov.ALLOWED_RISE
 
 
 def test_dissipation_balances_the_fall_of_the_value(history):
@@ -116,12 +109,12 @@ def test_dissipation_balances_along_a_closed_loop():
     """
     loop = table1_loop((1, 2, 3), reference=sine(0.1))
     run = simulate(loop, 5.0, 1e-4, 1e-8)
-    assert monitor_run(run, 1.0).rise_in_tolerances <= ALLOWED_RISE
+    assert lyapunov.monitor_run(run, 1.0).rise_in_tolerances <= lyapunov.ALLOWED_RISE
     rows = [
         replace(row, regressors=row.regressors[1:], errors=row.errors[1:])
-        for row in row_histories(run)
+        for row in lyapunov.row_histories(run)
     ]
-    watched = monitor(run.time[1:], rows, 1.0, 1e-8, 1e-8)
+    watched = lyapunov.monitor(run.time[1:], rows, 1.0, 1e-8, 1e-8)
     assert imbalance(watched) < trapezoidal_error(watched) < 1e-5
 
 
@@ -130,4 +123,4 @@ def test_a_sampled_run_is_refused():
     loop = table1_loop((1, 2, 3), reference=sine(0.1))
     run = simulate(loop, 0.1, 1e-2, 1e-6)
     with pytest.raises(SettingError, match="continuous run"):
-        monitor_run(replace(run, settings={"task": "sampled"}), 0.05)
+        lyapunov.monitor_run(replace(run, settings={"task": "sampled"}), 0.05)

@@ -9,12 +9,7 @@ import sys
 import pytest
 from rich.console import Console
 
-from flexid.cli.generated import (
-    hand_over,
-    print_document,
-    print_warnings,
-    replace_what_cannot_be_encoded,
-)
+from flexid.cli import generated
 from flexid.library.answer import Answer
 
 LITTLE_ROOM = """
@@ -71,7 +66,7 @@ def test_what_fails_does_not_keep_the_rest(tmp_path, failing):
     """Assert that files are written though nothing can be printed, and the other way round."""
     answer = Failing(failing)
     with pytest.raises(OSError, match="no room"):
-        hand_over(answer, {"json": False, "out": tmp_path}, tmp_path, Console(), "")
+        generated.hand_over(answer, {"json": False, "out": tmp_path}, tmp_path, Console(), "")
     assert answer.taken == ["show", "write"]
 
 
@@ -84,7 +79,7 @@ def printed(request, monkeypatch):
         stream = io.TextIOWrapper(raw, encoding=request.param, write_through=True)
         with monkeypatch.context() as patched:
             patched.setattr(sys, "stdout", stream)
-            replace_what_cannot_be_encoded()
+            generated.replace_what_cannot_be_encoded()
             printing()
         return raw.getvalue().decode(request.param)
 
@@ -94,7 +89,7 @@ def printed(request, monkeypatch):
 def test_json_without_greek_is_the_same(printed):
     """Assert that JSON says the same whatever the terminal can show."""
     document = {"name": "θ₁ ± é", "value": 1.5}
-    assert json.loads(printed(lambda: print_document(document))) == document
+    assert json.loads(printed(lambda: generated.print_document(document))) == document
 
 
 @pytest.mark.parametrize(
@@ -105,7 +100,7 @@ def test_three_warnings_are_printed(count, rest, lines):
     """Assert that of many warnings the first three stand there, and where the others are."""
     written = io.StringIO()
     console = Console(file=written)
-    print_warnings([f"w{number}" for number in range(count)], console, rest)
+    generated.print_warnings([f"w{number}" for number in range(count)], console, rest)
     printed = written.getvalue().splitlines()
     assert len(printed) == lines
     assert printed[:3] == [f"warning: w{number}" for number in range(min(count, 3))]

@@ -11,10 +11,10 @@ from flexid.identification.preparation.alignment import Alignment, Delay, aligne
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Recording
 from flexid.simulation.free_run import free_run
+from made_estimates import TRUE
 
 SAMPLE_TIME = 2e-3
 FINE = 4  # steps of the simulation in a sample
-TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 TONES = ((1.1, 8.0), (3.7, 8.0), (8.3, 6.0), (14.0, 5.0), (23.0, 5.0))  # rad/s, N m
 
 

@@ -8,16 +8,7 @@ from scipy.signal import fftconvolve, firwin, savgol_filter
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import RESTING
-from flexid.identification.estimation.band import (
-    _EDGE,
-    _REACH,
-    _convolved,
-    _slope,
-    directions,
-    slowest_disturbance,
-    thinned,
-    thinning,
-)
+from flexid.identification.estimation import band
 from flexid.identification.full_model.model import Data
 from flexid.recording.velocities import position_noise
 
@@ -55,9 +46,9 @@ def test_the_band_keeps_the_resonance_and_rejects_what_lies_above():
     position = sine(RESONANCE, 1000.0)
     data = log_of(position, 1000.0, position)
     samples = replace(data.samples[0], velocities=np.column_stack((position, position)))
-    factor = thinning(data, START)
+    factor = band.thinning(data, START)
     assert factor > 10
-    found = thinned(replace(data, samples=(samples,)), factor, held=False).samples[0]
+    found = band.thinned(replace(data, samples=(samples,)), factor, held=False).samples[0]
     assert found.velocities is not None
     for column in (*found.velocities.T, found.positions[:, 1], found.inputs[:, 0]):
         np.testing.assert_allclose(column, found.positions[:, 0], rtol=0.0, atol=1e-12)
@@ -67,26 +58,28 @@ def test_the_band_keeps_the_resonance_and_rejects_what_lies_above():
     assert abs(np.arctan2(cosine_part, sine_part)) < 1e-3
     assert np.hypot(sine_part, cosine_part) == pytest.approx(1.0, abs=5e-3)
     beyond = log_of(sine(1.3 * np.pi * 1000.0 / factor, 1000.0), 1000.0)
-    assert np.abs(middle(thinned(beyond, factor, held=False).samples[0].positions)).max() < 0.01
+    assert (
+        np.abs(middle(band.thinned(beyond, factor, held=False).samples[0].positions)).max() < 0.01
+    )
 
 
 @pytest.mark.parametrize("rate", [250.0, 1000.0, 4000.0])
 def test_thinning_leaves_sixteen_samples_in_a_period(rate):
     """Assert 16 samples per period of the resonance, less than one logged sample apart."""
-    factor = thinning(log_of(sine(3.0, rate), rate), START)
+    factor = band.thinning(log_of(sine(3.0, rate), rate), START)
     assert factor * 16.0 <= PERIOD * rate < (factor + 1) * 16.0
 
 
 def test_slow_and_short_logs_keep_enough_samples():
     """Assert that a log with fewer samples per period stays, and that 200 samples are left."""
     slow = log_of(sine(3.0, 40.0), 40.0)
-    assert thinning(slow, START) == 1
-    assert thinned(slow, 1, held=True) is slow
-    assert thinning(log_of(sine(3.0, 1000.0, 2.0), 1000.0), {"theta2": 1.0}) == 10
+    assert band.thinning(slow, START) == 1
+    assert band.thinned(slow, 1, held=True) is slow
+    assert band.thinning(log_of(sine(3.0, 1000.0, 2.0), 1000.0), {"theta2": 1.0}) == 10
     # A short recording limits it by its own halves alone.
     long, short = (log_of(sine(3.0, 1000.0, length), 1000.0) for length in (20.0, 0.4))
     both = replace(long, samples=(*long.samples, *short.samples))
-    assert (thinning(long, {"theta2": 1.0}), thinning(both, {"theta2": 1.0})) == (100, 10)
+    assert (band.thinning(long, {"theta2": 1.0}), band.thinning(both, {"theta2": 1.0})) == (100, 10)
 
 
 def test_a_held_input_is_the_mean_of_before_and_after():
@@ -97,9 +90,9 @@ def test_a_held_input_is_the_mean_of_before_and_after():
     """
     ramp = np.arange(20000.0)
     data = log_of(sine(RESONANCE, 1000.0), 1000.0, ramp)
-    factor = thinning(data, START)
+    factor = band.thinning(data, START)
     for held, late in ((True, 0.5), (False, 0.0)):
-        found = middle(thinned(data, factor, held=held).samples[0].inputs)
+        found = middle(band.thinned(data, factor, held=held).samples[0].inputs)
         assert found[:, 0] == pytest.approx(middle(ramp[::factor, None])[:, 0] - late, abs=1e-6)
 
 
@@ -109,9 +102,9 @@ def test_slopes_and_low_pass_are_those_of_scipy(n):
     walk = np.cumsum(np.random.default_rng(7).standard_normal((n, 2)), axis=0)
     window = min(31, (n - 1) | 1)
     expected = np.asarray(savgol_filter(walk[:, 0], window, 2, deriv=1))
-    np.testing.assert_allclose(_slope(walk[:, 0], window // 2), expected, rtol=0.0, atol=1e-12)
-    found = _convolved(walk, 2)
-    fir = np.asarray(firwin(2 * min(_REACH * 2, n - 1) + 1, _EDGE / 2))
+    np.testing.assert_allclose(band._slope(walk[:, 0], window // 2), expected, rtol=0.0, atol=1e-12)
+    found = band._convolved(walk, 2)
+    fir = np.asarray(firwin(2 * min(band._REACH * 2, n - 1) + 1, band._EDGE / 2))
     reach = (len(fir) - 1) // 2
     before = 2.0 * walk[:1] - walk[reach:0:-1]
     after = 2.0 * walk[-1:] - walk[-2 : -reach - 2 : -1]
@@ -127,7 +120,7 @@ def test_thinned_noise_is_that_of_the_mean():
     """
     rng = np.random.default_rng(3)
     data = log_of(1e-3 * rng.standard_normal(40_000), 1000.0)
-    found = thinned(data, 19, held=False)
+    found = band.thinned(data, 19, held=False)
     assert found.samples[0].sample_time == pytest.approx(0.019)
     assert found.samples[0].positions.std() == pytest.approx(1e-3 * np.sqrt(0.8 / 19), rel=0.1)
 
@@ -142,14 +135,14 @@ def test_directions_follow_motion_and_not_noise():
     noise = 1e-4 * np.random.default_rng(1).standard_normal(40_000)
     for sign in (1.0, -1.0):
         data = log_of(sign * time + noise[:5000], 1000.0)
-        found = directions(data.samples, 19)
+        found = band.directions(data.samples, 19)
         assert len(found) == len(data.samples[0].positions[::19])
         assert middle(found) == pytest.approx(sign, abs=1e-6)
-    found = directions(log_of(noise, 1000.0).samples, 19)
+    found = band.directions(log_of(noise, 1000.0).samples, 19)
     assert abs(found.mean()) < 0.05
     assert found.std() < 0.6
     hidden = log_of(sine(2.0, 1000.0) + 30.0 * noise[:20_000], 1000.0)
-    assert not (directions(hidden.samples, 10) == RESTING).any()
+    assert not (band.directions(hidden.samples, 10) == RESTING).any()
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
@@ -161,7 +154,7 @@ def test_a_row_rests_where_it_is_slow(noise):
     speed = np.concatenate((speed[:stop], np.zeros(800), speed[stop:]))
     position = np.cumsum(speed) / rate
     position += noise * np.random.default_rng(3).standard_normal(len(position))
-    found = directions(log_of(position, rate).samples, factor)[:, 0] == RESTING
+    found = band.directions(log_of(position, rate).samples, factor)[:, 0] == RESTING
     usual = np.sqrt(np.mean(speed**2))
     slow, fast = (np.abs(speed[::factor]) < share * usual for share in (0.07, 0.13))
     within = np.convolve(slow, np.ones(3), "same") > 2.5  # the whole interval, and those around
@@ -176,7 +169,7 @@ def test_directions_of_a_sine_are_means_over_intervals():
     data = log_of(sine(frequency, rate), rate)
     fine = np.sign(np.cos(frequency * np.arange(20000) / rate))
     expected = fine.reshape(-1, factor).mean(axis=1)
-    found = directions(data.samples, factor)[:, 0]
+    found = band.directions(data.samples, factor)[:, 0]
     found = np.where(found == RESTING, expected, found)
     turned = np.convolve(np.abs(expected) < 1.0, np.ones(41), "same") > 0.0
     turned[1:] |= np.convolve(np.diff(expected) != 0.0, np.ones(41), "same") > 0.0
@@ -190,5 +183,5 @@ def test_directions_of_a_sine_are_means_over_intervals():
 def test_slowest_disturbance_follows_the_resonance(rigid, share):
     """Assert that it is the resonance of a rigid joint's band, a fourth of it with a spring."""
     data = log_of(sine(RESONANCE, 1000.0), 1000.0)
-    own = thinned(data, thinning(data, START), held=False)
-    assert slowest_disturbance(own, rigid=rigid) == pytest.approx(share * RESONANCE, rel=0.05)
+    own = band.thinned(data, band.thinning(data, START), held=False)
+    assert band.slowest_disturbance(own, rigid=rigid) == pytest.approx(share * RESONANCE, rel=0.05)

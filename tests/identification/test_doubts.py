@@ -7,25 +7,7 @@ import numpy as np
 import pytest
 
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.identification.estimation.doubts import (
-    DOUBTS,
-    Doubted,
-    cable,
-    calibration,
-    coil_lag,
-    covariance_of,
-    dead_zone,
-    eccentric_encoders,
-    further_modes,
-    gauge_scale,
-    lag,
-    looks_like_a_term,
-    looks_like_the_acceleration,
-    noise_of_the_input,
-    play,
-    scales_apart,
-    widened,
-)
+from flexid.identification.estimation import doubts
 from flexid.identification.vocabulary.estimate import Estimate
 
 VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 20.0, "beta1": 3.0}
@@ -35,7 +17,9 @@ LINK, MOTOR = ("theta1", "theta2"), ("alpha1", "alpha2", "beta1")
 SPRINGS = ("theta2", "alpha1")
 
 
-def doubted(unit: str = "N m", delay: float = DELAY, apart: float = 0.0, **more: Any) -> Doubted:
+def doubted(
+    unit: str = "N m", delay: float = DELAY, apart: float = 0.0, **more: Any
+) -> doubts.Doubted:
     """A fit of a joint with a late input, of whose accelerations a tenth is unexplained."""
     values = np.array([*VALUES.values(), delay])
     fitted = SimpleNamespace(
@@ -47,10 +31,10 @@ def doubted(unit: str = "N m", delay: float = DELAY, apart: float = 0.0, **more:
     )
     sizes = {name: 0.5 / value for name, value in VALUES.items()}
     about = {"by_gauge": None, **more}
-    return Doubted(cast(Any, fitted), sizes, {"link": 0.1, "motor": 0.2}, unit, **about)
+    return doubts.Doubted(cast(Any, fitted), sizes, {"link": 0.1, "motor": 0.2}, unit, **about)
 
 
-def shares(directions: np.ndarray, found: Doubted) -> dict[str, float]:
+def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
     """How far one doubt may move each value, over the value; what it does not move is left out."""
     assert len(directions) == len(NAMES)
     moved = np.sqrt(np.sum(directions**2, axis=1)) / np.abs(found.fitted.values)
@@ -62,38 +46,42 @@ NOISE = np.array([0.0, 0.0, -30.0, 0.0, -0.3, 0.0])
 VOLTS, EARLY = {"unit": "V"}, {"unit": "V", "delay": -DELAY}
 SIDES = {**dict.fromkeys(LINK, 0.1), **dict.fromkeys(MOTOR, 0.2)}
 CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
-    (calibration, {}, dict.fromkeys(NAMES, 0.002)),
-    (further_modes, {}, dict.fromkeys(LINK, 0.003)),
-    (cable, {}, {"theta1": 0.03 / 0.5}),
+    (doubts.calibration, {}, dict.fromkeys(NAMES, 0.002)),
+    (doubts.further_modes, {}, dict.fromkeys(LINK, 0.003)),
+    (doubts.cable, {}, {"theta1": 0.03 / 0.5}),
     # Half a milliradian of deflection pulls like gravity, unless the deflection was measured.
-    (eccentric_encoders, {}, {"theta1": 5e-4 * 100.0 / 5.0}),
-    (eccentric_encoders, {"by_gauge": CHANGE}, {}),
+    (doubts.eccentric_encoders, {}, {"theta1": 5e-4 * 100.0 / 5.0}),
+    (doubts.eccentric_encoders, {"by_gauge": CHANGE}, {}),
     # A spring is never known better than the scale of the deflection's sensor.
-    (gauge_scale, {"by_gauge": CHANGE}, {"theta2": 0.02, "alpha1": 3.0 * 0.02}),
-    (gauge_scale, {}, {}),
+    (doubts.gauge_scale, {"by_gauge": CHANGE}, {"theta2": 0.02, "alpha1": 3.0 * 0.02}),
+    (doubts.gauge_scale, {}, {}),
     # Scales that differ pull like gravity.
-    (scales_apart, {"apart": 0.02}, {**dict.fromkeys(NAMES, 0.02), "theta1": 0.02 * 21.0}),
-    (scales_apart, {}, {}),
+    (doubts.scales_apart, {"apart": 0.02}, {**dict.fromkeys(NAMES, 0.02), "theta1": 0.02 * 21.0}),
+    (doubts.scales_apart, {}, {}),
     # A torque has neither coil nor amplifier, and no coil makes a lead.
-    (coil_lag, {}, {}),
-    (coil_lag, EARLY, {}),
-    (dead_zone, VOLTS, {"beta1": 0.02}),
-    (dead_zone, {}, {}),
+    (doubts.coil_lag, {}, {}),
+    (doubts.coil_lag, EARLY, {}),
+    (doubts.dead_zone, VOLTS, {"beta1": 0.02}),
+    (doubts.dead_zone, {}, {}),
     # Anything between none and all of what play makes of a spring, or more noise of the input.
-    (play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
-    (play, {}, {}),
-    (noise_of_the_input, {"by_noise": NOISE}, dict.fromkeys(("alpha1", "beta1"), 0.1 / 3.0**0.5)),
-    (noise_of_the_input, {}, {}),
+    (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
+    (doubts.play, {}, {}),
+    (
+        doubts.noise_of_the_input,
+        {"by_noise": NOISE},
+        dict.fromkeys(("alpha1", "beta1"), 0.1 / 3.0**0.5),
+    ),
+    (doubts.noise_of_the_input, {}, {}),
     # What the log itself says of a lag stands for what may be lost to one at the resonance.
-    (lag, {"by_lag": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
+    (doubts.lag, {"by_lag": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
     # A term that moves its balance less is doubted more, and friction most.
     (
-        looks_like_a_term,
+        doubts.looks_like_a_term,
         {},
         {n: (0.7 if n == "alpha2" else 0.4 * s) * s / 0.5 for n, s in SIDES.items()},
     ),
     # Each balance may be heavier by the square of its share, all of it in one.
-    (looks_like_the_acceleration, {}, {name: share**2 for name, share in SIDES.items()}),
+    (doubts.looks_like_the_acceleration, {}, {name: share**2 for name, share in SIDES.items()}),
 ]
 
 
@@ -106,8 +94,8 @@ def test_what_each_doubt_moves(doubt: Any, about: dict[str, Any], expected: dict
 
 def test_values_of_one_balance_move_together():
     """Assert that what makes a balance heavier, or a spring stiffer, is one direction."""
-    one, two = further_modes(doubted()), looks_like_the_acceleration(doubted())
-    assert (one.shape[1], two.shape[1], play(doubted(by_play=0.3)).shape[1]) == (1, 2, 1)
+    one, two = doubts.further_modes(doubted()), doubts.looks_like_the_acceleration(doubted())
+    assert (one.shape[1], two.shape[1], doubts.play(doubted(by_play=0.3)).shape[1]) == (1, 2, 1)
     assert ((two != 0.0).sum(axis=1) <= 1).all()
 
 
@@ -123,7 +111,7 @@ def test_a_lag_in_place_of_a_delay(part: float):
     true = np.polynomial.Polynomial([1.0, DELAY]) * np.polynomial.Polynomial([friction, 1.0]) + emf
     delayed = true * np.polynomial.Polynomial([1.0, -DELAY])  # exp(-T s), to first order
     inertia = delayed.coef[1] / delayed.coef[0] * viscous
-    apart = shares(coil_lag(doubted("V")), doubted("V"))
+    apart = shares(doubts.coil_lag(doubted("V")), doubted("V"))
     assert 1.0 - inertia == pytest.approx(part * DELAY * viscous, rel=1e-9)
     assert apart.keys() == {*MOTOR}
     assert 1.0 - inertia <= 1.96 * apart["alpha1"] < 1.2 * DELAY * viscous
@@ -140,15 +128,15 @@ def test_a_lag_passes_less_than_a_delay(delay: float):
     lost = 1.0 - 1.0 / np.hypot(1.0, resonance * np.linspace(0.0, DELAY, 1001))
     found = doubted(delay=delay)
     expected = {"beta1": np.sqrt(0.5 * np.mean(lost**2))}
-    assert shares(lag(found), found) == pytest.approx(expected, rel=0.05)
+    assert shares(doubts.lag(found), found) == pytest.approx(expected, rel=0.05)
 
 
 def test_covariances_add():
     """Assert that all doubts together add their covariances, and that each value has some."""
     found = doubted("V")
     known = Estimate(NAMES, found.fitted.values, np.zeros((6, 6)), (10.0,) * 6)
-    every = [(covariance_of(doubt(found)), words) for doubt, words in DOUBTS.items()]
-    estimate, widest = widened(known, every)
+    every = [(doubts.covariance_of(doubt(found)), words) for doubt, words in doubts.DOUBTS.items()]
+    estimate, widest = doubts.widened(known, every)
     np.testing.assert_allclose(estimate.covariance, sum(part for part, _ in every))
-    assert widest["beta1"] == DOUBTS[looks_like_the_acceleration]
+    assert widest["beta1"] == doubts.DOUBTS[doubts.looks_like_the_acceleration]
     assert widest[INPUT] == ""

@@ -15,9 +15,7 @@ from flexid.identification.full_model.starting import smooth_unknowns
 from flexid.identification.identify import identify
 from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
 from flexid.stored_estimates.structure import structure_of, values_of
-from flexid.streaming.health import Health
 from flexid.streaming.options import StreamChannels, options_of_stream
-from flexid.streaming.session import Session
 
 SIZE, PHASE = 0.02, 0.6  # rad
 CHANNELS = StreamChannels("flexible", "N m", False, ())
@@ -69,21 +67,3 @@ def test_what_is_exported_knows_the_squares(found):
     coefficients = found.coefficients | {"alpha_ecc_product": none}
     with pytest.raises(SettingError, match="alpha_ecc_product"):
         request_of_identification(replace(found, coefficients=coefficients))
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("told", [True, False])
-def test_a_stream_learns_such_a_gear(recording, found, told):
-    """Assert that least squares finds the drive with the estimate, and with the term alone."""
-    step = recording.sample_time
-    chosen = {} if told else {"terms": (*PAPER_TERMS, "eccentricity"), "hold": "linear"}
-    made = found if told else None
-    options = options_of_stream(chosen, made, CHANNELS, step)
-    assert options.given.keys() >= SQUARES
-    session = Session(options)
-    time = step * np.arange(len(recording.motor_position))
-    positions = np.column_stack((recording.link_position, recording.motor_position))
-    session.feed(np.column_stack((time, positions, recording.input)))
-    assert session.health.health is Health.CONVERGED
-    assert session.departures == ()
-    assert session.parameters["eccentricity"].value == pytest.approx(SIZE, rel=0.05)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.arms.arm import Arm, Link, mjcf
+from benchmarks.arms.arm import Arm, Link
 from benchmarks.arms.log import Motion, simulate
 from made_joint import log, recording
 
@@ -44,25 +44,3 @@ def test_every_parameter_is_determined(seed):
     assert result.choices.coulomb_velocity is None
     assert result.choices.hold == "zero"
     assert abs(result.choices.alignment.input_delay.value) < 1e-5
-
-
-def test_friction_that_builds_up_is_no_dry(monkeypatch):
-    """Assert that friction that no term describes is told, and widens intervals to the truth.
-
-    The engine as it is delivered: its friction builds up over ten milliseconds.
-    """
-    usual = 'solreffriction="0.02 1" solimpfriction="0.9 0.95 0.001"'
-    monkeypatch.setattr(
-        "benchmarks.arms.log.mjcf", lambda arm, step: mjcf(arm, step).replace(tight(step), usual)
-    )
-    soft = identified(0)
-    assert soft.disturbances is not None
-    for name, value in TRUTH.items():
-        lower, upper = soft.parameters[name].interval
-        assert lower <= value <= upper, name
-        assert soft.parameters[name].value == pytest.approx(value, rel=0.1), name
-
-
-def tight(step):
-    """Friction that is as good as dry."""
-    return f'solreffriction="{2.0 * step!r} 1" solimpfriction="0.9999 0.9999 0.001"'

@@ -155,14 +155,6 @@ def test_noise_is_no_motion(count: int, lost: bool):
     assert parts[0] == {"theta1", "theta2"}
 
 
-def test_noise_alone_is_lost_however_many_values_there_are():
-    """Assert that a direction that nothing moves is lost."""
-    rng = np.random.default_rng(6)
-    noise, added = 1e-3 * rng.standard_normal((2, 2, 4000))
-    motion = without_noise(noisy_sine(noise), noisy_sine(noise + added), 4000)
-    assert directions(motion, {"theta1": 10.0, "theta2": 300.0})[0][0] < THRESHOLDS.lost_share
-
-
 @pytest.mark.parametrize("relative", [False, True])
 def test_noise_is_added_as_the_sensors_have_it(relative: bool):
     """Assert that a deflection that was measured gets its own noise, and encoders theirs."""

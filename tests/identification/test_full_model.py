@@ -14,6 +14,7 @@ from scipy.stats import t
 import flexid.identification.full_model.fitting as fitting
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.identification.full_model import model
 from flexid.identification.full_model.fitting import (
     LONGEST,
     SHORTEST,
@@ -22,20 +23,12 @@ from flexid.identification.full_model.fitting import (
     lengths,
     refit,
 )
-from flexid.identification.full_model.model import (
-    FINE,
-    LINK,
-    Data,
-    Structure,
-    data_of,
-    once_per_fit,
-)
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.recording.velocities import with_velocities
 
 
 @pytest.fixture(scope="module")
-def late() -> Data:
+def late() -> model.Data:
     """Eight seconds whose torque acts 1.3 ms and whose link is read 0.7 ms late."""
     return data(made(11, 8.0, input_delay=1.3e-3, link_delay=0.7e-3))
 
@@ -68,20 +61,22 @@ def test_lengths_double():
 
 def test_delays_and_coefficients_are_found_together(late):
     """Assert that from least squares all is found within its 99.9 % interval, to 0.1 per cent."""
-    sought = replace(PAPER, timing=Timing("cubic", sought=(INPUT, LINK)))
+    sought = replace(PAPER, timing=Timing("cubic", sought=(INPUT, model.LINK)))
     start, _ = least_squares_start(sought, late, 20.0)
     found = fit_by_length(sought, late, start, lengths(late))
     assert [fitted.duration for fitted in found] == sorted(fitted.duration for fitted in found)
     states, segments = found[-1].minimum.point.initial_states, found[-1].problem.segments
-    last = refit(sought, late, found[-1].by_name, segments, FINE, states)
+    last = refit(sought, late, found[-1].by_name, segments, model.FINE, states)
     truth = np.array([*COEFFICIENTS.values(), 1.3e-3, 0.7e-3])
-    assert last.names == (*COEFFICIENTS, INPUT, LINK)
+    assert last.names == (*COEFFICIENTS, INPUT, model.LINK)
     assert last.values == pytest.approx(truth, rel=1e-3)
     quantile = t.ppf(0.9995, np.array(last.fit.degrees_of_freedom))
     deviations = np.maximum(last.fit.deviations, last.unit_deviations)
     assert np.all(np.abs(last.values - truth) < quantile * deviations)
     assert last.excess == pytest.approx(1.0, abs=0.1)
-    assert last.delays == pytest.approx({INPUT: 1.3e-3, LINK: 0.7e-3, "motor_delay": 0.0}, rel=1e-3)
+    assert last.delays == pytest.approx(
+        {INPUT: 1.3e-3, model.LINK: 0.7e-3, "motor_delay": 0.0}, rel=1e-3
+    )
 
 
 def test_short_segments_forgive_a_bad_start(late):
@@ -89,7 +84,7 @@ def test_short_segments_forgive_a_bad_start(late):
 
     A start from which even these run away is an error.
     """
-    timing = Timing("cubic", {INPUT: 1.3e-3, LINK: 0.7e-3})
+    timing = Timing("cubic", {INPUT: 1.3e-3, model.LINK: 0.7e-3})
     start = {"theta1": 0.0, "theta2": 40.0, "alpha1": 800.0, "alpha2": 0.0, "beta1": 7.0}
     found = fit_by_length(replace(PAPER, timing=timing), late, start, lengths(late))
     assert found[-1].duration > 0.5 * late.duration
@@ -204,7 +199,7 @@ def test_margin_is_small_in_a_short_log():
     assert data(made(1, 8.0), made(1, 0.4)).margin == pytest.approx(0.02)
     assert data(made(1, 8.0)).margin == pytest.approx(0.03)
     late = [with_velocities(made(1, 8.0))]
-    assert data_of(JOINT, late, [0], 0.2).margin == pytest.approx(0.2)
+    assert model.data_of(JOINT, late, [0], 0.2).margin == pytest.approx(0.2)
     assert data(made(1, 8.0)).duration == pytest.approx(4000 * SAMPLE_TIME)
 
 
@@ -214,14 +209,14 @@ def test_terms_of_a_structure():
     Delays become zero, offsets of every log go together, and a shape takes its tie along.
     """
     only = [
-        Structure(JOINT, frozenset(JOINT.optional - {"theta1", name}), Timing("zero")).terms
+        model.Structure(JOINT, frozenset(JOINT.optional - {"theta1", name}), Timing("zero")).terms
         for name in ("alpha_damping", "theta_damping")
     ]
     assert only == [("gravity", "joint_damping"), ("gravity",)]
-    full = Structure(JOINT, frozenset(), Timing("zero", {INPUT: 0.01}, (INPUT, LINK)))
+    full = model.Structure(JOINT, frozenset(), Timing("zero", {INPUT: 0.01}, (INPUT, model.LINK)))
     less = full.without(["theta_offset[1]", "theta_offset[2]", INPUT, "theta1", "alpha_backlash"])
     assert less.absent == {"theta_offset", "theta1", "alpha_backlash", "theta_backlash"}
-    assert less.timing == Timing("zero", {}, (LINK,))
+    assert less.timing == Timing("zero", {}, (model.LINK,))
     assert not {"gravity", "link_offset", "backlash"} & {*less.terms}
 
 
@@ -233,7 +228,7 @@ def test_what_follows_from_a_fit_is_computed_once_and_goes_with_it():
     """Assert that each fit has its own for each argument, until nothing else holds the fit."""
     calls = []
 
-    @once_per_fit
+    @model.once_per_fit
     def power(fitted, exponent):
         calls.append((fitted.name, exponent))
         return _Fit()

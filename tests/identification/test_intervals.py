@@ -5,14 +5,9 @@ import pytest
 from scipy.stats import t
 
 from flexid.errors import SettingError
+from flexid.identification.vocabulary import intervals
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.identification.vocabulary.intervals import (
-    Propagated,
-    interval,
-    logarithmic_interval,
-    propagated,
-)
 from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.models.physical import physical_parameters
 
@@ -35,10 +30,10 @@ def parameter(name: str) -> PhysicalParameter:
     return next(p for p in physical_parameters(NAMES, input_is_torque=True) if p.name == name)
 
 
-def of(name: str, fit: Estimate) -> Propagated:
+def of(name: str, fit: Estimate) -> intervals.Propagated:
     """Propagate a fit, the truth standing for what was given."""
     values = dict(zip(NAMES, VALUES.tolist(), strict=True))
-    return propagated(
+    return intervals.propagated(
         parameter(name), {**values, **dict(zip(fit.names, fit.values, strict=True))}, fit
     )
 
@@ -48,10 +43,10 @@ def test_symmetrical_interval_is_students():
 
     With infinite degrees of freedom it is the normal one.
     """
-    low, high = interval(3.0, 0.5, 7.5)
+    low, high = intervals.interval(3.0, 0.5, 7.5)
     assert (high - low) / 2 == pytest.approx(0.5 * t.ppf(0.975, 7.5))
     assert (high + low) / 2 == pytest.approx(3.0)
-    assert interval(0.0, 1.0, np.inf)[1] == pytest.approx(1.959964, rel=1e-6)
+    assert intervals.interval(0.0, 1.0, np.inf)[1] == pytest.approx(1.959964, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -68,8 +63,8 @@ def test_nothing_known_is_the_whole_line(std, freedom, ends, logarithmic):
 
     A known value has no width, whatever the freedom.
     """
-    assert interval(2.0, std, freedom) == ends
-    assert logarithmic_interval(2.0, std, freedom) == logarithmic
+    assert intervals.interval(2.0, std, freedom) == ends
+    assert intervals.logarithmic_interval(2.0, std, freedom) == logarithmic
 
 
 def test_delta_method_of_a_ratio():

@@ -90,16 +90,6 @@ def test_no_length_is_built_in(axis, unit, factor):
         assert other.parameters[name].value == pytest.approx(expected, abs=half)
 
 
-def test_numbers_are_those_of_an_angle():
-    """Assert that a metre read as a radian and a newton as a newton metre gives no other number."""
-    slides = flexid.identify(log_of(), terms=TERMS)
-    turns = flexid.identify(log_of("rad", "N m"), terms=TERMS)
-    assert turns.joint == "revolute"
-    for name, p in slides.parameters.items():
-        assert turns.parameters[name].value == pytest.approx(p.value, rel=1e-6)
-        assert turns.parameters[name].std == pytest.approx(p.std, rel=1e-3)
-
-
 def test_gravity_is_no_term_of_a_slide():
     """Assert that a term of an angle is refused, and the sentence says where gravity is."""
     with pytest.raises(FlexidError, match=r"gravity.*slides, so that gravity is a part of the off"):

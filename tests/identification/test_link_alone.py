@@ -13,12 +13,7 @@ from flexid.estimators.channel_timing import INPUT
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.structure.link_delay import (
-    confused_covariance,
-    doubtful,
-    is_damping,
-    possible,
-)
+from flexid.identification.structure import link_delay
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.recording.recording import Log, Recording
 
@@ -103,11 +98,11 @@ def test_signs_tell_of_a_delay():
     What is negative goes, and both where the spring itself is negative.
     """
     values = {"theta2": 100.0, "theta_damping": 0.5, "theta_viscous": 0.3}
-    assert possible(values) == (-0.005, 0.003)
-    assert doubtful(values) == set()
-    assert possible({"theta2": 100.0, "theta_damping": -0.5}) == (0.0, 0.0)
-    assert doubtful({**values, "theta_damping": -0.2}) == {"theta_damping"}
-    assert doubtful({"theta2": -1.0}) == {"theta_damping", "theta_viscous"}
+    assert link_delay.possible(values) == (-0.005, 0.003)
+    assert link_delay.doubtful(values) == set()
+    assert link_delay.possible({"theta2": 100.0, "theta_damping": -0.5}) == (0.0, 0.0)
+    assert link_delay.doubtful({**values, "theta_damping": -0.2}) == {"theta_damping"}
+    assert link_delay.doubtful({"theta2": -1.0}) == {"theta_damping", "theta_viscous"}
 
 
 @pytest.mark.parametrize(
@@ -125,15 +120,15 @@ def test_signs_tell_of_a_delay():
 def test_an_early_encoder_with_as_much_friction_is_damping(delay, friction, expected):
     """Assert that both are one coefficient where they leave no friction, within a tenth."""
     values = {"theta2": 100.0, "theta_viscous": friction, "link_delay": delay}
-    assert is_damping(values) == expected
-    assert not is_damping({"theta2": 100.0})
+    assert link_delay.is_damping(values) == expected
+    assert not link_delay.is_damping({"theta2": 100.0})
 
 
 def test_delay_moves_damping_and_friction_by_as_much():
     """Assert that what a delay adds to one it takes from the other, in proportion to stiffness."""
     names = ("theta2", "theta_damping", "theta_viscous", "link_delay")
     estimate = Estimate(names, np.array([100.0, 0.6, 0.3, 0.0]), np.zeros((4, 4)), (9.0,) * 4)
-    added = confused_covariance(estimate)
+    added = link_delay.confused_covariance(estimate)
     variance = 0.5 * (6.0**2 - 6.0 * 3.0 + 3.0**2) * 1e-6 / 3.0  # uniform from -6 to 3 ms, or none
     np.testing.assert_allclose(np.diag(added), [0.0, 1e4 * variance, 1e4 * variance, variance])
     assert added[1, 2] == pytest.approx(-1e4 * variance)

@@ -10,13 +10,7 @@ from made_joint import log as one_log
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.identification.full_model import fitting, starting
-from flexid.identification.full_model.fits_by_length import (
-    fit_full_model,
-    held_otherwise,
-    hold_covariance,
-    residual_variance,
-)
+from flexid.identification.full_model import fits_by_length, fitting, starting
 from flexid.identification.full_model.fitting import fit_by_length, lengths, refit
 from flexid.identification.full_model.model import FINE, LINK, Data, Structure
 from flexid.identification.full_model.starting import (
@@ -173,19 +167,19 @@ def test_another_hold_is_half_a_sample_of_delay():
     held = log_of(held=True)
     base = posed_of(held)
     fitted = fit_by_length(base, held, COEFFICIENTS, lengths(held)[:3])[-1]
-    other = held_otherwise(fitted, "linear")
+    other = fits_by_length.held_otherwise(fitted, "linear")
     assert other is not None
     later = other.delays[INPUT] - fitted.delays[INPUT]
     assert later == pytest.approx(0.5 * held.samples[0].sample_time, rel=0.05)
-    assert held_otherwise(fitted, "zero") is None
+    assert fits_by_length.held_otherwise(fitted, "zero") is None
     bounded = replace(base, bounds={"alpha_coulomb": (0.5, np.inf)})
     start = {**COEFFICIENTS, "alpha_coulomb": 0.5}
     fitted = refit(bounded, held, start, lengths(held)[2], FINE, None)
     assert fitted.at_bound == {"alpha_coulomb": 0.5}
-    other = held_otherwise(fitted, "linear")
+    other = fits_by_length.held_otherwise(fitted, "linear")
     assert other is not None
     assert other.names == fitted.names
-    assert hold_covariance(fitted, ("linear",)).shape == (len(fitted.names),) * 2
+    assert fits_by_length.hold_covariance(fitted, ("linear",)).shape == (len(fitted.names),) * 2
 
 
 HOLDS = ("zero", "cubic", "linear")
@@ -200,12 +194,14 @@ def test_long_segments_know_the_hold(held):
     log = log_of(held=held, noise=2e-7)
     if held:
         alike = replace(THRESHOLDS, hold_fall=1e9)
-        found = fit_full_model(posed_of(log), log, ("zero", "linear"), (), lambda _: None, alike)
+        found = fits_by_length.fit_full_model(
+            posed_of(log), log, ("zero", "linear"), (), lambda _: None, alike
+        )
         assert found.tied == ("linear",)
-        found = fit_full_model(posed_of(log), log, ("linear",), (), lambda _: None)
+        found = fits_by_length.fit_full_model(posed_of(log), log, ("linear",), (), lambda _: None)
         assert found.hold_reason == "as given"
         assert found.found[-1].structure.timing.hold == "linear"
-    found = fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
+    found = fits_by_length.fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert found.found[-1].structure.timing.hold == ("zero" if held else "cubic")
     assert found.tied == ()
     assert abs(found.found[-1].delays[INPUT]) < 1e-5
@@ -218,21 +214,21 @@ def test_tied_holds_are_all_in_the_interval():
     The torque is late, so that each hold needs a delay.
     """
     log = log_of(held=True, noise=3e-4, input_delay=2.7e-3)
-    found = fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
+    found = fits_by_length.fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert {*found.tied} == {"cubic", "linear"}
     last = found.found[-1]
     assert last.structure.timing.hold == "zero"  # it needs the least delay
     place = last.names.index(INPUT)
-    more = hold_covariance(last, found.tied)[place, place] ** 0.5
+    more = fits_by_length.hold_covariance(last, found.tied)[place, place] ** 0.5
     half = 0.5 * log.samples[0].sample_time
     assert 0.6 * half < more < 0.9 * half  # root of two thirds, if all three are alike
-    assert not hold_covariance(last, ()).any()
+    assert not fits_by_length.hold_covariance(last, ()).any()
 
 
 def test_a_delay_of_half_a_sample_is_a_coincidence():
     """Assert that a torque without delay is held, where noise hides what else tells the holds."""
     log = log_of(held=True, noise=3e-4)
-    found = fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
+    found = fits_by_length.fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert found.found[-1].structure.timing.hold == "zero"
     assert found.tied == ()
     assert "half a sample by chance" in found.hold_reason
@@ -254,7 +250,7 @@ def test_a_given_delay_may_be_longer_than_the_margin(late):
     log = log_of(held=True, link_delay=late)
     timing = Timing("zero", {LINK: late}, (INPUT,))
     base = replace(posed_of(log), timing=timing)
-    found = fit_full_model(base, log, ("zero",), (), lambda _: None).found[-1]
+    found = fits_by_length.fit_full_model(base, log, ("zero",), (), lambda _: None).found[-1]
     assert found.structure.absent == base.absent
     assert found.delays[LINK] == late
     assert found.by_name["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=1e-2)
@@ -271,7 +267,7 @@ def test_a_fall_counts_less_where_residuals_are_correlated(samples):
     (fitted,) = fit_by_length(base, log, COEFFICIENTS, lengths(log)[-1:])
     assert fitted.excess == pytest.approx(1.0, abs=0.3)
     low, high = (1.0, 2.5) if samples == 1 else (6.0, 90.0)
-    assert low <= residual_variance([fitted]) <= high
+    assert low <= fits_by_length.residual_variance([fitted]) <= high
 
 
 def test_starts_of_a_long_log_are_tried_in_part(monkeypatch: pytest.MonkeyPatch):

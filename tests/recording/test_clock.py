@@ -188,6 +188,7 @@ def test_the_summer_begins(tmp_path: Path):
 
 
 TIMES = pl.Series("time", MOMENTS)
+TICKS = [int(tick) for tick in since_1970(0)]
 DECIMAL = [f"{1_714_557_600 + k // 5_000}.{2 * (k % 5_000):04d}" for k in range(COUNT)]
 TYPES = {
     "nanoseconds": TIMES.dt.replace_time_zone(None).cast(pl.Datetime("ns")),
@@ -197,6 +198,8 @@ TYPES = {
     "durations": TIMES - MOMENTS[0],
     "text": TIMES.dt.to_string("iso"),
     "decimals": pl.Series("time", DECIMAL).cast(pl.Decimal(18, 6)),
+    "whole ns": pl.Series("time [ns]", TICKS),
+    "whole us": pl.Series("time [us]", [tick // 1000 for tick in TICKS]),
 }
 
 
@@ -242,18 +245,6 @@ def test_resolutions_that_polars_does_not_know(kind: str, unit: str):
     kept = pl.Datetime("ns") if kind == "M" else pl.Duration("ns")
     for table in tables:
         assert table.frame["time"].cast(kept).to_physical().to_list() == right
-
-
-@pytest.mark.parametrize(("unit", "exact"), [("ns", 1e-12), ("us", 1e-12), ("s", 1e-5)])
-def test_numbers_of_parquet_since_1970(tmp_path: Path, unit: str, exact: float):
-    """Assert that whole numbers lose no digit, and others none that they have."""
-    per = {"ns": 1, "us": 1000, "s": 1e9}[unit]
-    ticks = [int(tick) for tick in since_1970(0)]
-    numbers = [tick / per if unit == "s" else tick // int(per) for tick in ticks]
-    path = tmp_path / "log.parquet"
-    column = pl.Series(f"time [{unit}]", numbers)
-    pl.DataFrame(CELLS).insert_column(0, column).write_parquet(path)
-    assert read_log(path).recordings[0].sample_time == pytest.approx(2e-4, rel=exact)
 
 
 def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):

@@ -1,11 +1,9 @@
 """Column maps: renaming, scaling, combining, and what is refused."""
 
 import tomllib
-from collections import OrderedDict
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -23,7 +21,7 @@ from joint_log import (
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording import Log, read_log
+from flexid.recording import read_log
 
 COLUMNS = joint_columns()
 RAW_MAP = """
@@ -39,11 +37,6 @@ RAW = {
     "u": COLUMNS["motor_torque"] * 1e3,
     "other": COLUMNS["time"],
 }
-
-
-def read(text: str, columns: Mapping[str, FloatArray] = RAW) -> Log:
-    """Columns by a map, as TOML."""
-    return read_columns(columns, tomllib.loads(text))
 
 
 def renamed(**names: str) -> dict[str, FloatArray]:
@@ -194,23 +187,6 @@ def test_bad_maps(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch) 
     golden(found)
     path = written(Path(), RAW_MAP.replace("2.0", "2.0.1"), name="columns.toml")
     assert_words("^columns.toml: the column map is not TOML.*line 4", refused(read_log, log, path))
-
-
-@pytest.mark.parametrize("kind", [dict, OrderedDict, MappingProxyType])
-def test_a_mapping_is_read_as_the_file_is(kind: Any) -> None:
-    """Assert that a mapping of whatever type gives the same samples, origins and warnings."""
-    text = "gear_ratio = 50\n" + RAW_MAP.replace('column = "u"', 'sum = ["u", {column = "other"}]')
-    content = {k: kind(v) if isinstance(v, dict) else v for k, v in tomllib.loads(text).items()}
-    terms = ("u", kind({"column": "other"}))
-    content["motor_voltage"] = {**content["motor_voltage"], "sum": terms}
-    content["gear_ratio"] = np.int64(50)
-    content["deflection"] = kind({"column": "strain", "scale": np.float32(2.0)})
-    wanted, found = read(text), read_columns(RAW, kind(content))
-    assert found.columns == wanted.columns
-    assert found.warnings == wanted.warnings
-    for channel in ("link_position", "motor_position", "input"):
-        one, other = getattr(wanted.recordings[0], channel), getattr(found.recordings[0], channel)
-        np.testing.assert_array_equal(other, one)
 
 
 ONLY_IN_PYTHON: list[Mapping[Any, object]] = [

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
 from joint_log import read_columns, refused, said
+from tests.identification.made_joint import made
 
 from flexid.arrays import FloatArray
 from flexid.identification.preparation.recordings import prepare
@@ -26,28 +26,16 @@ Columns = dict[str, FloatArray]
 
 def simulated(size: float = 1.0) -> Columns:
     """12 s of a joint with gravity, friction and white noise on its sensors."""
-    rng = np.random.default_rng(1)
-    tones = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0])
-    forces = size * np.array([2.5, 3.0, 4.0, 4.0, 4.0, 4.0, 4.0])
-    phases = rng.uniform(0.0, 2.0 * np.pi, len(tones))
-
-    def torque(at: FloatArray) -> FloatArray:
-        return np.asarray(np.sin(np.outer(at, tones) + phases) @ forces, dtype=np.float64)
-
-    time = STEP * np.arange(COUNT, dtype=np.float64)
-    drive = Drive(1.0, 0.3, 100.0, gravity_torque=5.0, motor_viscous=0.2)
-    smooth = Smooth(torque(-0.02 + 1e-4 * np.arange(120_600, dtype=np.float64)), -0.02, 1e-4)
-    zeros = np.zeros((COUNT, 3))
-    states, _ = simulate(
-        drive, time, time, time, torque(time), zeros[:, 0], smooth, Law(), zeros, 0.0, 5e-4
-    )
+    motion = made(1, 12.0, noise=0.0, size=size)
+    link, motor = motion.needed_link_position, motion.motor_position
+    noise = np.random.default_rng(1).standard_normal((4, COUNT))
     return {
-        "time [s]": time,
-        LINK: states[:, 0] + NOISE * rng.standard_normal(COUNT),
-        MOTOR: states[:, 2] + NOISE * rng.standard_normal(COUNT),
-        TORQUE: torque(time),
-        LINK_SPEED: states[:, 1] + 1e-3 * rng.standard_normal(COUNT),
-        MOTOR_SPEED: states[:, 3] + 1e-3 * rng.standard_normal(COUNT),
+        "time [s]": STEP * np.arange(COUNT, dtype=np.float64),
+        LINK: link + NOISE * noise[0],
+        MOTOR: motor + NOISE * noise[1],
+        TORQUE: motion.needed_input,
+        LINK_SPEED: np.gradient(link, STEP) + 1e-3 * noise[2],
+        MOTOR_SPEED: np.gradient(motor, STEP) + 1e-3 * noise[3],
     }
 
 
@@ -110,7 +98,7 @@ def stuck_for_a_while() -> Columns:
     """A link that rests and goes on smoothly while the motor winds up."""
     at, link, motor = 3000, CLEAN[LINK].copy(), CLEAN[MOTOR].copy()
     link[at : at + 200] = link[at]
-    link[at + 200 :] = link[at] + 0.5 * (STEP * np.arange(COUNT - at - 200)) ** 2
+    link[at + 200 :] = link[at] + 0.3 * (STEP * np.arange(COUNT - at - 200)) ** 2
     motor[at : at + 200] = np.linspace(motor[at], motor[at] + 0.02, 200)
     return with_changes(link=lambda _: link, motor=lambda _: motor)
 

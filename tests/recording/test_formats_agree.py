@@ -2,46 +2,37 @@
 
 from pathlib import Path
 
+import log_files
 import numpy as np
 import polars as pl
 import pytest
 from joint_log import assert_words, refused
-from log_files import (
-    COLUMNS,
-    MAPS,
-    SIGNALS,
-    TORQUE,
-    WRITERS,
-    in_groups,
-    log_file,
-    mcap,
-    mdf,
-    measured,
-    signal,
-)
 
 from flexid.recording import read_log
 from flexid.recording.frame import write_parquet
 from flexid.recording.series import table_of_file, tables_of_file
 
 FAST = np.arange(0.0007, 0.4, 1e-3)
-LATE = sorted(measured(2_000_000), key=lambda one: one[0])
-TORQUE_OF_MDF = [signal("motor_torque", np.sin(FAST), FAST)]
+LATE = sorted(log_files.measured(2_000_000), key=lambda one: one[0])
+TORQUE_OF_MDF = [log_files.signal("motor_torque", np.sin(FAST), FAST)]
 IN_PARTS = {
-    **{name: WRITERS[name] for name in ("Parquet", "HDF5", "MDF 4", "MDF 3")},
-    "MDF, two rates": ("a.mf4", lambda p: mdf(p, in_groups()[0], TORQUE_OF_MDF)),
-    "MCAP in blocks": ("a.mcap", lambda p: mcap(p, LATE)),
+    **{name: log_files.WRITERS[name] for name in ("Parquet", "HDF5", "MDF 4", "MDF 3")},
+    "MDF, two rates": (
+        "a.mf4",
+        lambda p: log_files.mdf(p, log_files.in_groups()[0], TORQUE_OF_MDF),
+    ),
+    "MCAP in blocks": ("a.mcap", lambda p: log_files.mcap(p, LATE)),
 }
 CUT = ("MATLAB 5", "HDF5", "ROS 1", "ROS 2, database", "ROS 2, MCAP")
 
 
-@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("name", log_files.WRITERS)
 def test_channels_are_the_same_bits(name: str, tmp_path: Path):
     """Assert that every format gives them, at its own times."""
-    (recording,) = read_log(log_file(tmp_path, name), MAPS.get(name)).recordings
-    np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
-    np.testing.assert_array_equal(recording.motor_position, COLUMNS["motor_position"])
-    np.testing.assert_array_equal(recording.input, COLUMNS["motor_torque"])
+    (recording,) = read_log(log_files.log_file(tmp_path, name), log_files.MAPS.get(name)).recordings
+    np.testing.assert_array_equal(recording.link_position, log_files.COLUMNS["link_position"])
+    np.testing.assert_array_equal(recording.motor_position, log_files.COLUMNS["motor_position"])
+    np.testing.assert_array_equal(recording.input, log_files.COLUMNS["motor_torque"])
     assert recording.sample_time == pytest.approx(0.005, rel=1e-9)
     assert recording.input_unit == "N m"
 
@@ -50,7 +41,7 @@ def test_channels_are_the_same_bits(name: str, tmp_path: Path):
 def test_parts_are_the_whole(name: str, tmp_path: Path):
     """Assert that a file is read in parts, of one clock or of two, as it is at once."""
     file, write = IN_PARTS[name]
-    path, column_map = write(tmp_path / file), TORQUE if "MCAP" in name else None
+    path, column_map = write(tmp_path / file), log_files.TORQUE if "MCAP" in name else None
     parts = [table.frame for table in tables_of_file(path, column_map, 30)]
     assert [part.height for part in parts[:2]] == [30, 30]
     assert pl.concat(parts).equals(table_of_file(path, column_map).frame)
@@ -59,7 +50,7 @@ def test_parts_are_the_whole(name: str, tmp_path: Path):
 @pytest.mark.parametrize("name", CUT)
 def test_a_file_that_is_cut_short(name: str, tmp_path: Path):
     """Assert that it is refused."""
-    path = log_file(tmp_path, name)
+    path = log_files.log_file(tmp_path, name)
     raw = path.read_bytes()
     path.write_bytes(raw[: len(raw) // 2])
     assert_words("that can be read|cannot be read on from there", refused(read_log, path))
@@ -72,10 +63,10 @@ def test_a_column_says_where_it_stands(tmp_path: Path):
         ("HDF5", "run/1/motor_position"),
         ("ROS 2, database", "/joint_states.position.motor [rad]"),
     ):
-        log = read_log(log_file(tmp_path, name))
+        log = read_log(log_files.log_file(tmp_path, name))
         assert log.columns["motor_position"].columns == {path: 1.0}
         assert len(log.warnings) == name.startswith("ROS")  # taken by their names
-    assert {*log.columns} == {"time", *SIGNALS}
+    assert {*log.columns} == {"time", *log_files.SIGNALS}
 
 
 def test_a_table_comes_back(tmp_path: Path):

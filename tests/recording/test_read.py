@@ -55,23 +55,6 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
         read_log(Path("-"))
 
 
-def test_degrees_equal_radians() -> None:
-    """Assert that the unit in the header makes degrees and milliseconds equal to SI."""
-    columns = joint_columns()
-    log = read_columns(
-        {
-            "time [ms]": columns["time"] * 1e3,
-            "link_position [deg]": np.degrees(columns["link_position"]),
-            "motor_position [deg]": np.degrees(columns["motor_position"]),
-            "link_velocity [deg/s]": np.degrees(columns["link_velocity"]),
-            "motor_velocity [rpm]": columns["motor_velocity"] * 30.0 / np.pi,
-            "motor_torque [mN m]": columns["motor_torque"] * 1e3,
-        }
-    )
-    assert log.warnings == ()
-    assert_equal_logs(log, read_columns(columns), rtol=1e-12)
-
-
 def test_deflection_gives_the_link_position() -> None:
     """Assert that link = motor + deflection where the link is not measured."""
     columns = without(joint_columns(), "link_position")

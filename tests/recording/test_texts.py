@@ -5,32 +5,21 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import joint_log
 import numpy as np
 import pytest
-from joint_log import (
-    Change,
-    assert_equal_logs,
-    assert_words,
-    csv_text,
-    joint_columns,
-    read_columns,
-    refused,
-    without,
-    written,
-)
 
 from flexid.recording import read_log
-from flexid.recording.layout import layout_of
 from flexid.streaming.incoming import TextSamples, TextStream
 from flexid.streaming.sources import GrowingFile
 
-COLUMNS = without(joint_columns(500), "velocity")
-TEXT = csv_text(COLUMNS)
+COLUMNS = joint_log.without(joint_log.joint_columns(500), "velocity")
+TEXT = joint_log.csv_text(COLUMNS)
 UNITS = "s,rad,rad,N m"
 PREAMBLE = "Logger 3000\nRecorded: 2024-05-01, 12:00\nChannels, 6\n\n"
 
 
-def rows(change: Change) -> Change:
+def rows(change: joint_log.Change) -> joint_log.Change:
     """Change each row of numbers."""
 
     def changed(text: str) -> str:
@@ -40,12 +29,12 @@ def rows(change: Change) -> Change:
     return changed
 
 
-def cells(change: Change, separator: str = ",") -> Change:
+def cells(change: joint_log.Change, separator: str = ",") -> joint_log.Change:
     """Change each cell of each row, and what stands between them."""
     return rows(lambda line: separator.join(map(change, line.split(","))))
 
 
-def ending(cell: str, header: str = "") -> Change:
+def ending(cell: str, header: str = "") -> joint_log.Change:
     """Add a cell to each row, and perhaps one to the header."""
     return lambda text: rows(lambda line: line + cell)(text.replace("\n", header + "\n", 1))
 
@@ -60,7 +49,7 @@ def fortran(cell: str) -> str:
     return f"{float(cell):.17E}".replace("E", "D")
 
 
-def grouped(mark: str, decimal: str = ".") -> Change:
+def grouped(mark: str, decimal: str = ".") -> joint_log.Change:
     """Torques in mN m with marks between thousands, others with six decimals."""
 
     def changed(line: str) -> str:
@@ -82,12 +71,12 @@ def whole(line: str) -> str:
     return ";".join(f"{round(1e4 * float(cell)):,}" for cell in line.split(","))
 
 
-def below(line: str) -> Change:
+def below(line: str) -> joint_log.Change:
     """Add a line below the header."""
     return lambda text: text.replace("\n", f"\n{line}\n", 1)
 
 
-def named(**names: str) -> Change:
+def named(**names: str) -> joint_log.Change:
     """Rename columns."""
 
     def change(text: str) -> str:
@@ -107,13 +96,13 @@ def tabbed(text: str) -> str:
 def degrees(_: str) -> str:
     """The link position in degrees, as a ° says."""
     columns = {"time": COLUMNS["time"], "link_position [°]": np.degrees(COLUMNS["link_position"])}
-    return csv_text(columns | without(COLUMNS, "time", "link"))
+    return joint_log.csv_text(columns | joint_log.without(COLUMNS, "time", "link"))
 
 
 IN_DEGREES = {f"degrees in {code}": code for code in ("utf-8-sig", "latin-1", "utf-16")}
 ENCODED = {"Latin-1": "latin-1", **IN_DEGREES}
 NOT_STREAMED = ("degrees in utf-16", "carriage returns alone")
-READ: dict[str, Change] = {
+READ: dict[str, joint_log.Change] = {
     "semicolons": lambda text: text.replace(",", ";"),
     "tabs": tabbed,
     "blanks around commas": lambda text: text.replace(",", " , "),
@@ -185,16 +174,16 @@ def streamed(path: Path) -> np.ndarray:
 @pytest.mark.parametrize("name", READ)
 def test_read(tmp_path: Path, name: str) -> None:
     """Assert that log and stream hold the numbers that the text means."""
-    path = written(tmp_path, READ[name](TEXT), ENCODED.get(name, "utf-8"))
+    path = joint_log.written(tmp_path, READ[name](TEXT), ENCODED.get(name, "utf-8"))
     log = read_log(path)
-    assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
+    joint_log.assert_equal_logs(log, joint_log.read_columns(COLUMNS), 1e-12)
     assert all("not used" in warning or "not read" in warning for warning in log.warnings)
     if name not in NOT_STREAMED:
         np.testing.assert_allclose(streamed(path), np.column_stack([*COLUMNS.values()]), rtol=1e-12)
 
 
 LAST_AS_WORD = rows(lambda line: ",".join([*line.split(",")[:-1], str(line[-1] > "5")]))
-REFUSED: dict[str, Change] = {
+REFUSED: dict[str, joint_log.Change] = {
     "apostrophes between thousands": grouped("'"),
     "blanks between thousands": grouped(" "),
     "commas between thousands": grouped(","),
@@ -213,19 +202,19 @@ def test_refused_texts(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
     found = {}
     for name, change in REFUSED.items():
-        path = written(Path(), change(TEXT))
-        found[name] = refused(read_log, path)
+        path = joint_log.written(Path(), change(TEXT))
+        found[name] = joint_log.refused(read_log, path)
         if name != "parentheses":  # few lines are no rows
-            found[f"{name}, as a stream"] = refused(streamed, path)
+            found[f"{name}, as a stream"] = joint_log.refused(streamed, path)
     golden(found)
 
 
 def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
     """Assert that null bytes or half a row at its end cost no sample, and are named."""
     for end in ("\0" * 4096, "2.5,0.1"):
-        path = written(tmp_path, TEXT + end)
+        path = joint_log.written(tmp_path, TEXT + end)
         (warning,) = read_log(path).warnings
-        assert_words("line 502 was left out, as a last row that is not complete", warning)
+        joint_log.assert_words("line 502 was left out, as a last row that is not complete", warning)
         assert len(streamed(path)) == 500
 
 
@@ -234,8 +223,8 @@ def test_one_bad_cell(tmp_path: Path, cell: str) -> None:
     """Assert that a log refuses it with its line, and a stream loses that sample alone."""
     lines = [line.replace(",", ";") for line in TEXT.splitlines()]
     lines[300] = ";".join([*lines[300].split(";")[:-1], cell])
-    path = written(tmp_path, "\n".join(lines) + "\n")
-    assert "line 301, column 'motor_torque': " in refused(read_log, path)
+    path = joint_log.written(tmp_path, "\n".join(lines) + "\n")
+    assert "line 301, column 'motor_torque': " in joint_log.refused(read_log, path)
     samples = streamed(path)
     assert np.flatnonzero(~np.isfinite(samples[:, 3])).tolist() == [299]
     assert np.isfinite(samples[:, :3]).all()
@@ -246,7 +235,7 @@ def test_a_stream_that_begins_without_numbers_is_waited_for(tmp_path: Path) -> N
     lines = TEXT.splitlines()
     for k in range(1, 250):
         lines[k] = ",".join([*lines[k].split(",")[:-1], "" if k % 2 else "nan"])
-    samples = streamed(written(tmp_path, "\n".join(lines) + "\n"))
+    samples = streamed(joint_log.written(tmp_path, "\n".join(lines) + "\n"))
     assert np.isnan(samples[:249, 3]).all()
     assert np.isfinite(samples[249:]).all()
 
@@ -264,52 +253,15 @@ def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
     np.testing.assert_array_equal(samples[150:, 1], [1.234, 0.5, -1.234, np.nan])
 
 
-@pytest.mark.parametrize(
-    ("text", "names", "first"),
-    [
-        ("a,b\n1,2\n3,4\n", ("a", "b"), 2),
-        ("a,b\n1,2\n", ("a", "b"), 2),
-        ("Version 2\na,b\n1,2\n3,4\n", ("a", "b"), 3),
-        ("Date,2024,5\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 3),
-        ("Rig,7,arm\nRate,9,slow\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
-        ("Version,2,1\n10,20\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
-        ("x,y\na,b\n1,2\n3,4\n", ("a", "b"), 3),
-        ("a,b\ns,V\n1,2\n3,4\n", ("a [s]", "b [V]"), 3),
-        ("# units: ms, V\na,b\n1,2\n3,4\n", ("a [ms]", "b [V]"), 3),
-        ("Unit,V\na,b\n1,2\n3,4\n", ("a", "b [V]"), 3),
-        ("s,V\n1,2\n3,4\n", ("s", "V"), 2),
-        ("a;b,c\n1,5;2\n3,5;4\n", ("a", "b,c"), 2),
-        ("t [s] q [N m] u\n1 2 3\n4 5 6\n", ("t [s]", "q [N m]", "u"), 2),
-        (" t [s]  link angle [deg]  u\n1 2 3\n4 5 6\n", ("t [s]", "link angle [deg]", "u"), 2),
-        ("a,,c\n1,2,3\n", ("a", "unnamed 2", "c"), 2),
-        ("# a, b\n# c d\n1,2\n3,4\n", ("a", "b"), 3),
-        ("a,b\n\n1,2\n3,4\n", ("a", "b"), 3),
-        ("a,b\nx,y\n", ("a", "b"), 2),
-        ("comment\nx\n", ("comment",), 2),
-        ("a,b\nnan,1\n2,3\n", ("a", "b"), 2),
-        ("a,b,c,d\n0,1,2,3\n0,(1),(2),3\n4,5,6,7\n8,9,1,2\n", ("a", "b", "c", "d"), 2),
-        ("Rig\na,b,c,d\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "d"), 3),
-        ("Rig\na,b,c\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "unnamed 4"), 3),
-    ],
-)
-def test_layout(text: str, names: tuple[str, ...], first: int) -> None:
-    """Assert that names, units and the first row are found."""
-    layout = layout_of("log.csv", text.encode())
-    assert layout.names == names
-    assert layout.first_line == first
-    rest = "".join(text.splitlines(keepends=True)[first - 1 :])
-    assert text.encode()[layout.start :].decode() == rest
-
-
 @pytest.mark.parametrize("name", ["q_" * 50_000, "[" * 100_000, "-" * 100_000, " " * 100_000])
 @pytest.mark.parametrize("separator", [",", " "])
 def test_endless_names(name: str, separator: str, tmp_path: Path) -> None:
     """Assert that a name of a tenth of a megabyte neither hides the others nor takes minutes."""
     lines = TEXT.splitlines()
     text = "\n".join([f"{lines[0]},{name}x", *(f"{line},0" for line in lines[1:])])
-    log = read_log(written(tmp_path, text.replace(",", separator)))
-    assert_equal_logs(log, read_columns(COLUMNS))
+    log = read_log(joint_log.written(tmp_path, text.replace(",", separator)))
+    joint_log.assert_equal_logs(log, joint_log.read_columns(COLUMNS))
     assert "not used" in log.warnings[0]
-    assert_equal_logs(read_log(written(tmp_path, name + "\n" + TEXT)), log)
-    path = written(tmp_path, 2 * name + "x," + "\n".join(lines))
-    assert "line 1: " in refused(read_log, path)
+    joint_log.assert_equal_logs(read_log(joint_log.written(tmp_path, name + "\n" + TEXT)), log)
+    path = joint_log.written(tmp_path, 2 * name + "x," + "\n".join(lines))
+    assert "line 1: " in joint_log.refused(read_log, path)

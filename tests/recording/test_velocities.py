@@ -86,19 +86,6 @@ def test_derivative_of_an_exact_motion() -> None:
     assert rms(velocity(POSITION, 1e-3) - DERIVATIVE) < 1e-9
 
 
-def test_no_phase_shift() -> None:
-    """Assert that the velocity is shifted by less than a hundredth of a sample."""
-    rng = np.random.default_rng(5)
-    position, derivative = multisine(20_000, 1e-3)
-    estimate = velocity(position + 1e-4 * rng.standard_normal(len(position)), 1e-3)
-    # d(t - shift) = d(t) - shift d'(t): the shift is the share of d' in the error.
-    inner = slice(500, -500)
-    acceleration = np.gradient(derivative, 1e-3)[inner]
-    error = (estimate - derivative)[inner]
-    shift = -float(error @ acceleration) / float(acceleration @ acceleration)
-    assert abs(shift) < 0.01 * 1e-3
-
-
 def test_motion_is_not_mistaken_for_noise() -> None:
     """Assert that a fast tone beside a slow one is kept, though it changes sign in 13 samples."""
     rng = np.random.default_rng(6)

@@ -5,18 +5,8 @@ import numpy as np
 from flexid.analysis.excitation import excitation_of_gram
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.vocabulary import evidence
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
-    Compliance,
-    Disturbances,
-    FreeRun,
-    ModelError,
-    ParameterEstimate,
-    SegmentEvidence,
-    TermEvidence,
-    Validation,
-)
 
 INFINITE = float("inf")
 
@@ -34,16 +24,19 @@ CHOICES = Choices(
     estimator="prediction-error",
     segment_duration=1.99,
     term_evidence=(
-        TermEvidence("theta1", True, 5.0123, 0.021, 1e-20),
-        TermEvidence("alpha_cubic", False, 0.456, 0.789, 0.57),
-        TermEvidence("theta_cosine", False, 0.0, INFINITE, 1.0),
+        evidence.TermEvidence("theta1", True, 5.0123, 0.021, 1e-20),
+        evidence.TermEvidence("alpha_cubic", False, 0.456, 0.789, 0.57),
+        evidence.TermEvidence("theta_cosine", False, 0.0, INFINITE, 1.0),
     ),
-    segment_evidence=(SegmentEvidence(0.995, 1.21, 0.0345), SegmentEvidence(1.99, 1.44, 0.0123)),
+    segment_evidence=(
+        evidence.SegmentEvidence(0.995, 1.21, 0.0345),
+        evidence.SegmentEvidence(1.99, 1.44, 0.0123),
+    ),
 )
 
-VALIDATION = Validation(
+VALIDATION = evidence.Validation(
     {"link_position": 99.1, "motor_position": 98.2, "deflection": float("nan")},
-    (FreeRun(np.arange(3.0), np.zeros((3, 3)), np.ones((3, 3))),),
+    (evidence.FreeRun(np.arange(3.0), np.zeros((3, 3)), np.ones((3, 3))),),
     {
         0.05: {"link_position": 99.9, "motor_position": 99.8, "deflection": float("nan")},
         0.2: {"link_position": 99.7, "motor_position": 99.6, "deflection": float("nan")},
@@ -52,33 +45,35 @@ VALIDATION = Validation(
 )
 
 
-def made_result(model_error: ModelError | None = None) -> Identification:
+def made_result(model_error: evidence.ModelError | None = None) -> Identification:
     """Return an identification in which each number occurs once."""
     gram = np.array([[1.0, 0.3], [0.3, 1.0]])
     return Identification(
         model="flexible",
         coefficients={
-            "theta1": CoefficientEstimate("theta1", "1/s^2", 5.0, 0.1, (4.8, 5.2), "determined"),
-            "alpha_coulomb": CoefficientEstimate(
+            "theta1": evidence.CoefficientEstimate(
+                "theta1", "1/s^2", 5.0, 0.1, (4.8, 5.2), "determined"
+            ),
+            "alpha_coulomb": evidence.CoefficientEstimate(
                 "alpha_coulomb", "rad/s^2", 2.0, 0.5, (1.0, 3.0), "weak", "its interval is wide"
             ),
         },
         parameters={
-            "gravity_torque": ParameterEstimate(
+            "gravity_torque": evidence.ParameterEstimate(
                 "gravity_torque", "N m", 7.0, 0.1, (6.8, 7.2), "determined"
             )
         },
         least_squares={"theta1": 5.0456},
         excitation={"link": excitation_of_gram("link", ["theta1", "theta2"], gram)},
         residual_excess={"link_position": 1.02, "motor_position": 3.04},
-        model_error=model_error or ModelError(0.05, 0.9, 0.0),
+        model_error=model_error or evidence.ModelError(0.05, 0.9, 0.0),
         validation=VALIDATION,
-        compliance=Compliance(True, "the deflection moves", 0.1, 1e-4),
+        compliance=evidence.Compliance(True, "the deflection moves", 0.1, 1e-4),
         removed={
-            "joint_damping": ParameterEstimate(
+            "joint_damping": evidence.ParameterEstimate(
                 "joint_damping", "N m s/rad", 1e-4, 2e-4, (-3e-4, 5e-4), "undetermined"
             ),
-            "gravity_angle": ParameterEstimate(
+            "gravity_angle": evidence.ParameterEstimate(
                 "gravity_angle", "rad", 0.0, INFINITE, (-INFINITE, INFINITE), "undetermined"
             ),
         },
@@ -87,5 +82,5 @@ def made_result(model_error: ModelError | None = None) -> Identification:
         summary=("Model: gravity, motor_coulomb.",),
         warnings=("a warning",),
         provenance={"flexid_version": "0"},
-        disturbances=Disturbances({"link": 0.021, "motor": 0.13}, 0.004),
+        disturbances=evidence.Disturbances({"link": 0.021, "motor": 0.13}, 0.004),
     )
