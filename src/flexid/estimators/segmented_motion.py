@@ -333,9 +333,10 @@ class SegmentedMotion:
         normal += np.tril(normal, -1).transpose(0, 2, 1)
         # Segment by segment in their order, so that no digit depends on the threads.
         cost = float(np.sum(costs))
-        if not np.all(np.abs(normal) < _LARGEST):
+        overflowed = ~np.all(np.abs(normal) < _LARGEST, axis=(1, 2))
+        if overflowed.any():
             cost = np.inf
-            normal[:], gradient[:] = 0.0, 0.0  # no number that overflowed says anything
+            normal[overflowed], gradient[overflowed] = 0.0, 0.0  # these say nothing
         if by == "everything":
             normal, gradient = self._gathered(normal, gradient, point.values, wanted)
         # A memory is between -1 and 1 wherever a segment starts, so that it is known by about 1.

@@ -81,15 +81,15 @@ class Segments:
         if np.any(np.diff(np.append(self.firsts, len(self))) % 2):
             return None
         lengths = self.lengths[::2] + self.lengths[1::2]
-        return replace(self._at(np.arange(0, len(self), 2)), lengths=lengths)
+        return replace(self.at(np.arange(0, len(self), 2)), lengths=lengths)
 
     def some(self, count: int) -> "Segments":
         """So many of the segments at most, beside the first of each recording, spread evenly."""
         step = -(-len(self) // count)
         parts = np.split(np.arange(len(self)), self.firsts[1:])
-        return self._at(np.concatenate([part[::step] for part in parts]))
+        return self.at(np.concatenate([part[::step] for part in parts]))
 
-    def _at(self, places: NDArray[np.int64]) -> "Segments":
+    def at(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> "Segments":
         """The segments at some places."""
         return replace(
             self,

@@ -6,7 +6,7 @@ follows it; and the model runs on from there. Nothing of the stretch itself but 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from flexid.symmetric import pseudo_inverse
 
 _MOST_STEPS = 10
 _NULL = 1e-9  # of the largest eigenvalue
-_CONVERGED = 1e-6  # relative fall of the sum of squares that the last step promises
+_CONVERGED = 1e-4  # relative fall of the sum of squares that the last step promises
 
 
 def following_states(
@@ -36,26 +36,32 @@ def following_states(
     Returns shape (n_windows, n_states).
     """
     problem = replace(model, segments=windows)
-    states = problem.start_states
-    equations = problem.equations(Point(values, states), "states")
     firsts = problem.first_blocks[:-1]
-    share = np.ones((len(windows), 1))  # of a step, that is taken
+
+    def at(states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        found = problem.equations(Point(values, states), "states")
+        blocks = np.add.reduceat(found.normal, firsts), np.add.reduceat(found.gradient, firsts)
+        return *blocks, found.costs
+
+    states = problem.start_states
+    normal, gradient, costs = at(states)
+    share = np.ones(len(windows))  # of a step, that is taken
     for _ in range(_MOST_STEPS):
-        normal = np.add.reduceat(equations.normal, firsts, axis=0)
-        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
         scale = np.sqrt(np.einsum("sii->si", normal))
         scale = np.where(scale > 0.0, scale, 1.0)
         inverse = pseudo_inverse(normal / (scale[:, :, None] * scale[:, None, :]), _NULL)
         step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
-        runs = ~equations.diverged
-        if np.sum((step * gradient)[runs]) <= _CONVERGED * np.sum(equations.costs[runs]):
+        runs = np.isfinite(costs)
+        if np.sum((step * gradient)[runs]) <= _CONVERGED * np.sum(costs[runs]):
             return states + step
-        trial = problem.equations(Point(values, states + share * step), "states")
+        trial = states + share[:, None] * step
+        tried = at(trial)
         # One that a step leads astray, where a side sticks or is jolted, keeps no other back.
-        better = (trial.costs < equations.costs)[:, None]
-        states = np.where(better, states + share * step, states)
+        better = tried[-1] < costs
+        states = np.where(better[:, None], trial, states)
         share = np.where(better, 1.0, 0.5 * share)
-        equations = trial if better.all() else problem.equations(Point(values, states), "states")
+        for own, its in zip((normal, gradient, costs), tried, strict=True):
+            own[better] = its[better]
     return states
 
 
@@ -115,20 +121,22 @@ def validate_with(
     state that fits that time best.
     """
     spreads = _spreads(joint, samples, starts)
-    ends = [[start] for start in starts]
-    rest = (joint, problem, values, samples)
-    runs = _predictions(*rest, ends, np.inf, warm_up, from_fitted_states)
-    fits = {}
-    for horizon in horizons:
-        origins = [
-            _origins(len(recording), start, recording.sample_time, horizon, warm_up)
-            for recording, start in zip(samples, starts, strict=True)
-        ]
-        if any(origins):
-            begin = follow if follow and horizon <= warm_up else from_fitted_states
-            predicted = _predictions(*rest, origins, horizon, warm_up, begin)
-            fits[horizon] = percent_explained(joint, predicted, spreads)
-    return Validation(percent_explained(joint, runs, spreads), tuple(runs), fits)
+    windows = _windows(samples, starts, tuple(dict.fromkeys((np.inf, *horizons))), warm_up)
+    observed = windows.horizons <= (warm_up if follow else 0.0)
+    fitted = windows.those(~observed)
+    _, states = from_fitted_states(problem, values, fitted.segments, fitted.warm)
+    runs: dict[float, list[FreeRun]] = {}
+    for horizon in (np.inf, *horizons):
+        own = windows.those(windows.horizons == horizon)
+        if not len(own.segments):
+            continue
+        motion = replace(problem, segments=own.segments)
+        first = states[fitted.horizons == horizon]
+        if follow and horizon <= warm_up:
+            motion, first = follow(problem, values, own.segments, own.warm)
+        runs[horizon] = _predicted(joint, motion, Point(values, first), own.warm)
+    fits = {horizon: percent_explained(joint, each, spreads) for horizon, each in runs.items()}
+    return Validation(fits.pop(np.inf), tuple(runs[np.inf]), fits)
 
 
 def misprediction(validation: Validation) -> float:
@@ -139,61 +147,58 @@ def misprediction(validation: Validation) -> float:
     return float(np.mean(np.log(np.clip(errors, _SMALLEST, _LARGEST)))) if len(errors) else 0.0
 
 
-def _origins(
-    length: int, start: int, sample_time: float, horizon: float, warm_up: float
-) -> list[int]:
-    """First samples of predictions that end before the next one needs its data."""
-    span = round(horizon / sample_time)
-    # Windows that are fitted to must not overlap with what another one predicts.
-    pitch = span + _samples_of(warm_up, sample_time)
-    return list(range(start, length - span, pitch))
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """Stretches of recordings whose first samples are followed and the others predicted."""
+
+    segments: Segments  # in the order of the recordings
+    warm: NDArray[np.int64]  # (n_windows,): samples that are followed
+    horizons: FloatArray  # (n_windows,): seconds that are predicted
+
+    def those(self, chosen: NDArray[np.bool_]) -> "_Windows":
+        """Some of them."""
+        return _Windows(self.segments.at(chosen), self.warm[chosen], self.horizons[chosen])
 
 
-def _samples_of(warm_up: float, sample_time: float) -> int:
-    return max(FEWEST_SAMPLES, round(warm_up / sample_time))
-
-
-def _predictions(
-    joint: Channels,
-    model: SegmentedMotion,
-    values: FloatArray,
+def _windows(
     recordings: Sequence[Samples],
-    origins: Sequence[Sequence[int]],
-    horizon: float,
-    warm_up: float,
-    follow: Follower,
-) -> list[FreeRun]:
-    """Predicted motion from each origin on, for a horizon in s or to the end of its recording."""
-    duration = sum(len(own) * own.sample_time for own in recordings)
-    whole = divide(recordings, duration)  # one segment for each recording
-    firsts, warm, total, sources = [], [], [], []
-    for recording, (samples, own) in enumerate(zip(recordings, origins, strict=True)):
-        offset = int(whole.recording_starts[recording])
-        for origin in own:
-            first = max(0, origin - _samples_of(warm_up, samples.sample_time))
-            last = len(samples)
+    starts: Sequence[int],
+    horizons: Sequence[float],  # in s, infinite for what runs to the end of its recording
+    warm_up: float,  # in s
+) -> _Windows:
+    """Windows that begin again after each horizon, as many as the recordings have room for."""
+    rows = []
+    for place, (samples, start) in enumerate(zip(recordings, starts, strict=True)):
+        warm = max(FEWEST_SAMPLES, round(warm_up / samples.sample_time))
+        for horizon in horizons:
+            span, origins = len(samples) - start, [start]
             if np.isfinite(horizon):
-                last = min(last, origin + round(horizon / samples.sample_time))
-            firsts.append(offset + first)
-            warm.append(origin - first)
-            total.append(last - first)
-            sources.append(recording)
-    windows = _windows(whole, firsts, total, sources)
-    return predicted_runs(joint, model, values, windows, np.array(warm, dtype=np.int64), follow)
+                span = round(horizon / samples.sample_time)
+                # What is followed must not overlap with what another window predicts.
+                origins = list(range(start, len(samples) - span, span + warm))
+            for origin in origins:
+                first = max(0, origin - warm)
+                rows.append((place, first, origin - first, origin - first + span, horizon))
+    table = np.array(rows)
+    own, firsts, warms, lengths = table[:, :-1].astype(np.int64).T
+    whole = divide(recordings, sum(len(each) * each.sample_time for each in recordings))
+    segments = replace(
+        whole,
+        starts=whole.recording_starts[own] + firsts,
+        lengths=lengths,
+        sample_times=whole.sample_times[own],
+        start_times=whole.start_times[own] + whole.sample_times[own] * firsts,
+        recordings=own,
+    )
+    return _Windows(segments, warms, table[:, -1])
 
 
-def predicted_runs(
-    joint: Channels,
-    model: SegmentedMotion,
-    values: FloatArray,  # (k,)
-    windows: Segments,
-    warm: NDArray[np.int64],  # (n_windows,): samples that are followed
-    follow: Follower,
+def _predicted(
+    joint: Channels, motion: SegmentedMotion, point: Point, warm: NDArray[np.int64]
 ) -> list[FreeRun]:
     """Predicted motion over the rest of each window, whose first samples are followed."""
-    problem, states = follow(model, values, windows, warm)
-    equations = problem.equations(Point(values, states), "nothing")
-    measured = problem.on_time(values)
+    equations = motion.equations(point, "nothing")
+    measured, windows = motion.on_time(point.values), motion.segments
     runs = []
     for s, (first, skipped, length) in enumerate(
         zip(windows.starts, warm, windows.lengths, strict=True)
@@ -215,22 +220,6 @@ def from_fitted_states(
     """The model over windows, from the states with which it follows their first samples best."""
     states = following_states(model, values, replace(windows, lengths=warm))
     return replace(model, segments=windows), states
-
-
-def _windows(
-    whole: Segments, firsts: Sequence[int], spans: Sequence[int], recordings: Sequence[int]
-) -> Segments:
-    """Stretches of recordings as segments; `whole` has one segment for each recording."""
-    own, starts = np.array(recordings, dtype=np.int64), np.array(firsts, dtype=np.int64)
-    after = whole.sample_times[own] * (starts - whole.recording_starts[own])
-    return replace(
-        whole,
-        starts=starts,
-        lengths=np.array(spans, dtype=np.int64),
-        sample_times=whole.sample_times[own],
-        start_times=whole.start_times[own] + after,
-        recordings=own,
-    )
 
 
 def _spreads(joint: Channels, samples: Sequence[Samples], starts: Sequence[int]) -> FloatArray:
