@@ -3,23 +3,6 @@
 import json
 from pathlib import Path
 
-import pytest
-
-
-@pytest.mark.parametrize(
-    ("target", "mark"),
-    [
-        ("latex", r"\dot{z}_{2} &= c_{2} r x_{4}"),
-        ("python", "c2*r*x4,"),
-        ("c", "rate[3] = c2*r*x4"),
-    ],
-)
-def test_paper_is_printed(flexid, target: str, mark: str):
-    """Assert that the last line of (6) comes out in every language, and nothing on stderr."""
-    done = flexid("derive", "flexible-joint", "--to", target)
-    assert (done.status, done.stderr) == (0, "")
-    assert mark in done.stdout
-
 
 def test_notes_are_on_stderr(flexid, examples: Path):
     """Assert that u' that is needed, and what is integrated numerically, are said."""

@@ -13,11 +13,9 @@ from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 import flexid as package
 from flexid.experiments import read_experiment
-from flexid.recording.read import read_log
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 TABLE1 = FOLDER / "huang2003.toml"
-SAMPLED = FOLDER / "sampled_joint.toml"
 SHORT = ("--set", "run.duration=1")
 
 
@@ -44,22 +42,6 @@ def test_run_is_written_whole(flexid: Callable, tmp_path: Path):
     assert summary["provenance"]["experiment_digest"] == experiment.digest
     assert summary["provenance"]["flexid_version"] == package.__version__
     assert summary["provenance"]["tables"]["controller"]["k"] == 40.0
-
-
-def test_sampled_log_can_be_read_as_a_recording(flexid: Callable, tmp_path: Path):
-    """Assert that both tables of a sampled run are logs to identify from, without a column map."""
-    assert flexid("simulate", SAMPLED, "--out", tmp_path, *SHORT).status == 0
-    log = read_log(tmp_path / "log.parquet")
-    assert not log.warnings
-    whole = read_log(tmp_path / "run.parquet")
-    run = read_experiment(SAMPLED).with_values({"run.duration": 1.0}).run()
-    assert run.measured is not None
-    for recording in (log.recordings[0], whole.recordings[0]):
-        assert np.array_equal(recording.motor_position, run.measured[:, 2])
-        assert np.array_equal(recording.needed_input, run.inputs[:, 0])
-        assert recording.input_unit == "N m"
-    truth = pl.read_parquet(tmp_path / "run.parquet")["true_motor_position [rad]"]
-    assert np.array_equal(truth, run.states[:, 2])
 
 
 def test_divergence_says_what_and_when(flexid: Callable, tmp_path: Path):

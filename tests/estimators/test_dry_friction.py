@@ -21,7 +21,6 @@ BLOCK = Unknowns(OSCILLATOR, {"spring": 0.0})
 JOINT = with_dry_friction(
     flexible_joint(("gravity", "motor_viscous", "motor_coulomb", "link_coulomb"))
 )
-LATE = Timing("linear", {"input_delay": 0.0}, ("input_delay",))
 
 
 def derivatives(problem: SegmentedMotion, point: Point, sample: int, output: int = 0) -> FloatArray:
@@ -127,14 +126,6 @@ def test_block_that_stops_at_once_sticks(side, samples, slides):
     assert (derivatives(problem, point, 50)[1] != 0.0) == slides
 
 
-def test_friction_that_is_off_changes_nothing():
-    """Assert that a friction fixed at zero leaves one parabola, and its derivatives."""
-    free = Unknowns(OSCILLATOR, {"spring": 0.0, "coulomb": 0.0})
-    problem, point = problem_of(free, np.full(100, -3.0), 0.01), point_of([1.0], 0.2, 1.0)
-    assert motion(problem, point)[:, 0] == pytest.approx(0.2 + TIME - 1.5 * TIME**2, abs=1e-12)
-    assert derivatives(problem, point, 99) == pytest.approx([1.0, 0.99, -1.5 * 0.99**2], abs=1e-12)
-
-
 @pytest.mark.parametrize(("pull", "grazes"), [(0.65, False), (0.5005, True)])
 def test_derivatives_stay_bounded_where_a_friction_that_drives_is_hardly_overcome(pull, grazes):
     """Assert that they are exact down to a tenth of the jump of acceleration, and no larger beyond.
@@ -151,26 +142,6 @@ def test_derivatives_stay_bounded_where_a_friction_that_drives_is_hardly_overcom
         assert abs(found[1]) < 11.0  # (jump + a tenth of it) / (a tenth of it), for a second
     else:
         assert found[1] == pytest.approx(exact, rel=1e-6)
-
-
-FORCE = 1.5 * np.sin(3.0 * 0.01 * np.arange(600)) + 0.8 * np.sin(5.3 * 0.01 * np.arange(600))
-
-
-def test_stick_slip_of_an_oscillator_has_right_derivatives():
-    """Assert all derivatives through sticking, release and reversal, by finite differences.
-
-    By initial state, spring, friction, gain and the input's delay.
-    """
-    problem = problem_of(OSCILLATOR, FORCE, 0.01, LATE, 2)
-    point = point_of([30.0, 0.8, 1.0, 0.0031], 0.08, 0.3)
-    still = np.diff(motion(problem, point)[:, 0], prepend=0.08) == 0.0
-    edges = np.flatnonzero(np.diff(still.astype(int)))
-    assert len(edges) >= 4  # it sticks and is let go several times
-    samples = [60, 250, 400, 480, 599]
-    expected = differences(problem, point, 1e-5, samples)
-    for row, sample in zip(expected, samples, strict=True):
-        found = derivatives(problem, point, sample)
-        assert found == pytest.approx(row, rel=1e-4, abs=1e-6 * np.abs(row).max())
 
 
 KNOTS = 0.4  # s between corners of the torque on the joint

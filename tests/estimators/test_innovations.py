@@ -198,17 +198,6 @@ def test_a_row_that_rests_teaches_nothing_and_follows_its_sensor():
     assert problem.degrees_of_freedom == observed(samples).degrees_of_freedom - 61
 
 
-def test_first_velocity_is_found_in_one_step():
-    """Assert that a step brings what it promises, though the observer soon forgets the velocity."""
-    problem = observed(disturbed_samples(3, 600))
-    states = problem.start_states.copy()
-    states[:, 1::2] += 0.1 * np.abs(problem.segments.outputs).max()
-    equations = problem.equations(Point(VALUES, states))
-    step = problem.solve(equations)
-    after = problem.equations(Point(VALUES + step.values_step, states + step.states_step))
-    assert equations.cost - after.cost == pytest.approx(step.decrement, rel=0.02)
-
-
 def observing(seed: int) -> _Observing:
     """A motion at the truth, to be observed with any sizes."""
     samples = disturbed_samples(seed, 3000)

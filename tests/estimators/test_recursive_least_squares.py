@@ -9,7 +9,6 @@ from noisy_joint import (
     SAMPLE_TIME,
     TRUTH,
     VALUES,
-    clean_motion,
     joint_samples,
     torque,
     worst_error,
@@ -98,21 +97,6 @@ def test_the_gain_stays_bounded():
         assert np.linalg.eigvalsh(new)[0] > 0.0
     moved = np.abs(after.coefficients[-1] / history.coefficients[-1] - 1.0)
     assert moved.max() < 0.01
-
-
-def test_coulomb_friction_with_velocities_of_its_own():
-    """Assert that encoders alone give Coulomb friction within 2 %, the others within 0.3 %."""
-    truth = {**TRUTH, "alpha_coulomb": 5.0}
-    joint = flexible_joint(terms=("gravity", "motor_viscous", "motor_coulomb"))
-    time, states = clean_motion(coulomb=5.0)
-    noise = 1e-4 * np.random.default_rng(2).standard_normal((len(time), 2))
-    samples = Samples(states[:, [0, 2]] + noise, None, torque(time)[:, None], SAMPLE_TIME)
-    estimator = recursive_least_squares(joint, SAMPLE_TIME)
-    history = estimator.replay(estimator.init(), estimator.pack(samples))
-    found = dict(zip(joint.coefficients, history.coefficients[-1].tolist(), strict=True))
-    assert found["alpha_coulomb"] == pytest.approx(5.0, rel=0.02)
-    for name in ("theta1", "theta2", "alpha1", "beta1"):
-        assert found[name] == pytest.approx(truth[name], rel=0.003)
 
 
 def test_the_fastest_filter_is_about_the_fastest_that_noise_allows():

@@ -62,30 +62,6 @@ def test_first_velocities_follow_a_vibration(frequency, error):
     assert np.sqrt(np.mean((found - velocities) ** 2)) < error * omega * size
 
 
-def test_first_velocities_know_the_noise_of_each_recording():
-    """Assert that a fine encoder beside it does not cut short the cubics of a coarse one."""
-    time = 1e-3 * np.arange(3000)
-    rng = np.random.default_rng(8)
-
-    def error(*noises: float) -> float:
-        samples = [
-            Samples(
-                (np.sin(time) + noise * rng.standard_normal(len(time)))[:, None],
-                None,
-                np.zeros((len(time), 1)),
-                1e-3,
-            )
-            for noise in noises
-        ]
-        segments = divide(samples, 0.1)
-        last = segments.recordings == len(noises) - 1
-        velocities = np.cos(1e-3 * (segments.starts[last] - segments.starts[last][0]))
-        return float(np.sqrt(np.mean((first_states(segments)[last, 1] - velocities) ** 2)))
-
-    alone, beside = error(3e-4), error(1e-6, 1e-6, 3e-4)
-    assert beside < 1.5 * alone
-
-
 def test_some_segments_are_of_every_recording():
     """Assert that a choice is spread evenly, and leaves no recording out."""
     segments = divide([record(1000), record(60), record(1000)], 0.3)

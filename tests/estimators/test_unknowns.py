@@ -13,7 +13,6 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import flexible_joint
-from flexid.models.parametric_system import ParametricSystem, Row
 
 JOINT = flexible_joint()
 MORE = flexible_joint(("gravity", "motor_viscous", "link_coulomb", "link_offset"))
@@ -74,20 +73,6 @@ def test_a_row_with_nothing_sought():
     assert fit.values == pytest.approx(whole.values[:2], rel=1e-9)
     refined = prediction_error([record()], JOINT, fit, unknowns=Unknowns(JOINT, motor))
     assert refined.values == pytest.approx(VALUES[:2], rel=1e-4)
-
-
-def test_constants_are_the_given_system_s():
-    """Assert that unknowns declared before a constant changed do not bring the old one back."""
-    cart = ParametricSystem(
-        "cart", (Row("cart", "q", "v", {"gain": "u", "drag": "-v"}, "g"),), constants={"g": 0.0}
-    )
-    time = np.arange(2000) * 1e-2
-    position = np.sin(time) + 0.3 * np.sin(2.3 * time)
-    acceleration = -np.sin(time) - 0.3 * 2.3**2 * np.sin(2.3 * time)
-    samples = Samples(position[:, None], None, (acceleration - 1.5)[:, None] / 2.0, 1e-2)
-    unknowns = Unknowns(cart, {"drag": 0.0})
-    fit = filtered_least_squares([samples], replace(cart, constants={"g": 1.5}), unknowns=unknowns)
-    assert fit.values == pytest.approx([2.0], rel=1e-4)
 
 
 DAMPED = flexible_joint(("gravity", "motor_viscous", "joint_damping"))

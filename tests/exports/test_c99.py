@@ -45,18 +45,6 @@ def test_another_compiler_agrees(drives, tmp_path, name, precision):
     run(compiled("clang", drives[name], PRECISIONS[precision], out=tmp_path / "drive"))
 
 
-@pytest.mark.thorough
-@precisions
-def test_replay_in_32_bits(drives, tmp_path, precision):
-    """Assert the same of a processor of 32 bits, with registers that are longer than a double."""
-    probe = tmp_path / "probe.c"
-    probe.write_text("#include <math.h>\nint main(void) { return (int)sizeof(long) - 4; }\n")
-    command = [tool("gcc"), "-m32", probe, "-o", tmp_path / "probe"]
-    if subprocess.run(command, capture_output=True).returncode:
-        pytest.skip("gcc-multilib is not installed")
-    run(compiled("gcc", drives[MAIN], "-m32", PRECISIONS[precision], out=tmp_path / "drive"))
-
-
 @precisions
 def test_replay_on_cortex_m4f(drives, tmp_path, precision):
     """Assert the same of a microcontroller, whose floating point knows single precision only."""
@@ -145,7 +133,6 @@ def test_any_c_plus_plus_takes_the_header(drives, tmp_path):
 
 
 cases = pytest.mark.parametrize(("name", "precision"), CASES)
-kinds = pytest.mark.parametrize("name", DRIVES)
 
 DEVIATIONS = {
     "misra-c2012-8.7": "flexid_drive.h's functions are called from elsewhere",

@@ -86,21 +86,6 @@ def test_a_design(examples, command, tmp_path):
     assert "multisine of 2 s" in repr(design)
 
 
-def test_an_excitation(examples, example_estimate):
-    """Assert that it has the estimate of `identify`, with what confuses each coefficient."""
-    options = {"terms": ["gravity", "motor_viscous"], "hold": "zero", "segment_duration": 2.0}
-    found = flexid.excitation(examples / "flexible_joint.csv", **options)
-    estimate = example_estimate
-    assert found.estimate.coefficients == estimate.coefficients
-    assert {name: c.verdict for name, c in found.coefficients.items()} == {
-        name: c.verdict for name, c in estimate.coefficients.items()
-    }
-    assert found.supports(strict=True)
-    assert found.advice is None
-    assert "5 of 5 coefficients determined" in repr(found)
-    assert "theta2" in found.summary()
-
-
 def test_a_reproduction(reproduction):
     """Assert that the claims are those of the study, as text and as a document."""
     from flexid.library.simulate import PaperReproduction

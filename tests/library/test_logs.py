@@ -86,14 +86,6 @@ def test_a_log_is_taken_as_it_is(arrays):
     assert all_logs([log, recording, arrays], None)[0] is log
 
 
-def test_samples_are_those_of_the_log(arrays):
-    """Assert that estimators get positions of link and motor, or of the motor where it is alone."""
-    (found,) = flexid.samples(arrays)
-    assert found.positions.shape == (200, 2)
-    (alone,) = flexid.samples({n: v for n, v in arrays.items() if n != NAMES[1]})
-    assert alone.positions.shape == (200, 1)
-
-
 BAD = {
     "a number": (3, "an int"),
     "nothing": (None, "None"),

@@ -105,16 +105,6 @@ def test_times_are_seconds_from_the_first(tmp_path: Path, name: str):
     assert_is_the_log(read_log(written(tmp_path, text), column_map))
 
 
-def test_a_time_of_day_beside_a_date_is_enough(tmp_path: Path):
-    """Assert that the date is named as not used."""
-    pairs = zip(MOMENTS, CELLS["motor_position"], CELLS["motor_torque"], strict=True)
-    rows = [f"{t:%Y-%m-%d},{t:%H:%M:%S.%f},{a},{b}" for t, a, b in pairs]
-    text = "\n".join(["Rig 7", "date,time,motor_position,motor_torque", *rows])
-    log = read_log(written(tmp_path, text))
-    assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
-    assert any("'date' is not used" in warning for warning in log.warnings)
-
-
 LATE = [t + timedelta(hours=13) * (k >= 200) for k, t in enumerate(MOMENTS)]
 HOUR = timedelta(hours=1)
 DECIMALS = [f"1714557600.{k:04d}" for k in range(COUNT)]
@@ -231,20 +221,6 @@ def test_frames_and_arrays(zone: str | None):
     ):
         (recording,) = log_of_table(table).recordings
         assert recording.sample_time == pytest.approx(2.00001e-4, rel=1e-12)
-
-
-@pytest.mark.parametrize("unit", ["s", "m", "10ms", "ps"])
-@pytest.mark.parametrize("kind", ["m", "M"])
-def test_resolutions_that_polars_does_not_know(kind: str, unit: str):
-    """Assert that times of NumPy and pandas in them are read all the same."""
-    ticks = np.array(np.arange(25) * (10**11 if unit == "ps" else 1)).astype(f"{kind}8[{unit}]")
-    right = ticks.astype(f"{kind}8[ns]").tolist()
-    tables = [table_of_arrays({"time": ticks})]
-    if unit != "10ms":  # pandas has no such times
-        tables.append(table_of_frame(pd.DataFrame({"time": ticks})))
-    kept = pl.Datetime("ns") if kind == "M" else pl.Duration("ns")
-    for table in tables:
-        assert table.frame["time"].cast(kept).to_physical().to_list() == right
 
 
 def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):

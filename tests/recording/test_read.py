@@ -55,15 +55,6 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
         read_log(Path("-"))
 
 
-def test_deflection_gives_the_link_position() -> None:
-    """Assert that link = motor + deflection where the link is not measured."""
-    columns = without(joint_columns(), "link_position")
-    link = joint_columns()["link_position"]
-    columns["deflection"] = link - columns["motor_position"]
-    (recording,) = read_columns(columns).recordings
-    np.testing.assert_allclose(recording.needed_link_position, link, atol=1e-15)
-
-
 def test_xarray() -> None:
     """Assert that a data set's coordinate is a column, and its attributes are units."""
     xarray = pytest.importorskip("xarray")

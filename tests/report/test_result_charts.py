@@ -98,13 +98,26 @@ def test_a_run_is_on_its_page(run: Run):
 def test_charts_of_a_run(run: Run, request: pytest.FixtureRequest):
     """Assert what is drawn; the torque of the first instants leaves the frame, and it is said."""
     charts = motion_chart("Table I", run), observer_chart("Table I", run)
-    check("run_charts", (line for chart in charts for line in chart_lines(chart)), request)
+    lines = (line for chart in charts for line in chart_lines(chart))
+    check("run_charts", lines, request, computed=True)
 
 
 def test_charts_of_the_reproduction(reproduction, request: pytest.FixtureRequest):
     """Assert what is drawn of Figures 1 to 5 and of Theorem 1."""
     charts = reproduction_charts(reproduction)
-    check("reproduction_charts", (line for one in charts for line in chart_lines(one)), request)
+    lines = (line for chart in charts for line in chart_lines(chart))
+    check("reproduction_charts", lines, request, computed=True)
+
+
+def test_claims_of_the_reproduction(reproduction, request: pytest.FixtureRequest):
+    """Assert the verdict on every claim, and the numbers that decide it, if not all but zero."""
+    lines = (
+        f"{claim.key}, {claim.verdict}: {one.subject}, {one.quantity} "
+        f"{one.value * (abs(one.value) > 1e-6):.3e} {one.unit}"
+        for claim in reproduction.claims
+        for one in claim.findings
+    )
+    check("claims", lines, request, computed=True)
 
 
 def test_printed_tables_fit_80_columns(reproduction, capsys):

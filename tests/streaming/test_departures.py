@@ -1,6 +1,5 @@
 """A stream that is held against an estimate made before, and against what is known."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +14,6 @@ from flexid.identification.preparation.alignment import Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
-from flexid.report.terminal import as_text
-from flexid.report.watch import parts
 from flexid.streaming.checkpoint import opened_session, read_session, save_session
 from flexid.streaming.health import Health
 from flexid.streaming.learner import departures
@@ -29,7 +26,6 @@ from flexid.streaming.options import (
     wanted_kind,
 )
 
-LOG = "examples/flexible_joint.csv"
 TRUTH = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
 
 
@@ -126,14 +122,6 @@ def test_terms_are_those_of_the_joint():
     for kind, term in refused.items():
         with pytest.raises(SettingError, match=f"'{term}' is no term of the {kind} joint; it has"):
             options_of(kind=kind, terms=(term,))
-
-
-def test_no_change_is_a_share_of_what_may_be_zero():
-    """Assert that a value beside one whose interval holds zero differs from it in its unit."""
-    reference = {"joint_stiffness": (100.0, 0.1), "gravity_torque": (0.5, 0.6)}
-    text = as_text(parts(watched(stream(), replace(OPTIONS, reference=reference))))
-    assert re.search(r"joint_stiffness .* [+-]\d\.\d %\n", text)
-    assert re.search(r"gravity_torque .* \+4\.\d+ N m\n", text)
 
 
 def test_a_filter_that_the_samples_are_too_few_for_is_slowed():
@@ -260,22 +248,6 @@ def test_what_cannot_be_known(options: dict, words: str):
     """Assert that a name that this model has not is refused, with those that it has."""
     with pytest.raises(SettingError, match=words):
         replace(OPTIONS, **options)
-
-
-@pytest.mark.thorough
-def test_widths_of_shapes_come_with_an_estimate(result):
-    """Assert that a term whose shape an estimate found is learnt with that width."""
-    choices = replace(
-        result.choices,
-        terms=("gravity", "backlash"),
-        hold="linear",
-        shapes={"backlash_width": 0.02},
-        filter_rate=20.0,
-    )
-    options = replace(options_of(replace(result, choices=choices)), reference={}, known={})
-    assert options.system.constants["backlash_width"] == 0.02
-    low, high = watched(stream(), options).coefficients["theta_backlash"].interval
-    assert low < 0.0 < high
 
 
 def test_kinds_are_those_of_identify(result):

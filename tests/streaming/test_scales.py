@@ -101,14 +101,6 @@ def test_damping_is_found():
     assert low < 0.5 < high < low + 0.02
 
 
-def test_a_gap_makes_no_velocity():
-    """Assert that no velocity is taken across a gap: the estimate stays as right as without."""
-    samples = np.delete(motion(), slice(1500, 1700), axis=0)
-    session = watched(samples, DAMPED)
-    assert session.counts.gaps == 1
-    assert all_hold(session, LINK_TRUTH)
-
-
 def test_a_log_without_a_torque_is_followed(tmp_path: Path):
     """Assert that the columns decide, and that --model link leaves a torque aside."""
     for columns, model in (([TIME, LINK, MOTOR], "auto"), ([TIME, LINK, MOTOR, TORQUE], "link")):

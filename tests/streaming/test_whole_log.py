@@ -14,7 +14,6 @@ from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.models.flexible_joint import flexible_joint
-from flexid.models.rigid_joint import rigid_joint
 from flexid.recording.read import read_log
 from flexid.recording.shift import later
 from flexid.simulation.free_run import free_run
@@ -184,18 +183,6 @@ def test_dry_friction_is_covered(write: Write):
     for name, value in truth.items():
         lower, upper = result.coefficients[name].interval
         assert lower < value < upper, name
-
-
-def test_one_encoder_with_friction_that_differs_by_direction(tmp_path: Path):
-    """Assert that a stream has the terms of the rigid joint that its head shows."""
-    truth = {"gamma_viscous": 5.2, "gamma_asymmetry": -1.2, "beta1": 2.0}
-    terms, drive = ("viscous", "viscous_asymmetry"), np.sin(np.outer(TIME, [1.0, 4.3])).sum(axis=1)
-    position = free_run(rigid_joint(terms), truth, np.zeros(2), drive, 1e-3)[:, 0]
-    position = position + 1e-5 * np.random.default_rng(5).standard_normal(ROWS)
-    frame = pl.DataFrame({"time": TIME, "motor_position": position, "motor_torque": drive})
-    frame.write_parquet(tmp_path / "one.parquet")
-    found = identify_stream(tmp_path / "one.parquet", settings=replace(CHOSEN, terms=terms))
-    assert_holds(found, truth, 0.01)
 
 
 def test_what_cannot_be_streamed(write: Write, tmp_path: Path):
