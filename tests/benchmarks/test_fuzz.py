@@ -4,14 +4,11 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from benchmarks.fuzz import fuzz, mutated, tried
-from benchmarks.fuzz_targets import Target, Targets, made_estimate
+from benchmarks.fuzz import mutated, tried
+from benchmarks.fuzz_targets import Targets, made_estimate
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flexid.errors import RecordingError
-
-ROOT = Path(__file__).parents[2]
 TEXTS = ("log, text", "column map", "drive file", "experiment file", "model file")
 TEXTS += ("estimate", "watch, text", "watch, checkpoint")
 # A process for each file takes a while: the command tries more of them.
@@ -61,30 +58,3 @@ def test_any_mutation_in_a_child(name: str, readers: Targets, tmp_path: Path, se
     target = readers[name]
     content = mutated(Random(seed), target)
     assert tried(target, tmp_path / f"input{target.suffix}", content) in ("", None)
-
-
-@pytest.mark.parametrize(
-    ("error", "fault"),
-    [
-        (RecordingError("a", "b", "c: d"), None),
-        (RecordingError("a", "b", "two\nlines"), "message of lines"),
-        (ValueError("x"), "ValueError: x"),
-        (MemoryError(), "MemoryError"),
-    ],
-)
-def test_what_a_fault_is(error: Exception, fault: str | None, tmp_path: Path) -> None:
-    """Assert that only an error of one line is no fault, and that the file of a fault is kept."""
-
-    def read(_: Path) -> None:
-        raise error
-
-    target = Target(".x", (b"a",), read)
-    found = tried(target, tmp_path / "a.x", b"a")
-    assert found == fault if found is None or fault is None else found.startswith(fault)
-    tally = fuzz(target, 3, 9.0, 1, tmp_path)
-    assert (tally.read, tally.refused, len(tally.faults)) == (
-        0,
-        0 if fault else 3,
-        3 if fault else 0,
-    )
-    assert bool(list(tmp_path.glob("????????.x"))) is (fault is not None)

@@ -204,17 +204,6 @@ def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):
     assert same_bits(rows_of(out), whole)
 
 
-def test_another_experiment_finds_the_directory_taken(experiment, tmp_path):
-    """Assert that a changed gain in the file is another campaign, a changed title is not."""
-    run_campaign(experiment, tmp_path / "out")
-    text = EXPERIMENT.replace("derivative = 10.0", "derivative = 11.0")
-    path = write_experiment(tmp_path / "other.toml", experiment=text)
-    with pytest.raises(CampaignError, match="another experiment"):
-        run_campaign(read_experiment(path), tmp_path / "out")
-    path = write_experiment(tmp_path / "title.toml", experiment='name = "A title"\n' + EXPERIMENT)
-    run_campaign(read_experiment(path), tmp_path / "out")
-
-
 def test_control_c_keeps_what_is_done(tmp_path):
     """Assert that an interrupt exits 3 with one sentence, and whole parts stay."""
     text = EXPERIMENT.replace("duration = 0.1", "duration = 60.0")

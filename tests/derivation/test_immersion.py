@@ -65,12 +65,6 @@ def test_no_finite_real_value(text: str):
         to_sympy(text, {"q"}, "here")
 
 
-@pytest.mark.parametrize("text", ["1/q", "sqrt(q)", "q**(1/3)", "exp(1)*q"])
-def test_finite_somewhere(text: str):
-    """Assert that an expression that is real and finite for some values is kept."""
-    assert to_sympy(text, {"q"}).free_symbols
-
-
 JOINT = symbolic_system(flexible_joint(TERMS))
 X1, X2, X3, X4, U = (symbol(name) for name in ("x1", "x2", "x3", "x4", "u"))
 

@@ -7,7 +7,7 @@ import pytest
 
 from flexid.errors import SettingError
 from flexid.experiment_design.drive import read_drive
-from flexid.models.physical import joint_coefficients, physical_parameters
+from flexid.models.physical import joint_coefficients
 from flexid.stored_estimates.estimate_file import read_estimate, sealed
 from made_estimates import stored_document, stored_value
 
@@ -43,24 +43,6 @@ def test_the_example_is_table_1(examples):
     drive = read_drive(examples / "drive.toml").drive
     assert drive.coefficients == pytest.approx(joint_coefficients(PARAMETERS))
     assert set(drive.nominal.coefficients) == set(drive.coefficients)
-
-
-def test_every_parameter_comes_back(text, written):
-    """Assert that the coefficients of a drive with every term give its parameters back."""
-    more = {
-        "link_viscous_friction": 0.2,
-        "joint_damping": 0.3,
-        "motor_coulomb_friction": 0.4,
-        "link_coulomb_friction": 0.5,
-        "cubic_joint_stiffness": 60.0,
-        "link_offset_torque": 0.7,
-        "motor_offset_torque": -0.8,
-    }
-    lines = "".join(f"{name} = {value}\n" for name, value in more.items())
-    drive = read_drive(written(text.replace("[limits]", lines + "[limits]"))).drive
-    coefficients = drive.coefficients
-    for parameter in physical_parameters(coefficients, input_is_torque=True):
-        assert parameter.value(coefficients) == pytest.approx(drive.values[parameter.name])
 
 
 def test_known_inertia_is_not_doubted(text, written):

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexid.experiments import experiment as experiments
 from flexid.experiments import read_experiment
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.sampled import Sampling
@@ -34,22 +33,6 @@ def pendulum(tmp_path: Path, examples: Path) -> Path:
     model = (examples / "models" / "pendulum.toml").read_text(encoding="utf-8")
     (tmp_path / "pendulum.toml").write_text(model, encoding="utf-8")
     return write(tmp_path, PENDULUM)
-
-
-def test_a_file_is_checked_once(monkeypatch: pytest.MonkeyPatch):
-    """Assert that reading a file holds it against its schema once, and each other value once."""
-    kinds = []
-    known = experiments.validated
-
-    def counted(*arguments):
-        kinds.append(arguments)
-        return known(*arguments)
-
-    monkeypatch.setattr(experiments, "validated", counted)
-    experiment = read_experiment(FOLDER / "huang2003.toml")
-    assert len(kinds) == 1
-    experiment.with_values({"controller.k": 20.0})
-    assert len(kinds) == 2
 
 
 def test_table_1_is_the_studies_loop():

@@ -9,8 +9,7 @@ import pytest
 from flexid.estimators.samples import Samples
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible, rigid
-from flexid.models.flexible_joint import BACKLASH_WIDTH, COEFFICIENT_UNITS, PAPER_TERMS, TERMS
-from flexid.models.rigid_joint import RIGID_UNITS
+from flexid.models.flexible_joint import BACKLASH_WIDTH, PAPER_TERMS, TERMS
 
 FLEXIBLE = flexible()
 
@@ -45,17 +44,6 @@ def test_usual_terms_have_a_system_of_their_own():
         "theta_hysteresis",
         "hysteresis_grip",
     }
-
-
-def test_every_coefficient_has_a_unit():
-    """Assert that no coefficient would come out without its unit, and which term it belongs to.
-
-    A coefficient of two sides belongs to one term, and the usual ones to none.
-    """
-    assert set(COEFFICIENT_UNITS) == {*FLEXIBLE.remembering.coefficients}
-    assert set(RIGID_UNITS) == {*rigid().system.coefficients}
-    assert FLEXIBLE.of_coefficient("alpha_damping") == "joint_damping"
-    assert FLEXIBLE.of_coefficient("theta2") is None
 
 
 def test_absent_terms_are_not_sought():

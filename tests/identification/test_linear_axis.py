@@ -129,30 +129,3 @@ def test_a_log_of_both_kinds_is_refused():
     """Assert that logs of a slide and of a joint that turns are not taken together."""
     with pytest.raises(FlexidError, match=r"of a revolute joint, and .* a prismatic joint"):
         flexid.identify([log_of(), log_of("rad", "N m", seed=2)])
-
-
-def test_a_ripple_of_millimetres_is_found():
-    """Assert that a force that repeats every 2.7 mm, as that of a screw, has its wave number."""
-    step, rng = 0.002, np.random.default_rng(3)
-    time = step * np.arange(6000)
-    tones = 2.0 * np.pi * np.array([0.1, 0.23, 0.41, 0.9, 1.3, 1.9, 2.6])
-    force = 3.0 * np.sin(time[:, None] * tones + rng.uniform(0.0, 6.0, 7)).sum(axis=1)
-    light = {"link_inertia": 100.0, "motor_inertia": 30.0, "joint_stiffness": 1e4}
-    values = joint_coefficients({**light, "motor_viscous_friction": 20.0})
-    values |= {"alpha_ripple_sine": 0.006, "alpha_ripple_cosine": 0.008}
-    system = flexible_joint(("motor_viscous", "torque_ripple"))
-    system = system.with_constants({"ripple_number": 2340.0})
-    run = free_run(system, values, np.zeros(4), force[:, None], step, "linear")
-    seen = run[:, ::2] + 1e-7 * rng.standard_normal((len(time), 2))
-    found = flexid.identify(
-        {
-            "time": time,
-            "link_position [m]": seen[:, 0],
-            "motor_position [m]": seen[:, 1],
-            "motor_torque [N]": force,
-        }
-    ).parameters
-    assert found["ripple_number"].value == pytest.approx(2340.0, rel=1e-4)
-    assert found["torque_ripple"].value == pytest.approx(0.3, rel=1e-3)
-    units = [found[name].unit for name in ("ripple_number", "ripple_angle", "torque_ripple")]
-    assert units == ["rad/m", "rad", "N"]

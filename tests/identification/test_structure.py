@@ -225,21 +225,6 @@ def test_the_narrowest_fit_that_converged_is_best():
     assert best_length([narrow, too_wide]) is narrow
 
 
-@pytest.mark.parametrize(
-    ("changed", "name", "deviations"),
-    [
-        ({"term_chance": 0.5}, "theta_offset", 1.0),
-        ({"shape_chance": 0.1}, "alpha_saturation", 2.0),
-        ({"friction_sign": 2.0}, "alpha2", -3.0),
-    ],
-)
-def test_thresholds_are_those_given(changed, name, deviations):
-    """Assert that each of the three limits is taken from the thresholds."""
-    quadratic = beside({name: deviations})
-    assert left(quadratic) == set()
-    assert left(quadratic, thresholds=replace(LIMITS, **changed)) == {name}
-
-
 USUAL = Structure(JOINT, frozenset({"alpha_drag", "alpha_saturation"}), Timing("zero"))
 UNUSUAL = Structure(JOINT, frozenset({"theta_offset", "alpha_offset"}), Timing("zero"))
 FALL = THRESHOLDS.exchange_fall

@@ -102,16 +102,6 @@ def test_wrong_models_predict_worse(recording):
     assert all(fit < -1e3 for fit in fits.values())
 
 
-def test_the_state_of_less_time_is_nearer_to_that_of_a_wrong_model(recording):
-    """Assert that a wrong friction spoils a prediction less, the less it has to fit before it."""
-    whole = data(recording)
-    fits = [
-        predicted(whole, warm_up=warm_up, alpha2=3.0).horizons[0.2]["deflection"]
-        for warm_up in (0.2, 0.5, 1.5)
-    ]
-    assert fits[0] > fits[1] + 5.0 > fits[2] + 10.0
-
-
 @dataclass
 class Bent:
     """Two windows of a state each: one leaves x - 3, one atan(x), whose first step overshoots."""

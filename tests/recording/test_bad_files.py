@@ -204,13 +204,6 @@ FUZZ = settings(
 
 
 @FUZZ
-@given(content=st.binary(max_size=400))
-def test_any_bytes(tmp_path: Path, content: bytes) -> None:
-    """Assert that random bytes raise nothing but a `RecordingError`."""
-    read_or_refuse(tmp_path, "log.csv", content)
-
-
-@FUZZ
 @given(
     cells=st.lists(
         st.tuples(

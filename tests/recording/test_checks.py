@@ -149,15 +149,6 @@ def test_wraps_in_front_of_a_gear_are_undone(name: str) -> None:
     assert any("jumps by a turn at " in warning for warning in log.warnings)
 
 
-def test_a_fast_motor_does_not_wrap() -> None:
-    """Assert that half a turn between samples is no wrap, and that no turns are guessed."""
-    log = geared(5.0 * TURNS, IN_TURNS, gear_ratio=1000)
-    np.testing.assert_allclose(log.recordings[0].motor_position, MOTOR, atol=1e-9)
-    assert log.warnings == ()
-    message = refused(lambda: geared(np.mod(5.0 * TURNS, 1.0), IN_TURNS, gear_ratio=1000))
-    assert "if the encoder wraps, unwrap it, or log faster" in message
-
-
 def test_a_counter_of_unknown_turns_is_named() -> None:
     """Assert that a position that jumps across its range is warned of where no gear is known."""
     encoder, entry = ENCODERS["a turn"]

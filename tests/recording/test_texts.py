@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from flexid.recording import read_log
+from flexid.recording.layout import layout_of
 from flexid.streaming.incoming import TextSamples, TextStream
 from flexid.streaming.sources import GrowingFile
 
@@ -251,6 +252,43 @@ def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
     found = [stream.samples(raw[a:b], ended=b == len(raw)) for a, b in pairwise(edges)]
     samples = np.concatenate([part for part in found if part is not None])
     np.testing.assert_array_equal(samples[150:, 1], [1.234, 0.5, -1.234, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "first"),
+    [
+        ("a,b\n1,2\n3,4\n", ("a", "b"), 2),
+        ("a,b\n1,2\n", ("a", "b"), 2),
+        ("Version 2\na,b\n1,2\n3,4\n", ("a", "b"), 3),
+        ("Date,2024,5\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 3),
+        ("Rig,7,arm\nRate,9,slow\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
+        ("Version,2,1\n10,20\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
+        ("x,y\na,b\n1,2\n3,4\n", ("a", "b"), 3),
+        ("a,b\ns,V\n1,2\n3,4\n", ("a [s]", "b [V]"), 3),
+        ("# units: ms, V\na,b\n1,2\n3,4\n", ("a [ms]", "b [V]"), 3),
+        ("Unit,V\na,b\n1,2\n3,4\n", ("a", "b [V]"), 3),
+        ("s,V\n1,2\n3,4\n", ("s", "V"), 2),
+        ("a;b,c\n1,5;2\n3,5;4\n", ("a", "b,c"), 2),
+        ("t [s] q [N m] u\n1 2 3\n4 5 6\n", ("t [s]", "q [N m]", "u"), 2),
+        (" t [s]  link angle [deg]  u\n1 2 3\n4 5 6\n", ("t [s]", "link angle [deg]", "u"), 2),
+        ("a,,c\n1,2,3\n", ("a", "unnamed 2", "c"), 2),
+        ("# a, b\n# c d\n1,2\n3,4\n", ("a", "b"), 3),
+        ("a,b\n\n1,2\n3,4\n", ("a", "b"), 3),
+        ("a,b\nx,y\n", ("a", "b"), 2),
+        ("comment\nx\n", ("comment",), 2),
+        ("a,b\nnan,1\n2,3\n", ("a", "b"), 2),
+        ("a,b,c,d\n0,1,2,3\n0,(1),(2),3\n4,5,6,7\n8,9,1,2\n", ("a", "b", "c", "d"), 2),
+        ("Rig\na,b,c,d\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "d"), 3),
+        ("Rig\na,b,c\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "unnamed 4"), 3),
+    ],
+)
+def test_layout(text: str, names: tuple[str, ...], first: int) -> None:
+    """Assert that names, units and the first row are found."""
+    layout = layout_of("log.csv", text.encode())
+    assert layout.names == names
+    assert layout.first_line == first
+    rest = "".join(text.splitlines(keepends=True)[first - 1 :])
+    assert text.encode()[layout.start :].decode() == rest
 
 
 @pytest.mark.parametrize("name", ["q_" * 50_000, "[" * 100_000, "-" * 100_000, " " * 100_000])

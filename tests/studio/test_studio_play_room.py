@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from browser import Watched, serious_faults
-from flexid.analysis.excitation import excitation
-from flexid.analysis.lyapunov import row_histories
 from flexid.errors import SettingError, SimulationError
 from flexid.report.reproduction_charts import SYMBOLS
 from flexid.simulation import closed_loop
@@ -78,19 +76,6 @@ def test_the_readings_differ_as_the_reproduction_says():
     assert run["error of α₂"] < 1e-3 < pinned["error of α₂"]
     assert found.problems == ()
     assert found.figure.count("<svg") == 1
-
-
-def test_condition_numbers_are_those_of_the_analysis():
-    """Assert that the excitation over time ends at what is measured over the same stretch."""
-    run = simulate(TABLE1.loop, played.DURATION, 0.01, 1e-6)
-    histories = {history.row: history for history in row_histories(run)}
-    moments, found = played._conditions(
-        run.time, {row: history.regressors for row, history in histories.items()}
-    )
-    assert moments[-1] == pytest.approx(played.DURATION)
-    for row, history in histories.items():
-        truth = excitation(row, history.coefficients, history.regressors[-200:])
-        assert found[row][-1] == pytest.approx(truth.condition_number, rel=1e-6)
 
 
 def test_a_sampled_drive_is_played():
