@@ -97,23 +97,6 @@ def test_block_sticks_for_ever(force):
     assert np.all(found == 0.2)
 
 
-@pytest.mark.parametrize("substeps", [1, 2, 4])
-def test_two_changes_within_one_interval(substeps):
-    """Assert that a block stops and is let go again between two samples, or within one step.
-
-    At t = 4 its speed is 0.2; from there v' = -1 + 2 t: at rest from t = (1 - √0.2)/2 to 1/2, then
-    v = (t - 1/2)².
-    """
-    force = np.array([1.0, 1.0, 1.0, 1.0, 0.0, *[2.0] * 15])
-    problem = problem_of(BLOCK, force, 1.0, substeps=substeps)
-    stop = 0.5 * (1.0 - 0.2**0.5)
-    rest = 0.2 * stop - 0.5 * stop**2 + stop**3 / 3.0
-    found = motion(problem, point_of([1.0, 1.0], 0.0, 0.7))
-    before = 4 * 0.7 - 1.0 / 6.0
-    assert found[4, 0] == pytest.approx(before, abs=1e-7)
-    assert found[5, 0] == pytest.approx(before + rest + 0.5**3 / 3.0, abs=1e-7)
-
-
 @pytest.mark.parametrize(("samples", "slides"), [(2.9, False), (3.1, True)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_block_that_stops_at_once_sticks(side, samples, slides):

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_motion import CART, held_cart
 from noisy_joint import POSITION_NOISE, VALUES, clean_motion, joint_samples, worst_error
 from scipy.signal import lfilter
 from scipy.stats import t
@@ -71,15 +70,6 @@ def test_less_is_part_of_everything():
         assert part.normal == pytest.approx(full.normal[:, :n, :n], rel=1e-9)
         scale = np.abs(full.gradient).max()
         assert part.gradient == pytest.approx(full.gradient[:, :n], abs=1e-9 * scale)
-
-
-def test_held_input_is_integrated_exactly():
-    """Assert that hold "zero" makes no error on a motion known in closed form; "linear" does."""
-    start = filtered_least_squares([held_cart()], CART, hold="zero")
-    found = prediction_error([held_cart()], CART, start, hold="zero")
-    assert found.values == pytest.approx([2.0, 0.3], rel=1e-9)
-    wrong = prediction_error([held_cart()], CART, start, hold="linear")
-    assert abs(wrong.values[0] / 2.0 - 1.0) > 1e-4
 
 
 def test_accuracy_at_one_second():

@@ -15,7 +15,6 @@ from noisy_joint import (
 )
 from scipy.stats import t
 
-from flexid.estimators.online import Status
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import FASTEST, filtered_least_squares
@@ -70,15 +69,6 @@ def test_standard_deviations_after_two_seconds():
         width = t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
         held.append(np.abs(history.coefficients[-1] - VALUES) <= width)
     assert np.mean(held) > 0.85
-
-
-def test_what_excites_is_called_so():
-    """Assert that the noisy joint counts as excited from 0.7 s on, and one at rest never does."""
-    history, _ = replayed(encoders(0))
-    assert np.all(history.status[700:] == Status.USED)
-    noise = 1e-4 * np.random.default_rng(1).standard_normal((20_000, 2))
-    still, _ = replayed(Samples(noise, None, np.zeros((20_000, 1)), SAMPLE_TIME))
-    assert np.all(still.status == Status.STARTING)
 
 
 def test_the_gain_stays_bounded():

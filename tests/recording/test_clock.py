@@ -169,14 +169,6 @@ def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.
     golden(found)
 
 
-def test_the_summer_begins(tmp_path: Path):
-    """Assert that an hour which the clock leaves out is a gap."""
-    late = [t + timedelta(hours=k >= 200) for k, t in enumerate(MOMENTS)]
-    log = read(tmp_path, [*map(FORMS["blank"], late)])
-    assert [len(recording) for recording in log.recordings] == [200, 200]
-    assert log.recordings[1].start_time == pytest.approx(3600.04, abs=1e-9)
-
-
 TIMES = pl.Series("time", MOMENTS)
 TICKS = [int(tick) for tick in since_1970(0)]
 DECIMAL = [f"{1_714_557_600 + k // 5_000}.{2 * (k % 5_000):04d}" for k in range(COUNT)]

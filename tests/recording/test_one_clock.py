@@ -75,15 +75,6 @@ def test_what_the_slower_clock_can_show_passes_without_delay(rate: float, gain: 
     np.testing.assert_allclose(columns["b"][middle], gain * np.sin(rate * times[middle]), atol=0.01)
 
 
-def test_positions_are_not_filtered():
-    """Assert that the noise of an encoder stays as white as it was."""
-    fast = 0.001 * np.arange(1000.0)
-    noisy = fast + 1e-3 * np.random.default_rng(4).normal(size=len(fast))
-    times, columns, warnings = joined(fast, noisy)
-    np.testing.assert_allclose(columns["b"], noisy[np.rint(1e3 * times).astype(int)], atol=1e-9)
-    assert len(warnings) == 1
-
-
 def test_nothing_is_filtered_across_a_gap():
     """Assert that an input behind a gap does not leak into what was before it."""
     fast = 0.001 * np.arange(1000.0)

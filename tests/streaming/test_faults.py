@@ -1,6 +1,7 @@
 """One fault of a stream after the other, each on a joint whose truth is known."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -137,24 +138,6 @@ def test_after_a_gap_it_is_as_if_a_new_recording_began():
         np.testing.assert_allclose(found, added, rtol=1e-6, atol=1e-9 * np.abs(added).max())
 
 
-@pytest.mark.parametrize("begins", [0.3, -0.3])
-def test_encoders_that_wrap_are_unwrapped(begins: float):
-    """Assert that an absolute encoder may pass its zero at any time, and begin behind it."""
-
-    def damage(samples):
-        samples[:, LINK] = (samples[:, LINK] + begins) % (2.0 * np.pi) - begins
-        samples[:, MOTOR] %= 2.0 * np.pi
-
-    session, right = watched(damaged(damage)), watched(stream())
-    assert session.counts.wraps > 4
-    assert session.counts.outliers == 0
-    np.testing.assert_allclose(
-        session.learner.values(session.now.states),
-        right.learner.values(right.now.states),
-        rtol=1e-6,
-    )
-
-
 GEAR = 40.0
 GEARED = replace(OPTIONS, motor_turn=2.0 * np.pi / GEAR)
 
@@ -164,19 +147,34 @@ def in_front_of_the_gear(turns: float, samples: np.ndarray) -> None:
     samples[:, MOTOR] %= turns * GEARED.motor_turn
 
 
-@pytest.mark.parametrize("turns", [1, 4])
-def test_encoders_that_wrap_in_front_of_a_gear_are_unwrapped(turns: int):
-    """Assert that they are by the motor's turns, and that bad samples beside do no harm."""
-    samples, right = stream(), watched(stream())
-    in_front_of_the_gear(turns, samples)
-    session = watched(samples, GEARED)
-    assert session.counts.wraps > 20 / turns
+def about_zero(begins: float, samples: np.ndarray) -> None:
+    """Let both encoders wrap after a turn, that of the link from a place behind its zero on."""
+    samples[:, LINK] = (samples[:, LINK] + begins) % (2.0 * np.pi) - begins
+    samples[:, MOTOR] %= 2.0 * np.pi
+
+
+@pytest.mark.parametrize(
+    ("options", "wrap", "least"),
+    [
+        *((OPTIONS, partial(about_zero, begins), 4) for begins in (0.3, -0.3)),
+        *((GEARED, partial(in_front_of_the_gear, turns), 20 / turns) for turns in (1, 4)),
+    ],
+    ids=["from 0.3", "from -0.3", "a turn of a gear", "four turns"],
+)
+def test_encoders_that_wrap_are_unwrapped(options, wrap, least):
+    """Assert that they may pass zero at any time, and by the motor's turns in front of a gear."""
+    session, right = watched(damaged(wrap), options), watched(stream())
+    assert session.counts.wraps > least
     assert session.counts.outliers == session.counts.jumps == 0
-    np.testing.assert_allclose(
-        session.learner.values(session.now.states),
-        right.learner.values(right.now.states),
-        rtol=1e-6,
-    )
+    values = [one.learner.values(one.now.states) for one in (session, right)]
+    np.testing.assert_allclose(*values, rtol=1e-6)
+
+
+@pytest.mark.parametrize("turns", [1, 4])
+def test_bad_samples_beside_wraps_do_no_harm(turns: int):
+    """Assert that wraps in front of a gear are counted beside outliers, holes and a lost sample."""
+    samples = damaged(partial(in_front_of_the_gear, turns))
+    session = watched(samples, GEARED)
     wraps = np.flatnonzero(np.abs(np.diff(samples[:, MOTOR])) > 0.5 * GEARED.motor_turn)
     samples[wraps[5], MOTOR] += 0.4 * GEARED.motor_turn
     samples[wraps[6], MOTOR] = np.nan
