@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 from made_joint import log, made
-from scipy.interpolate import CubicSpline
 
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.channel_timing import INPUT
@@ -15,7 +14,7 @@ from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure import link_delay
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.recording.recording import Log, Recording
+from flexid.recording.recording import Log
 
 
 def motion(seed: int, **more: Any) -> Log:
@@ -132,34 +131,6 @@ def test_delay_moves_damping_and_friction_by_as_much():
     variance = 0.5 * (6.0**2 - 6.0 * 3.0 + 3.0**2) * 1e-6 / 3.0  # uniform from -6 to 3 ms, or none
     np.testing.assert_allclose(np.diag(added), [0.0, 1e4 * variance, 1e4 * variance, variance])
     assert added[1, 2] == pytest.approx(-1e4 * variance)
-
-
-def late_deflection(seed: int, delay: float) -> Recording:
-    """Motor and deflection of a made log, the deflection's sensor late by a time in s."""
-    recording = made(seed, noise=1e-9)
-    rng = np.random.default_rng(seed)
-    motor = recording.motor_position + 1e-5 * rng.standard_normal(len(recording))
-    late = CubicSpline(recording.time, recording.deflection)(recording.time - delay)
-    seen = motor + late + 1e-5 * rng.standard_normal(len(recording))
-    return replace(
-        recording,
-        link_position=seen,
-        motor_position=motor,
-        input=None,
-        input_unit="",
-        link_from_deflection=True,
-    ).window(10, len(recording))
-
-
-def test_late_deflection_is_found():
-    """Assert that a deflection 3.4 ms late is found to be: its own clock is no one else's."""
-    result = identify([log(late_deflection(7, 3.4e-3))])
-    delay = result.choices.alignment.link_delay
-    assert delay.status == "found"
-    assert delay.value == pytest.approx(3.4e-3, abs=1e-4)
-    assert result.choices.terms == ("gravity",)
-    stiffness = result.parameters["joint_stiffness_per_link_inertia"]
-    assert stiffness.value == pytest.approx(100.0, rel=1e-3)
 
 
 def test_what_an_input_alone_gives_a_meaning_to_is_refused():
