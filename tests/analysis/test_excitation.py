@@ -17,47 +17,39 @@ from flexid.estimators.segmented_motion import Point, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.models.parametric_system import ParametricSystem, Row
 
-
-def test_dependent_pair_is_named():
-    """Assert that two proportional regressors are the confounded pair, and the third is not."""
-    t = np.linspace(0, 10, 1001)
-    r = np.column_stack([np.sin(t), 3 * np.sin(t), np.cos(t)])
-    measured = excitation("row", ("a", "b", "c"), r)
-    assert measured.confounded == ("a", "b")
-    assert measured.correlated == ("a", "b")
-    assert measured.correlation == pytest.approx(1.0, abs=1e-6)
-    assert measured.condition_number > 1e12
-
-
-def test_closed_form_of_two_regressors():
-    """Assert that two unit regressors with cosine ρ have singular values 1 ± ρ."""
-    r = np.array([[1.0, 0.6], [0.0, 0.8]])
-    measured = excitation("row", ("a", "b"), r)
-    np.testing.assert_allclose(measured.singular_values, [1.6, 0.4], rtol=1e-12)
-    assert measured.correlation == pytest.approx(0.6)
-    assert measured.level == pytest.approx(np.linalg.eigvalsh(r.T @ r / 2)[0])
-
-
-def test_regressors_that_do_not_correlate_are_a_pair():
-    """Assert that where no two correlate at all, the pair that is named is still one of two."""
-    measured = excitation("row", ("a", "b"), np.eye(2))
-    assert measured.correlation == 0.0
-    assert measured.correlated == ("a", "b")
+T = np.linspace(0, 10, 1001)
+TWO = np.array([[1.0, 0.6], [0.0, 0.8]])
+MEASURED = {  # regressors in columns, and what is measured of them
+    "two of three dependent": (
+        np.column_stack([np.sin(T), 3 * np.sin(T), np.cos(T)]),
+        {"confounded": ("a", "b"), "correlated": ("a", "b"), "correlation": 1.0},
+    ),
+    "two with a cosine of ρ have singular values 1 ± ρ": (
+        TWO,
+        {
+            "singular_values": [1.6, 0.4],
+            "correlation": 0.6,
+            "level": np.linalg.eigvalsh(TWO.T @ TWO / 2)[0],
+        },
+    ),
+    "two without": (np.eye(2), {"correlation": 0.0, "correlated": ("a", "b")}),
+    "one of zeros": (
+        np.column_stack([np.ones(10), np.zeros(10)]),
+        {"condition_number": np.inf, "confounded": ("b",)},
+    ),
+    "one alone": (np.arange(1.0, 5.0)[:, None], {"condition_number": 1.0, "confounded": ()}),
+}
 
 
-def test_vanishing_regressor_has_no_excitation():
-    """Assert that a regressor that is always zero gives an infinite condition number."""
-    r = np.column_stack([np.ones(10), np.zeros(10)])
-    measured = excitation("row", ("a", "b"), r)
-    assert measured.condition_number == float("inf")
-    assert measured.confounded == ("b",)
-
-
-def test_single_coefficient_is_never_confounded():
-    """Assert that a row with one coefficient has condition number one and no pair."""
-    measured = excitation("row", ("a",), np.arange(1.0, 5.0)[:, None])
-    assert measured.condition_number == 1
-    assert measured.confounded == ()
+@pytest.mark.parametrize("case", MEASURED)
+def test_what_is_measured_of_regressors(case):
+    """Assert closed forms, and which coefficients are confounded."""
+    columns, expected = MEASURED[case]
+    measured = excitation("row", tuple("abc"[: columns.shape[1]]), columns)
+    for name, value in expected.items():
+        of_names = name in ("confounded", "correlated")
+        found = getattr(measured, name)
+        assert found == (value if of_names else pytest.approx(value, rel=1e-9, abs=1e-6)), name
 
 
 CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"}),))

@@ -27,21 +27,6 @@ def start(*arguments, code=RUN, **keywords):
     )
 
 
-@pytest.fixture
-def judged(monkeypatch, example_estimate):
-    """Return a function that lets the next identification come to a verdict."""
-    from flexid.identification import identify as module
-
-    found = example_estimate.result
-
-    def judge(verdict):
-        stiffness = replace(found.parameters["joint_stiffness"], verdict=verdict)
-        judged = replace(found, parameters={**found.parameters, "joint_stiffness": stiffness})
-        monkeypatch.setattr(module, "identify", lambda *_: judged)
-
-    return judge
-
-
 @pytest.mark.parametrize(
     ("verdict", "options", "status"),
     [
@@ -52,54 +37,43 @@ def judged(monkeypatch, example_estimate):
         ("undetermined", (), 1),
     ],
 )
-def test_the_worst_verdict_decides(flexid, judged, examples, verdict, options, status):
+def test_the_worst_verdict_decides(
+    flexid, monkeypatch, examples, example_estimate, verdict, options, status
+):
     """Assert that one weak parameter counts with --strict only, and an undetermined one always."""
-    judged(verdict)
+    from flexid.identification import identify as module
+
+    found = example_estimate.result
+    stiffness = replace(found.parameters["joint_stiffness"], verdict=verdict)
+    judged = replace(found, parameters={**found.parameters, "joint_stiffness": stiffness})
+    monkeypatch.setattr(module, "identify", lambda *_: judged)
     assert flexid("identify", examples / "flexible_joint.csv", *options).status == status
 
 
-def test_a_fit_that_fails_is_the_datas(flexid, monkeypatch, examples):
-    """Assert that a log that no model can be fitted to exits 1 with one sentence."""
+@pytest.mark.parametrize(
+    ("error", "options", "status", "begins", "ends"),
+    [
+        (ConvergenceError("a fit", "check it"), (), 1, "flexid: a fit: check it\n", "check it"),
+        # An unforeseen error has a paragraph that says how to see it whole.
+        (KeyError("oh"), (), 70, "flexid: ", "flexid --debug identify"),
+        (KeyError("oh"), ("--debug",), 70, "Traceback", "KeyError: 'oh'"),
+    ],
+)
+def test_what_fails_is_the_datas_or_a_defect(
+    flexid, monkeypatch, examples, error, options, status, begins, ends
+):
+    """Assert that a log that cannot be fitted exits 1 with one sentence, and a defect with 70."""
     from flexid.identification import identify as module
 
     def fail(*_):
-        raise ConvergenceError("prediction error", "no start leads anywhere: check the units")
+        raise error
 
     monkeypatch.setattr(module, "identify", fail)
-    outcome = flexid("identify", examples / "flexible_joint.csv")
-    assert outcome.status == 1
-    assert outcome.stderr.splitlines() == [
-        "flexid: prediction error: no start leads anywhere: check the units"
-    ]
-
-
-def break_identification(monkeypatch):
-    """Let identification raise what nobody foresaw."""
-    from flexid.identification import identify as module
-
-    def fail(*_):
-        raise ZeroDivisionError("division by zero")
-
-    monkeypatch.setattr(module, "identify", fail)
-
-
-def test_a_defect_says_how_to_report_it(flexid, monkeypatch, examples):
-    """Assert that an unforeseen error exits 70 with a paragraph that says how to see it whole."""
-    break_identification(monkeypatch)
-    outcome = flexid("identify", examples / "flexible_joint.csv")
-    assert outcome.status == 70
-    assert "Traceback" not in outcome.stderr
-    said = " ".join(outcome.stderr.split())
-    assert "ZeroDivisionError" in said
-    assert "with what this prints: flexid --debug identify" in said
-
-
-def test_debug_prints_the_traceback(flexid, monkeypatch, examples):
-    """Assert that --debug shows a defect where it happens."""
-    break_identification(monkeypatch)
-    outcome = flexid("--debug", "identify", examples / "flexible_joint.csv")
-    assert outcome.status == 70
-    assert outcome.stderr.startswith("Traceback")
+    outcome = flexid(*options, "identify", examples / "flexible_joint.csv")
+    assert outcome.status == status
+    assert outcome.stderr.startswith(begins)
+    assert ends in " ".join(outcome.stderr.split())
+    assert ("Traceback" in outcome.stderr) == bool(options)
 
 
 def test_the_status_of_an_interruption_is_one():
