@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-import numpy as np
 import polars as pl
 
 from benchmarks import fuzz_files
@@ -151,7 +148,6 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
 
 def _streams() -> dict[str, Callable[[], Target]]:
     from flexid.streaming import incoming
-    from flexid.streaming.checkpoint import read_session, save_session
     from flexid.streaming.incoming import TextStream
     from flexid.streaming.options import WatchOptions
     from flexid.streaming.session import Session
@@ -164,7 +160,6 @@ def _streams() -> dict[str, Callable[[], Target]]:
             samples = stream.samples(raw[start : start + 5_000], ended=start + 5_000 > len(raw))
             if samples is not None and samples.shape[1] == 4:  # time, both positions, input
                 session.feed(samples)
-        save_session(session, path.with_suffix(".session"))
 
     def replay(path: Path) -> None:
         """Play a log again, in parts."""
@@ -173,30 +168,10 @@ def _streams() -> dict[str, Callable[[], Target]]:
             while samples.read() is not None:
                 pass
 
-    def checkpoint() -> bytes:
-        columns = fuzz_files.log_columns(400)
-        session = Session(WatchOptions(0.005, ("viscous",), "rigid"))
-        names = ("time", "motor_position", "motor_torque")
-        session.feed(np.column_stack([columns[name] for name in names]))
-        with tempfile.TemporaryDirectory() as folder:
-            save_session(session, Path(folder) / "session.json")
-            return (Path(folder) / "session.json").read_bytes()
-
-    def restore(path: Path) -> None:
-        """Read a checkpoint whose checksum is right, whatever it holds, and go on from it."""
-        with suppress(ValueError, RecursionError, TypeError, KeyError):
-            document = json.loads(path.read_bytes())
-            content = json.dumps(document["content"], sort_keys=True).encode()
-            document["sha256"] = hashlib.sha256(content).hexdigest()
-            path.write_text(json.dumps(document), encoding="utf-8")
-        session = read_session(path)
-        session.feed(np.zeros((3, 3)))
-
     return {
         "watch, text": lambda: Target(".csv", (fuzz_files.log_text(),), watch, _HEADER),
         "watch, MCAP": lambda: Target(".mcap", fuzz_files.SEEDS["MCAP"](), replay, (), True),
         "watch, HDF5": lambda: Target(".h5", fuzz_files.SEEDS["HDF5"](), replay, (), True),
-        "watch, checkpoint": lambda: Target(".json", (checkpoint(),), restore, _JSON),
     }
 
 

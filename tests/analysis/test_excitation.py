@@ -1,16 +1,14 @@
-"""Excitation measured, over windows too, and what positions tell about the coefficients."""
+"""Excitation measured, and what positions tell about the coefficients."""
 
 import numpy as np
 import pytest
 
 from flexid.analysis.excitation import (
-    contraction,
     decay_rate,
     excitation,
     information_at,
-    persistence,
 )
-from flexid.errors import SettingError, SimulationError
+from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, segmented_motion
@@ -100,74 +98,6 @@ def test_a_motion_that_runs_away():
     runaway = ParametricSystem("runaway", (Row("arm", "q", "v", {"a": "q"}),))
     with pytest.raises(SimulationError, match="diverges"):
         information(runaway, [1e4], np.zeros(N), 4.0, np.ones(2))
-
-
-STEP = 1e-3
-
-
-def random_regressors(seed, coefficients, duration=1.0):
-    """Return a few random sinusoids per coefficient, sampled at STEP, of random sizes."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(0.0, duration + STEP / 2, STEP)
-    waves = rng.normal(size=(coefficients, 3)) * 10 ** rng.uniform(-1, 0.5, (coefficients, 1))
-    phases = rng.uniform(0, 2 * np.pi, (coefficients, 3, 1))
-    frequencies = rng.uniform(0.5, 30.0, (coefficients, 3, 1))
-    return np.einsum("ij,ijk->ki", waves, np.sin(frequencies * time + phases))
-
-
-def transition(regressors, gain):
-    """Return the matrix that takes p̃ over the window, r held over each step."""
-    total = np.eye(regressors.shape[1])
-    for r in regressors:
-        # exp(-c h r rᵀ), which shrinks what lies along r and leaves the rest
-        shrunk = -np.expm1(-gain * STEP * (r @ r)) / (r @ r)
-        total -= shrunk * np.outer(r, r @ total)
-    return total
-
-
-@pytest.mark.parametrize("seed", range(8))
-@pytest.mark.parametrize("gain", [0.03, 0.3, 3.0, 30.0])
-@pytest.mark.parametrize("coefficients", [1, 2, 3])
-def test_no_error_shrinks_less_than_the_bound(seed, gain, coefficients):
-    """Assert that the largest possible |p̃(t+T)|/|p̃(t)| stays below the bound.
-
-    It is the norm of the transition matrix; with r held over each step, the derivation of the
-    bound holds with the sum in place of the integral.
-    """
-    r = random_regressors(seed, coefficients)[:-1]
-    worst = np.linalg.norm(transition(r, gain), 2)
-    assert worst <= contraction(STEP * r.T @ r, gain) + 1e-12
-
-
-def test_constant_regressors_guarantee_nothing():
-    """Assert that without excitation in one direction level and guaranteed rate are zero."""
-    measured = persistence(np.tile([1.0, -2.0], (2001, 1)), STEP, 0.5)
-    assert measured.level == pytest.approx(0.0, abs=1e-12)
-    assert measured.guaranteed_rate(1.0) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_level_of_sine_and_cosine():
-    """Assert that sine and cosine over full half periods have ∫ r rᵀ = T/2 I in every window.
-
-    A pause in the motion of one brings the level to zero though the rest excites.
-    """
-    time = np.arange(0.0, 10.0, STEP)
-    frequency = np.pi / 0.5
-    r = np.column_stack([np.sin(frequency * time), np.cos(frequency * time)])
-    measured = persistence(r, STEP, 0.5)
-    assert measured.level == pytest.approx(0.25, rel=1e-4)
-    assert measured.averaged_rate(2.0) == pytest.approx(1.0, rel=1e-3)
-    r[4000:6000, 1] = 0.0
-    measured = persistence(r, STEP, 1.0)
-    assert measured.level == pytest.approx(0.0, abs=1e-12)
-    assert measured.averaged_rate(2.0) > 0.6
-
-
-@pytest.mark.parametrize("window", [5e-3, 10.0])
-def test_a_window_that_does_not_fit_is_refused(window):
-    """Assert that a window of too few samples or longer than the record is an error."""
-    with pytest.raises(SettingError, match="window"):
-        persistence(np.ones((2001, 1)), STEP, window)
 
 
 LONG = np.arange(0.0, 20.0, 0.01)

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 TEXTS = ("log, text", "column map", "drive file", "experiment file", "model file")
-TEXTS += ("estimate", "watch, text", "watch, checkpoint")
+TEXTS += ("estimate", "watch, text")
 # A process for each file takes a while: the command tries more of them.
 APART = ("log, Parquet", "log, MATLAB", "log, MATLAB 7.3", "log, HDF5", "log, MDF", "log, MCAP")
 APART += ("log, ROS 1 bag", "log, ROS 2 bag", "log, stream", "watch, MCAP", "watch, HDF5")

@@ -1,4 +1,4 @@
-"""What a campaign shows: statuses, distributions, and which input matters."""
+"""What a campaign shows: statuses and quantiles."""
 
 import numpy as np
 import polars as pl
@@ -6,49 +6,9 @@ import pytest
 from tests.campaigns.tiny import made_manifest
 
 from flexid.campaigns.store import open_store
-from flexid.campaigns.summary import rank_correlations, summarise
+from flexid.campaigns.summary import summarise
 from flexid.errors import CampaignError
 from flexid.experiments.variation import Distribution, Plan, Variation, make_plan
-
-
-def test_rank_correlation_follows_any_monotonic_law():
-    """Assert that a rising curve has 1, a falling one -1, and that noise is not significant."""
-    rng = np.random.default_rng(0)
-    values = rng.uniform(0.0, 1.0, (400, 2))
-    for result, sign in ((np.exp(9.0 * values[:, 0]), 1.0), (1.0 / (1e-3 + values[:, 0]), -1.0)):
-        first, second = rank_correlations(["a", "b"], values, result)
-        assert (first.input, first.value) == ("a", pytest.approx(sign))
-        assert first.significant
-        assert second.input == "b"
-        assert not second.significant
-
-
-def test_significance_is_shared_by_all_inputs():
-    """Assert that of results that depend on nothing about one in twenty seems to, not more."""
-    rng = np.random.default_rng(1)
-    names = [f"p{n}" for n in range(10)]
-    found = 0
-    for _ in range(200):
-        correlations = rank_correlations(names, rng.random((60, 10)), rng.random(60))
-        found += any(one.significant for one in correlations)
-    assert 1 <= found <= 22
-
-
-def test_runs_without_a_result_are_left_out():
-    """Assert that NaN and infinity change nothing."""
-    values = np.random.default_rng(2).random((50, 1))
-    result = values[:, 0] ** 2
-    spoiled = result.copy()
-    spoiled[::7], spoiled[3] = np.nan, np.inf
-    assert rank_correlations(["a"], values, spoiled)[0].value == pytest.approx(1.0)
-
-
-def test_what_does_not_vary_matters_nowhere():
-    """Assert that a constant input is not listed, and a constant result has no list."""
-    values = np.column_stack([np.ones(30), np.arange(30.0)])
-    assert [one.input for one in rank_correlations(["a", "b"], values, np.arange(30.0))] == ["b"]
-    assert rank_correlations(["a", "b"], values, np.ones(30)) == ()
-
 
 INPUTS = {
     "controller.k": Distribution(uniform=[10.0, 50.0]),
@@ -106,16 +66,6 @@ def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(finishe
     settling = result(finished, "settling_time.theta1")
     assert settling.quantiles == pytest.approx((11.0, 20.0, 29.0), abs=0.5)
     assert settling.missing == pytest.approx(180, abs=10)
-
-
-def test_the_input_that_matters_comes_first(finished):
-    """Assert that a falling law has rank correlation -1, and others, or signed errors, none."""
-    first, second = result(finished, "tracking_rms").correlations
-    assert (first.input, first.value) == ("controller.k", pytest.approx(-1.0))
-    assert first.significant
-    assert not second.significant
-    for one in result(finished, "final_error.theta1").correlations:
-        assert abs(one.value) < 0.2
 
 
 def test_an_unfinished_campaign_is_summarised(tmp_path):

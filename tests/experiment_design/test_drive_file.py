@@ -134,7 +134,6 @@ def test_an_estimate_without_any_of_its_parameters_is_refused(examples, stored, 
         ("sample_time = 0.001", "sample_time = 0.001\nramp = 6.0", "ramp"),
         ("position_noise = 1e-4", "", "position_noise"),
         ("position_noise = 1e-4", "position_noise = 1e-4\nencoder_bits = 12", "position_noise"),
-        ('kind = "multisine"', 'kind = "chirp"', "kind"),
         ("[sensors]", "[sensor]", "sensor"),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexid
-from flexid.errors import ArgumentError, RecordingError, SettingError
+from flexid.errors import ArgumentError, RecordingError
 from flexid.streaming import sources
 
 LOG = Path("examples/flexible_joint.csv")
@@ -74,22 +74,6 @@ def test_a_source_that_cannot_be_read_on(tmp_path, monkeypatch):
     assert next(watch).counts.taken == 3000
     with pytest.raises(RecordingError, match=r"cannot be read on \(Input/output error\)"):
         next(watch)
-
-
-def test_checkpoint(samples, tmp_path):
-    """Assert that a watch goes on from its checkpoint, with its clock."""
-    first = flexid.watch(sample_time=1e-3, **PAPER)
-    first.feed(**channels(samples, slice(4000)))
-    first.save_checkpoint(tmp_path / "state.json")
-    again = flexid.watch(sample_time=1e-3, checkpoint=tmp_path / "state.json", **PAPER)
-    for watch in (first, again):
-        watch.feed(**channels(samples, slice(4000, 6000)))
-    assert first.document == again.document
-    assert again.counts.gaps == 0
-    with pytest.raises(SettingError, match=r"saved with filter_rate 20\.0: choose the same"):
-        flexid.watch(
-            sample_time=1e-3, checkpoint=tmp_path / "state.json", filter_rate=10.0, **PAPER
-        ).feed(**channels(samples, slice(10)))
 
 
 @pytest.mark.parametrize("terms", ["motor_viscous", "viscous"])

@@ -104,6 +104,16 @@ MAPS = {
         "motor_torque": {"column": "motor_torque", "unit": "N m"},
         "link_position": {"column": "link_position", "unit": "m", "scale": 1000},
     },
+    "a lead that is too short": {
+        "lead": 1e-4,
+        "motor_position": {"column": "motor_position", "unit": "rad"},
+        "motor_torque": {"column": "motor_torque", "unit": "N m"},
+        "link_position": {"column": "link_position", "unit": "m"},
+    },
+    "a slide that is said to turn": {
+        "joint": "revolute",
+        "link_position": {"column": "link_position", "unit": "mm"},
+    },
     "a gear of columns that slide": {
         "gear_ratio": 10,
         "motor_torque": {"column": "motor_torque", "unit": "N"},

@@ -6,9 +6,9 @@ from flexid.campaigns.store import Manifest
 from flexid.campaigns.summary import Result, Summary
 
 
-def made_of(correlations=(), name="tracking_rms"):
+def made_of(name="tracking_rms"):
     """Return a result."""
-    return Result(name, 2, 1, (1.0, 1.5, 2.0), tuple(correlations))
+    return Result(name, 2, 1, (1.0, 1.5, 2.0))
 
 
 def made_summary(done=100, statuses=None, damaged=(), first_error="", results=()):

@@ -24,9 +24,9 @@ X = np.array([1.0, 10.0, 100.0])
 Y = np.array([2.0, np.nan, 4.0])
 
 
-def chart(*panels: Panel, columns: int = 1, linked: bool = True, title: str = "A title") -> Chart:
+def chart(*panels: Panel, columns: int = 1, title: str = "A title") -> Chart:
     """Return a chart of panels."""
-    return Chart("name", title, "What to see.", panels, columns, linked)
+    return Chart("name", title, "What to see.", panels, columns)
 
 
 def panel(*marks, x=None, y=None, **layout) -> Panel:
@@ -91,7 +91,7 @@ def test_the_legend_is_no_wider_than_the_figure(length):
 
 
 def test_what_panels_share_is_labelled_once():
-    """Assert that linked columns share x, and only ends have its label."""
+    """Assert that columns share x, and only ends have its label."""
     y = Axis("angle", "rad", limits=(0.0, 500.0))
     panels = [panel(Line("", X, k * X), y=y) for k in range(1, 5)]
     axes = draw(chart(*panels, columns=2)).axes
@@ -100,8 +100,6 @@ def test_what_panels_share_is_labelled_once():
     other = panel(Line("", X, X), x=Axis("frequency", "Hz"))
     above = draw(chart(panel(Line("", X, X), span=2), other, other, columns=2)).axes
     assert [ax.get_xlabel() for ax in above] == ["time (s)", "frequency (Hz)", "frequency (Hz)"]
-    apart = draw(chart(*panels, columns=2, linked=False)).axes
-    assert [ax.get_xlabel() for ax in apart] == ["time (s)"] * 4
     free = draw(chart(panel(Line("", X, X)), panel(Line("", X, 9.0 * X)), columns=2)).axes
     assert [ax.get_ylabel() for ax in free] == ["angle (rad)"] * 2
     assert free[1].get_ylim()[1] > 5.0 * free[0].get_ylim()[1]

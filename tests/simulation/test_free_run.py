@@ -1,4 +1,4 @@
-"""A model alone: under a recorded input, or as its drive moves it."""
+"""A model alone, under a recorded input."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from flexid.errors import SimulationError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
-from flexid.simulation.free_run import Command, free_run, play
+from flexid.simulation.free_run import free_run
 
 COEFFICIENTS = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.3, "beta1": 3.3}
 
@@ -95,49 +95,3 @@ def test_divergence_is_said():
     with pytest.raises(SimulationError, match="diverges") as caught:
         free_run(unstable, {"k": 100.0}, [1.0, 0.0], np.zeros(10_001), 1e-2)
     assert 0 < caught.value.time < 10
-
-
-H, N = 0.002, 1001
-TIME = H * np.arange(N)
-NOTHING = np.zeros((N, 2))
-
-
-def test_a_torque_is_played_as_it_is():
-    """Assert that without a position loop the run is the free run under the held torque."""
-    torque = 5.0 * np.sin(3.0 * TIME)
-    states, inputs = play(
-        flexible_joint(), COEFFICIENTS, np.zeros(4), Command(torque, NOTHING, np.zeros(2)), H
-    )
-    np.testing.assert_array_equal(inputs, torque)
-    expected = free_run(flexible_joint(), COEFFICIENTS, np.zeros(4), torque, H, "zero")
-    np.testing.assert_allclose(states, expected, atol=1e-9)
-
-
-def test_position_loop_against_scipy():
-    """Assert that a fast sampled loop moves as the continuous one that SciPy integrates."""
-    gains = np.array([200.0, 15.0])
-    reference = np.column_stack((np.sin(2.0 * TIME), 2.0 * np.cos(2.0 * TIME)))
-
-    def rates(t, x):
-        wanted = gains[0] * (np.sin(2 * t) - x[2]) + gains[1] * (2 * np.cos(2 * t) - x[3])
-        twist = x[0] - x[2]
-        link = -COEFFICIENTS["theta1"] * np.sin(x[0]) - COEFFICIENTS["theta2"] * twist
-        motor = (
-            COEFFICIENTS["alpha1"] * twist
-            - COEFFICIENTS["alpha2"] * x[3]
-            + COEFFICIENTS["beta1"] * wanted
-        )
-        return [x[1], link, x[3], motor]
-
-    states, _ = play(
-        flexible_joint(), COEFFICIENTS, np.zeros(4), Command(np.zeros(N), reference, gains), H
-    )
-    exact = solve_ivp(rates, (0, TIME[-1]), np.zeros(4), t_eval=TIME, rtol=1e-10, atol=1e-12)
-    assert np.abs(states[:, ::2] - exact.y.T[:, ::2]).max() < 0.02
-
-
-def test_a_run_that_runs_away():
-    """Assert that a loop that is unstable is an error, not numbers without end."""
-    command = Command(np.zeros(N), NOTHING + np.array([1.0, 0.0]), np.array([-1e4, -1e3]))
-    with pytest.raises(SimulationError, match="beyond all bounds"):
-        play(flexible_joint(), COEFFICIENTS, np.zeros(4), command, H)

@@ -1,7 +1,6 @@
 """A stream that is held against an estimate made before, and against what is known."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from flexid.identification.preparation.alignment import Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
-from flexid.streaming.checkpoint import opened_session, read_session, save_session
 from flexid.streaming.health import Health
 from flexid.streaming.learner import departures
 from flexid.streaming.options import (
@@ -130,13 +128,6 @@ def test_a_filter_that_the_samples_are_too_few_for_is_slowed():
     assert options.filter_rate == pytest.approx(0.125 / 0.02)
 
 
-def test_a_slow_stream_goes_on_from_its_checkpoint(tmp_path: Path):
-    """Assert that a sample time that is measured a little otherwise makes no other filter."""
-    first, again = options_of(h=0.02), options_of(h=0.020001)
-    save_session(watched(stream(), first), tmp_path / "state.json")
-    assert opened_session(again, tmp_path / "state.json").options == first
-
-
 def test_what_was_given_is_given(result):
     """Assert that a coefficient that was not estimated is none of the stream's, either."""
     beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)
@@ -167,14 +158,13 @@ def test_what_cannot_be_held_against(result):
 
 
 @pytest.mark.parametrize("part", ["value", "std", "interval"])
-def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str, tmp_path: Path):
-    """Assert that a parameter without value or interval is left out, and a session is saved."""
+def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str):
+    """Assert that a parameter without value or interval is left out."""
     missing = {"value": np.nan, "std": np.inf, "interval": (-np.inf, 1.0)}[part]
     stiffness = replace(result.parameters["joint_stiffness"], **{part: missing})
     parameters = result.parameters | {"joint_stiffness": stiffness}
     options = options_of(replace(result, parameters=parameters))
     assert {*TRUTH} - {*options.reference} == {"joint_stiffness"}
-    save_session(opened_session(options, None), tmp_path / "state.json")
 
 
 def test_what_a_stream_is_not_corrected_by_is_warned_of(result):
@@ -188,18 +178,6 @@ def test_what_a_stream_is_not_corrected_by_is_warned_of(result):
     choices = replace(result.choices, amplifier=Amplifier(dead_zone=0.2))
     (warning,) = not_accounted_for(replace(result, choices=choices), 0.01)
     assert "send the voltage at the motor" in warning
-
-
-def test_a_checkpoint_keeps_what_it_is_held_against(tmp_path: Path):
-    """Assert that a restored session compares as before, and with nothing else."""
-    options = against(joint_stiffness=125.0)
-    session = watched(stream(), options)
-    save_session(session, tmp_path / "state.json")
-    restored = read_session(tmp_path / "state.json")
-    assert restored.departures == session.departures
-    assert opened_session(options, tmp_path / "state.json").health == session.health
-    with pytest.raises(SettingError, match="was saved with reference"):
-        opened_session(OPTIONS, tmp_path / "state.json")
 
 
 def test_what_is_known_exactly_is_not_sought():

@@ -1,9 +1,6 @@
-"""A session is the same however its stream is cut, and whenever it is saved."""
+"""A session is the same however its stream is cut."""
 
-import json
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,17 +10,12 @@ from hypothesis.extra.numpy import arrays
 from moving_joint import LINK, MOTOR, OPTIONS, TORQUE, H, same, stream, watched
 
 from flexid.errors import SettingError
-from flexid.streaming import checkpoint
-from flexid.streaming.checkpoint import read_session, save_session
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
 
 FEW = settings(
     max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
-)
-WITH_FILES = settings(
-    FEW, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 )
 
 
@@ -59,20 +51,6 @@ def test_blocks_change_nothing(kind: str, cuts: list[int]):
     for part in np.split(samples, cuts):
         session.feed(part)
     assert same(session, watched(samples, options))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@WITH_FILES
-@given(cut=st.integers(0, 1960))
-def test_saving_and_restoring_changes_nothing(tmp_path: Path, kind: str, cut: int):
-    """Assert that a session that goes on from a file is the one that never ended, bit for bit."""
-    options, samples = troubled(kind)
-    save_session(watched(samples[:cut], options), tmp_path / "session.json")
-    session = read_session(tmp_path / "session.json")
-    session.feed(samples[cut:])
-    whole = watched(samples, options)
-    assert same(session, whole)
-    assert session.health == whole.health
 
 
 def spikes() -> np.ndarray:
@@ -116,37 +94,6 @@ def test_any_samples_leave_a_state_that_is_finite_or_flagged(samples: np.ndarray
     for found in session.parameters.values():
         assert found.verdict == "undetermined" or np.isfinite(found.interval).all()
     assert set(session.excitation) == {"link", "motor"}
-
-
-def changed(text: str, **content: object) -> str:
-    """A checkpoint with other content and the checksum of that."""
-    document = json.loads(text)
-    document["content"] |= content
-    return json.dumps(document | {"sha256": checkpoint._digest(document["content"])})
-
-
-FAR = {"time": 10**400, "row": "link", "times_worse": 1.0}
-OTHERS: dict[str, tuple[Callable[[str], str], str]] = {
-    "damaged": (lambda text: text.replace('"fed": 501', '"fed": 3'), "changed or cut"),
-    "cut": (lambda text: text[:5000], "changed or cut"),
-    "another version": (lambda text: text.replace('"version": 5', '"version": 4'), "version 5"),
-    "something else": (lambda _: "{}", "no checkpoint"),
-    "too large": (lambda text: changed(text, changes=[FAR]), "no checkpoint"),
-}
-for name in ("guard_state", "now", "recent", "fed", "options", "changes"):
-    OTHERS[name] = (lambda text, name=name: changed(text, **{name: "AAAA"}), "checkpoint")
-
-
-@pytest.mark.parametrize(("edit", "words"), OTHERS.values(), ids=OTHERS)
-def test_what_is_no_checkpoint(tmp_path: Path, edit: Callable[[str], str], words: str):
-    """Assert that a file that was damaged, or is of something else, is refused in a sentence."""
-    path = tmp_path / "session.json"
-    with pytest.raises(SettingError, match="no such file"):
-        read_session(path)
-    save_session(watched(stream(1.0)), path)
-    path.write_text(edit(path.read_text()))
-    with pytest.raises(SettingError, match=words):
-        read_session(path)
 
 
 @pytest.mark.parametrize(

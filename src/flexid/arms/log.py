@@ -179,7 +179,7 @@ def _named(table: Table, joint: int, joints: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for header in table.names:
         usual = named_channel(table.short_name(header))
-        if usual is None or usual.is_command:
+        if usual is None:
             continue
         if usual.channel != "time" and usual.joint.lstrip("0") not in numbers:
             continue

@@ -1,58 +1,18 @@
-"""What a campaign shows: statuses, distributions, and which input matters for which result."""
+"""What a campaign shows: statuses and quantiles."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 
-from flexid.arrays import FloatArray
 from flexid.campaigns.rows import ERROR, FINISHED, REACHED, STATUS
 from flexid.campaigns.store import Manifest, Store, find_store
 from flexid.errors import CampaignError
 from flexid.experiments.variation import SEED as SAMPLING_SEED
 
-_FEWEST_RUNS = 10  # fewest runs from which a correlation is computed
-
-_LEVEL = 0.05
-
-
-@dataclass(frozen=True)
-class Correlation:
-    """Spearman's rank correlation of a result with an input."""
-
-    input: str  # dotted path
-    value: float  # between -1 and 1
-    # whether it differs from 0 at a level of 5 %, shared by all inputs of the result (Bonferroni)
-    significant: bool
-
-
-def rank_correlations(
-    inputs: Sequence[str],
-    values: FloatArray,  # (n_runs, n_inputs)
-    result: FloatArray,  # (n_runs,); runs without a finite value are left out
-) -> tuple[Correlation, ...]:
-    """Rank correlations of one result with all inputs, the strongest first."""
-    from scipy import stats  # late: it loads for a second, and only a summary needs it
-
-    there = np.isfinite(result)
-    values, result = values[there], result[there]
-    if len(result) < _FEWEST_RUNS or np.ptp(result) == 0.0:
-        return ()
-    varying = [place for place in range(len(inputs)) if np.ptp(values[:, place]) > 0.0]
-    found = []
-    for place in varying:
-        test: Any = stats.spearmanr(values[:, place], result)  # SciPy names no type
-        significant = bool(test.pvalue < _LEVEL / len(varying))
-        found.append(Correlation(inputs[place], float(test.statistic), significant))
-    return tuple(sorted(found, key=lambda one: -abs(one.value)))
-
-
 QUANTILES = (0.05, 0.5, 0.95)
-
-_SIGNED = ("final_error.", "final_state.")
 
 
 @dataclass(frozen=True)
@@ -64,8 +24,6 @@ class Result:
     missing: int  # and those without, for example runs that never settle
     # of the finite values in SI units, at QUANTILES; NaN if there are none
     quantiles: tuple[float, ...]
-    # with the inputs, the strongest first; of signed results, that of the magnitude
-    correlations: tuple[Correlation, ...]
 
 
 @dataclass(frozen=True)
@@ -98,8 +56,8 @@ def summarise(out: str | Path) -> Summary:
     rows, damaged = _all_rows(store)
     counts = rows[STATUS].value_counts().sort(by=["count", STATUS], descending=[True, False])
     errors = rows[ERROR].drop_nulls()
-    finished, inputs = rows.filter(pl.col(STATUS) == FINISHED), store.manifest.inputs
-    apart = {"run", *inputs, SAMPLING_SEED, STATUS, ERROR, REACHED}
+    finished = rows.filter(pl.col(STATUS) == FINISHED)
+    apart = {"run", *store.manifest.inputs, SAMPLING_SEED, STATUS, ERROR, REACHED}
     return Summary(
         store.directory,
         store.manifest,
@@ -107,7 +65,7 @@ def summarise(out: str | Path) -> Summary:
         damaged,
         dict(counts.iter_rows()),
         errors[0] if len(errors) else "",
-        tuple(_result(n, finished, inputs) for n in rows.columns if n not in apart),
+        tuple(_result(n, finished) for n in rows.columns if n not in apart),
     )
 
 
@@ -132,15 +90,8 @@ def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
         ) from None
 
 
-def _result(name: str, finished: pl.DataFrame, inputs: Sequence[str]) -> Result:
+def _result(name: str, finished: pl.DataFrame) -> Result:
     values = finished[name].cast(pl.Float64).to_numpy()
     finite = values[np.isfinite(values)]
     quantiles = np.quantile(finite, QUANTILES) if len(finite) else np.full(len(QUANTILES), np.nan)
-    judged = np.abs(values) if name.startswith(_SIGNED) else values
-    return Result(
-        name,
-        len(finite),
-        len(values) - len(finite),
-        tuple(map(float, quantiles)),
-        rank_correlations(inputs, finished.select(inputs).to_numpy(), judged),
-    )
+    return Result(name, len(finite), len(values) - len(finite), tuple(map(float, quantiles)))

@@ -29,33 +29,31 @@ if TYPE_CHECKING:
     from flexid.library.watch import Watch
 
 
-_SAVED_EVERY = 60.0  # s
 _DRAWN_EVERY = 0.2  # s
 
 
 @one_thread()
 def watch(command: Command, options: Options, flags: Options) -> None:
-    """Follow the source to its end, or to an interruption; then save and report."""
+    """Follow the source to its end, or to an interruption; then report."""
     from rich.console import Console
 
     if "source" not in options:
         raise SettingError("SOURCE", "is missing: name a file, - or an address")
     watched: Watch = command.function(**options)
-    checkpoint = options.get("checkpoint")
     with output(flags["out"]) as files, _interruptions() as asked:
         failure = None
         try:
-            _follow(watched, checkpoint, asked, Console(stderr=True), as_json=flags["json"])
+            _follow(watched, asked, Console(stderr=True), as_json=flags["json"])
         except Exception as error:  # whatever it is, it must not cost what was learnt before
             failure = error
         if watched.has_begun:
-            _end(watched, checkpoint, as_json=flags["json"])
+            _report(watched, as_json=flags["json"])
             if files is not None:
                 watched._write_files(files, as_typed(), csv=False)
         if failure is not None:
             raise failure
     if asked:
-        signal.raise_signal(asked[0])  # as if it came now, when all is saved
+        signal.raise_signal(asked[0])  # as if it came now, when all is reported
     if not watched.has_converged:
         raise click.exceptions.Exit(ExitStatus.LACKING)
 
@@ -79,15 +77,13 @@ def _interruptions() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def _follow(
-    watched: "Watch", checkpoint: str | None, asked: list[int], errors: "Console", *, as_json: bool
-) -> None:
+def _follow(watched: "Watch", asked: list[int], errors: "Console", *, as_json: bool) -> None:
     """Follow the stream until it ends, or an interruption; show what is known meanwhile."""
     from rich.live import Live
 
     from flexid.report.watch import live_view
 
-    saved = drawn = time.monotonic()
+    drawn = time.monotonic()
     warned = 0
     terminal = not as_json and errors.is_terminal
     live = Live(console=errors, transient=True, auto_refresh=False)
@@ -102,28 +98,18 @@ def _follow(
                 session = watched.result if watched.has_begun else None
                 live.update(live_view(session, errors.width), refresh=True)
                 drawn = now
-            if checkpoint is not None and watched.has_begun and now - saved > _SAVED_EVERY:
-                try:
-                    watched.save_checkpoint(checkpoint)
-                except SettingError as error:  # there may be room again in a minute
-                    print_warnings((str(error),), errors)
-                saved = now
             if asked:
                 break
 
 
-def _end(watched: "Watch", checkpoint: str | None, *, as_json: bool) -> None:
-    """Save, then print the last report: a reader that has gone must not cost the checkpoint."""
+def _report(watched: "Watch", *, as_json: bool) -> None:
+    """Print the last report."""
+    if as_json:
+        click.echo(json.dumps(watched.document))
+        return
     from flexid.report.terminal import print_parts
 
-    try:
-        if checkpoint is not None:
-            watched.save_checkpoint(checkpoint)
-    finally:  # a full disk must not cost the report
-        if as_json:
-            click.echo(json.dumps(watched.document))
-        else:
-            print_parts(watched._parts())
+    print_parts(watched._parts())
 
 
 def studio(log: str | None = None, *, port: int = 8765, browser: bool = True) -> None:

@@ -133,7 +133,6 @@ OPTIONS = {
         parse_bounds,
         "Such as joint_stiffness=50:200 or motor_viscous_friction=0:.",
     ),
-    "checkpoint": _FILE._replace(note="Saved into each minute, at the end, and on Ctrl-C."),
     "columns": _FILE,
     "coulomb_velocity": Option(str, "VELOCITY", parse_number),
     "duration": _SECONDS,

@@ -20,7 +20,6 @@ from flexid.experiment_design.drive import (
 )
 from flexid.experiment_design.excitation_report import DETERMINED_DEVIATION
 from flexid.experiment_design.optimise import Search, deviation
-from flexid.simulation.free_run import Command
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,6 @@ class Prediction:
     e_deviation: float  # criterion E as a relative standard deviation
     peaks: Mapping[str, float]  # of each channel that has a limit
     torque_rms: float
-    within_limits: bool  # of the drive as believed
 
     @property
     def worst(self) -> float:
@@ -54,9 +52,8 @@ class Design:
 
     drive: Drive
     angular_frequencies: FloatArray  # (m,): rad/s
-    weights: FloatArray  # (2 m,): of cosines and sines, of a torque or a trajectory
+    weights: FloatArray  # (2 m,): of cosines and sines
     time: FloatArray  # (n,): s
-    command: Command
     run: CaseRun  # of the drive as believed
     prediction: Prediction
     largest_use: Mapping[str, Extreme]  # of each limit, over all wrong drives
@@ -89,15 +86,13 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
     _check_rest(drive, everyone)
     candidates = []
     for found in search.run(STARTS, finished):
-        commands = [search.command(tones, found) for tones in (search.coarse, search.fine)]
-        scale = _scale(drive, commands[0], search.step, commands[1], everyone)
-        command = search.command(search.fine, scale * found)
-        run = nominal.play(command, sample_time)
-        candidates.append((predict(drive, nominal, run), scale, found, command, run))
-    best = min(candidates, key=lambda one: one[0].e_deviation)
-    prediction, scale, weights, command, run = best
+        coarse, fine = search.coarse.signal(found), search.fine.signal(found)
+        scale = _scale(drive, coarse, search.step, fine, everyone)
+        run = nominal.play(scale * fine, sample_time)
+        candidates.append((predict(drive, nominal, run), scale, found, run))
+    prediction, scale, weights, run = min(candidates, key=lambda one: one[0].e_deviation)
     finished("limits checked on wrong drives")
-    wrong = {case.name: (case, case.play(command, sample_time)) for case in search.cases}
+    wrong = {case.name: (case, case.play(run.torque, sample_time)) for case in search.cases}
     use = {name: one.use(drive.limits) for name, (_, one) in wrong.items()}
     deviations = {name: predict(drive, *one).deviations for name, one in wrong.items()}
     return Design(
@@ -105,7 +100,6 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
         search.fine.angular_frequencies,
         scale * weights,
         search.fine.time,
-        command,
         run,
         prediction,
         _largest(use),
@@ -132,7 +126,6 @@ def predict(drive: Drive, case: Case, run: CaseRun) -> Prediction:
         deviation(information.relative),
         run.peaks(),
         float(np.sqrt(np.mean(run.torque**2))),
-        max(run.use(drive.limits).values()) <= 1.0,
     )
 
 
@@ -146,21 +139,21 @@ def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:
 
 
 def _scale(
-    drive: Drive, coarse: Command, step: float, fine: Command, cases: Sequence[Case]
+    drive: Drive, coarse: FloatArray, step: float, fine: FloatArray, cases: Sequence[Case]
 ) -> float:
     """Largest factor at which every drive keeps to the limits."""
 
-    def fits(command: Command, sample_time: float) -> bool:
-        uses = (case.uses(command, sample_time, drive.limits) for case in cases)
+    def fits(torque: FloatArray, sample_time: float) -> bool:
+        uses = (case.uses(torque, sample_time, drive.limits) for case in cases)
         return all(max(use.values()) <= 1.0 for use in uses)
 
     low, high = 0.0, _LARGEST_SCALE
-    if fits(coarse.scaled(high), step):
+    if fits(high * coarse, step):
         low = high
     for _ in range(_HALVINGS if low < high else 0):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if fits(coarse.scaled(middle), step) else (low, middle)
-    while low > _SMALLEST_SCALE and not fits(fine.scaled(low), drive.experiment.sample_time):
+        low, high = (middle, high) if fits(middle * coarse, step) else (low, middle)
+    while low > _SMALLEST_SCALE and not fits(low * fine, drive.experiment.sample_time):
         low *= _STEP_BACK  # coarse samples miss some peaks
     if low <= _SMALLEST_SCALE:
         raise SettingError(

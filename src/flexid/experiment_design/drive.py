@@ -23,7 +23,7 @@ from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
 from flexid.models.terms import COULOMB_VELOCITY
-from flexid.simulation.free_run import Command, play
+from flexid.simulation.free_run import free_run
 from flexid.simulation.sampled import plain_model
 from flexid.stored_estimates.estimate_file import StoredEstimate
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
@@ -104,9 +104,7 @@ class Experiment(_Table):
 
     duration: Annotated[float, Field(ge=1, le=600, allow_inf_nan=False)]  # s
     sample_time: Annotated[float, Field(ge=1e-5, le=0.05, allow_inf_nan=False)]  # s
-    kind: Literal["multisine", "trajectory"] = "multisine"  # torque, or motor position to follow
     harmonics: Annotated[int, Field(ge=2, le=40)] = 8  # number of tones
-    bandwidth: Positive | None = None  # rad/s, of the position loop; None: the resonance
 
     @property
     def ramp(self) -> float:
@@ -216,15 +214,15 @@ class Case:
         """The coefficients' values in the model's order, shape (k,)."""
         return np.array([self.coefficients[name] for name in self.system.coefficients])
 
-    def play(self, command: Command, sample_time: float) -> "CaseRun":
-        """Play a command from rest."""
-        states, torque = play(self.system, self.coefficients, self.rest(), command, sample_time)
-        return CaseRun(states, torque, sample_time)
+    def play(self, torque: FloatArray, sample_time: float) -> "CaseRun":
+        """Play a torque from rest, shape (n,), held over each interval."""
+        motion = self.system, self.coefficients, self.rest()
+        return CaseRun(free_run(*motion, torque, sample_time, "zero"), torque, sample_time)
 
-    def uses(self, command: Command, sample_time: float, limits: Limits) -> dict[str, float]:
+    def uses(self, torque: FloatArray, sample_time: float, limits: Limits) -> dict[str, float]:
         """Largest magnitude of each channel over its limit; infinite where the motion diverges."""
         try:
-            return self.play(command, sample_time).use(limits)
+            return self.play(torque, sample_time).use(limits)
         except SimulationError:
             return dict.fromkeys(CHANNELS, np.inf)
 
@@ -254,7 +252,7 @@ CHANNELS = ("torque", "velocity", "position", "deflection")
 
 @dataclass(frozen=True, eq=False)
 class CaseRun:
-    """What a case did under a command."""
+    """What a case did under a torque."""
 
     states: FloatArray  # (n, 4): link position and velocity, motor position and velocity
     torque: FloatArray  # (n,): held from each sample to the next

@@ -20,9 +20,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.experiment_design.drive import Case, CaseRun, Drive
-from flexid.simulation.free_run import Command
 
-_BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory
 _SAMPLES_PER_RADIAN = 4.0  # of the fastest motion, in the search
 _MAIN_TONE, _DOMINANCE = 0.25, 10.0  # of the first start: times the resonance, and the others
 _TIE = 2.0  # weight of (log U)²
@@ -43,21 +41,16 @@ class Waveform:
         s(t) = w(t) Σ_k [a_k cos(ω_k t) + b_k sin(ω_k t)],    ω_k = 2π n_k / T,
 
     with whole numbers n_k spread evenly on a logarithmic scale, and a window w that rises from 0
-    to 1 and falls back along half a cosine: signal and rate are zero at both ends.
+    to 1 and falls back along half a cosine: signal and its rate are zero at both ends.
     """
 
     angular_frequencies: FloatArray  # (m,): rad/s
     time: FloatArray  # (n,): s
     columns: FloatArray  # (n, 2 m): windowed cosines, then windowed sines
-    rate_columns: FloatArray  # (n, 2 m): their derivatives
 
     def signal(self, weights: FloatArray) -> FloatArray:
         """The signal, shape (n,), for weights a_1 … a_m, b_1 … b_m."""
         return self.columns @ weights
-
-    def rate(self, weights: FloatArray) -> FloatArray:
-        """Its derivative, shape (n,)."""
-        return self.rate_columns @ weights
 
 
 def waveform(
@@ -70,26 +63,9 @@ def waveform(
     spare = [n for n in range(1, most + 1) if n not in numbers][: harmonics - len(numbers)]
     rates = base * np.sort(np.concatenate((numbers, spare))).astype(np.float64)
     time = sample_time * np.arange(round(duration / sample_time) + 1, dtype=np.float64)
-    window, slope = _window(time, duration, ramp)
+    window = 0.5 - 0.5 * np.cos(np.pi * np.clip(np.minimum(time, duration - time) / ramp, 0.0, 1.0))
     phase = np.outer(time, rates)
-    cosines, sines = np.cos(phase), np.sin(phase)
-    tones = np.hstack((cosines, sines))
-    tone_rates = np.hstack((-rates * sines, rates * cosines))
-    return Waveform(
-        rates,
-        time,
-        window[:, None] * tones,
-        slope[:, None] * tones + window[:, None] * tone_rates,
-    )
-
-
-def _window(time: FloatArray, duration: float, ramp: float) -> tuple[FloatArray, FloatArray]:
-    """Window and its derivative."""
-    inner = np.clip(np.minimum(time, duration - time) / ramp, 0.0, 1.0)
-    direction = np.where(inner < 1.0, np.where(time < duration / 2, 1.0, -1.0), 0.0)
-    window = 0.5 - 0.5 * np.cos(np.pi * inner)
-    slope = direction * 0.5 * np.pi / ramp * np.sin(np.pi * inner)
-    return window, slope
+    return Waveform(rates, time, window[:, None] * np.hstack((np.cos(phase), np.sin(phase))))
 
 
 class Search:
@@ -99,13 +75,7 @@ class Search:
         self.drive = drive
         self.seed = seed  # of the random starts and of the wrong drives
         wanted = drive.experiment
-        bandwidth = 0.0  # rad/s, of the position loop; a torque has none
-        if wanted.kind == "trajectory":
-            bandwidth = wanted.bandwidth or _BANDWIDTH * drive.resonance
-        # Critically damped for the motor alone; the derivative gain acts at twice the bandwidth.
-        self.gains = drive.parameters.motor_inertia * np.array([bandwidth**2, 2.0 * bandwidth])
-        fastest = max(drive.fastest, drive.resonance, 2.0 * bandwidth)
-        count = max(1, int(1.0 / (_SAMPLES_PER_RADIAN * fastest) / wanted.sample_time))
+        count = max(1, int(1.0 / (_SAMPLES_PER_RADIAN * drive.fastest) / wanted.sample_time))
         self.coarse, self.fine = (  # tones at the samples of the search, and of the experiment
             waveform(wanted.duration, step, wanted.ramp, drive.fastest, wanted.harmonics)
             for step in (count * wanted.sample_time, wanted.sample_time)
@@ -118,30 +88,21 @@ class Search:
     def _problem(self) -> SegmentedMotion:
         """The nominal drive's motion over segments of the search, for any command."""
         step = self.step
-        run = self.nominal.play(self.command(self.coarse, self.start(0)), step)
+        run = self.nominal.play(self.coarse.signal(self.start(0)), step)
         # Fewer samples weigh less each by as much as there are fewer.
         noise = self.drive.sensors.noise * np.sqrt(self.drive.experiment.sample_time / step)
         return run.motion(self.nominal, noise)[0]
 
-    def command(self, tones: Waveform, weights: FloatArray) -> Command:
-        """What the drive is given for some weights."""
-        signal = tones.signal(weights)
-        if self.drive.experiment.kind == "multisine":
-            return Command(signal, np.zeros((len(signal), 2)), self.gains)
-        rest = self.nominal.rest()[2]
-        reference = np.column_stack((rest + signal, tones.rate(weights)))
-        return Command(np.zeros(len(signal)), reference, self.gains)
-
     def cost(self, weights: FloatArray, watched: Sequence[Case]) -> float:
         """What the search makes small while some wrong drives keep to the limits too."""
         step = self.step
-        command = self.command(self.coarse, weights)
+        torque = self.coarse.signal(weights)
         try:
-            run = self.nominal.play(command, step)
+            run = self.nominal.play(torque, step)
             segments = replace(self._problem.segments, inputs=run.torque[:, None])
             point = Point(self.nominal.values, run.states[segments.starts])
             information = information_at(replace(self._problem, segments=segments), point)
-            runs = [run, *(case.play(command, step) for case in watched)]
+            runs = [run, *(case.play(torque, step) for case in watched)]
         except SimulationError:
             return _LOST
         uses = np.array([use for one in runs for use in self._smooth_uses(one)])
@@ -160,10 +121,10 @@ class Search:
 
     def furthest(self, weights: FloatArray) -> list[Case]:
         """For each channel the wrong drive that comes furthest, if beyond its limit."""
-        command = self.command(self.coarse, weights)
+        torque = self.coarse.signal(weights)
         furthest: dict[str, tuple[float, Case]] = {}
         for case in self.cases:
-            for name, use in case.uses(command, self.step, self.drive.limits).items():
+            for name, use in case.uses(torque, self.step, self.drive.limits).items():
                 if use > furthest.get(name, (_NEAR, case))[0]:
                     furthest[name] = (use, case)
         return list({case.name: case for _, case in furthest.values()}.values())
@@ -176,11 +137,9 @@ class Search:
         if place == 0:
             main = int(np.argmin(np.abs(np.log(_MAIN_TONE * self.drive.resonance / rates))))
             weights[len(rates) + main] = _DOMINANCE
-        if self.drive.experiment.kind == "trajectory":  # about the same speed in every tone
-            weights /= np.tile(self.coarse.angular_frequencies, 2)
         for _ in range(60):
-            command = self.command(self.coarse, weights)
-            worst = max(self.nominal.uses(command, self.step, self.drive.limits).values())
+            torque = self.coarse.signal(weights)
+            worst = max(self.nominal.uses(torque, self.step, self.drive.limits).values())
             if worst <= 1.0:
                 break
             weights *= max(0.9 / worst, 0.3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from flexid.errors import SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
@@ -109,10 +109,7 @@ class ExperimentDesign(Answer):
     def __repr__(self) -> str:
         wanted = self.result.drive.experiment
         worst = 100 * self.result.prediction.worst
-        return (
-            f"<ExperimentDesign: {wanted.kind} of {wanted.duration:g} s, "
-            f"worst coefficient within {worst:.2g} %>"
-        )
+        return f"<ExperimentDesign: {wanted.duration:g} s, worst coefficient within {worst:.2g} %>"
 
 
 @entrance
@@ -120,7 +117,6 @@ class ExperimentDesign(Answer):
 def design(
     drive: FilePath,
     *,
-    kind: Literal["multisine", "trajectory"] | None = None,
     duration: float | None = None,
     estimate: JointEstimate | FilePath | Mapping[str, Any] | None = None,
     seed: int = 0,
@@ -134,8 +130,6 @@ def design(
     ----------
     drive : path
         A TOML file with parameters, limits and sensors of the drive.
-    kind : {"multisine", "trajectory"}, optional
-        A torque to play, or a motor position to follow; as the file says if not given.
     duration : float, optional
         Seconds that the experiment lasts; as the file says if not given.
     estimate : JointEstimate or path, optional
@@ -151,7 +145,6 @@ def design(
 
     if seed < 0:
         raise SettingError("seed", "give a whole number, 0 or more")
-    given = {"kind": kind, "duration": duration}
-    choices: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    choices = {} if duration is None else {"duration": duration}
     earlier = None if estimate is None else estimated(estimate)
     return ExperimentDesign(run(read_drive(Path(drive), earlier, choices), seed, progress))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import inf, isfinite
-from pathlib import Path
+from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, RecordingError, SettingError
@@ -58,12 +57,10 @@ class Watch(Answer):
         chosen: Mapping[str, Any],
         estimate: Identification | None,
         follower: Follower | None,
-        checkpoint: Path | None,
         every: float,
     ) -> None:
         self._chosen, self._estimate = chosen, estimate
         self._follower = follower
-        self._checkpoint = checkpoint
         self._every = every
         self._session: Session | None = None
         self._names: set[str] = set()  # of what is fed
@@ -170,8 +167,8 @@ class Watch(Answer):
 
     def _begin(self, arrays: Mapping[str, FloatArray]) -> Session:
         from flexid.recording.channel import Channel, Origin, si_units
-        from flexid.streaming.checkpoint import opened_session
         from flexid.streaming.options import chosen_channels, options_of_stream, wanted_kind
+        from flexid.streaming.session import Session
 
         if self._follower is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
@@ -185,10 +182,8 @@ class Watch(Answer):
         chosen = chosen_channels("feed", channels, (), kind)
         sample_time = self._chosen["sample_time"]
         options = options_of_stream(self._chosen, self._estimate, chosen, sample_time)
-        self._session = opened_session(options, self._checkpoint)
+        self._session = Session(options)
         self._names, self._sampled = {*arrays} - {"time"}, [*chosen.sampled]
-        if self._session.fed and isfinite(self._session.time):
-            self._start = self._session.time + options.sample_time
         return self._session
 
     def __iter__(self) -> Iterator[Watch]:
@@ -223,19 +218,6 @@ class Watch(Answer):
 
         return tuple(not_accounted_for(self._estimate, self.result.options.sample_time))
 
-    @entrance
-    def save_checkpoint(self, path: FilePath) -> None:
-        """Write all that is known into a file, from which `flexid.watch` goes on bit for bit.
-
-        Parameters
-        ----------
-        path : path
-            The file; one that is there is replaced.
-        """
-        from flexid.streaming.checkpoint import save_session
-
-        save_session(self.result, Path(path))
-
     def __repr__(self) -> str:
         health = self.health
         return f"<Watch: {health.health.words}, {health.reason}>"
@@ -256,7 +238,6 @@ def watch(
     filter_rate: float | None = None,
     memory: float = inf,
     coulomb_velocity: float | None = None,
-    checkpoint: FilePath | None = None,
     every: float = 1.0,
     stop_at_end: bool = False,
 ) -> Watch:
@@ -302,8 +283,6 @@ def watch(
     coulomb_velocity : float, optional
         Velocity over which Coulomb friction changes its sign; that of the estimate, or 0.1 rad/s
         or 0.005 m/s, if not given.
-    checkpoint : path, optional
-        A file to go on from, if it is there. See `Watch.save_checkpoint`.
     every : float, optional
         Seconds of the stream between two reports.
     stop_at_end : bool, optional
@@ -340,7 +319,6 @@ def watch(
     if made is not None:
         check_comparable(made)
     wanted_kind(chosen, made)  # raises
-    file = None if checkpoint is None else Path(checkpoint)
     follower = None
     if source is None and (column_map := as_columns(columns)) is not None:
         chosen["joint_type"] = read_map(column_map).joint
@@ -351,9 +329,8 @@ def watch(
             estimate=made,
             column_map=as_columns(columns),
             header=header,
-            checkpoint=file,
             stop_at_end=stop_at_end,
         )
     if not every > 0.0:
         raise SettingError("every", f"must be above 0 s, got {every}")
-    return Watch(chosen, made, follower, file, every)
+    return Watch(chosen, made, follower, every)

@@ -100,7 +100,6 @@ class Draft:
     file: str
     channels: dict[str, Channel]  # the time among them
     warnings: list[str] = field(default_factory=list)
-    begins: tuple[float, ...] = ()  # times at which further runs begin, in s
 
     def __getitem__(self, name: str) -> FloatArray:
         return self.channels[name].values

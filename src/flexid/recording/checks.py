@@ -210,9 +210,10 @@ def check_two_encoders(log: Draft) -> None:
     remedy = "write the drive's gear_ratio (1 if the link is held and there is none)"
     if log.joint == "prismatic":
         remedy = "write the unit of each, and the lead of a motor that turns,"
-    stated = larger == "motor" and log.channels["motor_position"].origin.gear_ratio is not None
+    is_stated = log.channels["motor_position"].origin.gear_ratio is not None
     if larger == "link":
         factor, remedy = 1.0 / factor, f"scale the link position by {factor:.3g}"
+        remedy = f"correct the {log.ratio}" if is_stated else remedy
     moves = f"the {larger} position is about {factor:.3g} times the {smaller} position"
     # A joint near its resonance moves one side several times as much: only clear cases are refused.
     is_one_motion = abs(correlation) > 0.98
@@ -223,7 +224,7 @@ def check_two_encoders(log: Draft) -> None:
         f"{units}: write the unit in brackets": is_one_motion
         and abs(factor / misread - 1.0) < 0.05,
         f"{moves}, as if by a gear: {remedy} in a column map": (
-            is_one_motion and factor > 20.0 and not stated
+            is_one_motion and factor > 20.0 and not (is_stated and larger == "motor")
         ),
         "link and motor position move in opposite directions: scale one by -1 in a column map": (
             correlation < -0.98 and factor < 1.1

@@ -40,6 +40,7 @@ _STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ])|{_DAYS})?{_TIME}({_ZONE}
 _LONGEST = 48  # characters of a stamp
 _EXACT = 2**53  # integers up to which are floating-point numbers, too
 _SINCE_1970 = (1e18, 2**63)  # nanoseconds, from 2001 on; any other unit has no such numbers
+_OF_WINDOWS = "0.1 us"  # since 1601
 _LARGEST = 2**62  # differences up to which those of integers do not wrap
 _PLACES = 12  # behind the point of a decimal that is read exactly, of 38 digits in all
 _DAY = 86_400
@@ -152,12 +153,13 @@ class Clock:
         self._rows += rows
         return np.arange(self._rows - rows, self._rows, dtype=np.float64)
 
-    def counts_nanoseconds(self, table: Table, header: str) -> bool:
-        """Whether numbers without a unit can only be nanoseconds since 1970, as ROS writes them."""
-        first = next(iter(table.frame[header].drop_nulls().head(1)), None)
-        count = str(first).strip()
+    def unit_of_count(self, table: Table, header: str) -> str | None:
+        """The unit that numbers without one can only have: as ROS counts, or Windows."""
+        count = str(next(iter(table.frame[header].drop_nulls().head(1)), None)).strip()
         least, most = _SINCE_1970
-        return re.fullmatch(r"\d{19}", count) is not None and least <= int(count) < most
+        if not re.fullmatch(r"\d{18,19}", count) or int(count) >= most:
+            return None
+        return "ns" if int(count) >= least else _OF_WINDOWS
 
     def numbers(self, table: Table, header: str, scale: float) -> FloatArray:
         """Numbers of a column of so many s each, from the first one on where that is long ago."""

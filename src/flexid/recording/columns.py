@@ -43,7 +43,6 @@ _NEEDED = {
     _LINK: ("link_position", "deflection"),
     _INPUT: INPUTS,
 }
-_NANOSECONDS = re.compile(r"(.{0,200})(?:nano|n)(secs?|seconds)$")
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
 _NO_MAP = ColumnMap("", {}, None, frozenset())
 
@@ -139,25 +138,22 @@ class _Plan:
 
     def _add_usual(self) -> None:
         """Add columns that have usual names where no column has the channel's own."""
-        stamp = _stamp_of_two(self.table)
-        candidates = self._candidates(stamp)
+        candidates = self._candidates()
         skipped = set(self.found)
         if skipped & set(INPUTS):
             skipped |= set(INPUTS)
         if "deflection" in skipped:
             skipped.add("link_position")
         added: dict[str, Recipe] = {}
-        commands = []
         for name in SI_UNITS:
             columns = [] if name in skipped else candidates.get(name, [])
             if len(columns) > 1:
                 raise self._refusal(
-                    f"{quoted(column.header for column, _ in columns)} could each be {name}: "
+                    f"{quoted(column.header for column in columns)} could each be {name}: "
                     f"rename the one that is, or say in a column map which it is"
                 )
             if columns:
-                added[name], usual = columns[0]
-                commands += [added[name].header] if usual.is_command else []
+                added[name] = columns[0]
         if "time" not in {*self.found, *added}:
             stamped = [name for name in self.table.names if _has_stamps(self.table.frame[name])]
             if len(stamped) == 1:
@@ -174,27 +170,25 @@ class _Plan:
                 f"by its name was taken {shown}: check it, or say in a column map what the columns "
                 f"are"
             )
-        if commands:
-            self.warnings.append(
-                f"{quoted(commands)} is a command, and not a measurement: log the measured torque "
-                f"or current, which may be later and smaller"
-            )
 
-    def _candidates(self, stamp: Recipe | None) -> dict[str, list[tuple[Recipe, Usual]]]:
+    def _candidates(self) -> dict[str, list[Recipe]]:
         """Columns of one joint by the channel that their usual names stand for."""
-        taken = {*(stamp.weights if stamp else ()), *(one.header for one in self.found.values())}
+        taken = {one.header for one in self.found.values()}
         short = {h: self.table.short_name(h) for h in self.table.names if h not in taken}
         ignored = common_words(short.values())
         named = {header: named_channel(name, ignored) for header, name in short.items()}
         usual = {header: one for header, one in named.items() if one is not None}
         joint = self._joint_of(usual)
-        found: dict[str, list[tuple[Recipe, Usual]]] = {}
+        found: dict[str, list[Recipe]] = {}
         for header, one in usual.items():
             if one.joint in ("", joint):
                 recipe = recipe_of_column(self.table, header, one.unit)
-                found.setdefault(one.channel, []).append((recipe, one))
-        # Of several columns those count that were measured, in a unit that needs no scale.
-        plain = {name: [one for one in own if _is_plain(*one)] for name, own in found.items()}
+                found.setdefault(one.channel, []).append(recipe)
+        # Of several columns those count that are in a unit that needs no scale.
+        plain = {
+            name: [one for one in own if not is_relative(one.unit or "")]
+            for name, own in found.items()
+        }
         found = {name: plain[name] or own for name, own in found.items()}
         if any(plain.get(name) for name in INPUTS):
             found = {n: own for n, own in found.items() if n not in INPUTS or plain[n]}
@@ -206,14 +200,12 @@ class _Plan:
             is_springs = quantity == "torque" and known & {*POSITIONS}
             if side and quantity in found and name not in known and not is_springs:
                 found[name] = found[quantity]
-        places = [recipe for name, own in found.items() if "position" in name for recipe, _ in own]
+        places = [recipe for name, own in found.items() if "position" in name for recipe in own]
         places += [recipe for name, recipe in self.found.items() if name in POSITIONS]
         # Beside angles, or a current, a force may be that of something else.
         moves = joint_of(places, "revolute" if known & {*INPUTS} else "prismatic")
         if "force" in found and moves == "prismatic" and "motor_torque" not in self.found:
             found.setdefault("motor_torque", found["force"])
-        if stamp:
-            found.setdefault("time", [(stamp, Usual("time", "s"))])
         return found
 
     def _joint_of(self, usual: Mapping[str, Usual]) -> str:
@@ -284,18 +276,6 @@ def _side_of_bare(known: Collection[str], count: int) -> str:
     return "motor" if count == 1 and known == {"link_position"} else ""
 
 
-def _stamp_of_two(table: Table) -> Recipe | None:
-    """A stamp's columns of whole seconds and of nanoseconds, as ROS writes it."""
-    bare = {split_header(header)[0].lower(): header for header in table.names}
-    parts = {header: match for name, header in bare.items() if (match := _NANOSECONDS.match(name))}
-    found = [
-        recipe_of_column(table, bare[match[1] + match[2]], "s", header)
-        for header, match in parts.items()
-        if match[1] + match[2] in bare
-    ]
-    return found[0] if len(found) == 1 else None
-
-
 def _has_stamps(column: polars.Series) -> bool:
     """Whether a column begins with a date and a time."""
     first = next(iter(column.drop_nulls().head(1)), None)
@@ -306,7 +286,3 @@ def _has_stamps(column: polars.Series) -> bool:
 def _is_unnamed(header: str) -> bool:
     """Whether a column has no name, as flexid and pandas call it."""
     return re.match(r"(?i)unnamed\b", header) is not None
-
-
-def _is_plain(column: Recipe, usual: Usual) -> bool:
-    return not usual.is_command and not is_relative(column.unit or "")

@@ -44,10 +44,6 @@ SIDES = {
 }
 CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # also as a part of a path, or with a unit
 _OTHERS = {
-    "command": (
-        "command cmd commanded ref reference set setpoint target desired des demand soll sollwert "
-        "consigne riferimento consigna"
-    ),
     "filler": (
         "meas measured act actual active present state states enc encoder side sensor value values "
         "data shaft of the ist istwert gemessen mesure mesuree misurata medida medido de du la le "
@@ -82,7 +78,6 @@ class Words(NamedTuple):
     all: tuple[str, ...]
     quantities: tuple[str, ...]
     sides: frozenset[str]
-    is_command: bool  # of a value that is wanted, not measured
     needs_unit: bool  # whether another thing is called so, too
     others: tuple[str, ...]  # that say nothing known
 
@@ -112,7 +107,6 @@ def words_of(name: str) -> Words | None:
         words,
         quantities,
         frozenset(kind for kind in kinds if kind in SIDES),
-        "command" in kinds,
         not _NEED_UNIT.isdisjoint(words),
         tuple(word for word, kind in zip(words, kinds, strict=True) if kind in unknown),
     )
@@ -174,7 +168,6 @@ class Usual(NamedTuple):
 
     channel: str  # without a side, "position", "velocity" or "torque"
     unit: str | None  # in the name
-    is_command: bool = False  # what is wanted of the drive, not what was measured
     joint: str = ""  # the number of the joint, where the name has one
 
 
@@ -223,17 +216,17 @@ def folded(name: str) -> str:
 
 
 def usual_channel(header: str) -> Usual | None:
-    """The channel that a column holds by a usual name, as measured in the only joint.
+    """The channel that a column holds by a usual name, in the only joint.
 
     A position or a velocity whose name has no side is that of a drive with one encoder, and is
     returned as ``"position"`` or ``"velocity"``.
     """
     found = named_channel(header)
-    return None if found is None or found.joint or found.is_command else found
+    return None if found is None or found.joint else found
 
 
 def named_channel(header: str, ignored: frozenset[str] = frozenset()) -> Usual | None:
-    """The same, of a joint that has a number, too, and of a command; some words say nothing."""
+    """The same, of a joint that has a number, too; some words say nothing."""
     for stem, unit in _stems_and_units(header):
         words = words_of(stem)
         found = None if words is None else _channel(words, unit, ignored)
@@ -291,7 +284,7 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
         return None
     if quantity == "time":
         is_other = unit is not None and is_usual(unit) and unit_of_word(unit) not in _TIMES
-        return None if side or number or words.is_command or is_other else Usual("time", unit)
+        return None if side or number or is_other else Usual("time", unit)
     if quantity in _INPUTS:
         if side == "link":
             return None
@@ -300,13 +293,11 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
         name = "torque" if is_apart else f"motor_{quantity}"
         if quantity == "force":
             name, unit = "force", unit or "N"
-        return Usual(name, unit, words.is_command, number)
-    if words.is_command:
-        return None
+        return Usual(name, unit, number)
     if quantity == "deflection":  # a link may bend, and a strain gauge shows it in another unit
         is_angle = unit is None or quantity_of(unit) == "position"
-        return Usual(quantity, unit, False, number) if is_angle and not side else None
-    return Usual(f"{side}_{quantity}" if side else quantity, unit, False, number)
+        return Usual(quantity, unit, number) if is_angle and not side else None
+    return Usual(f"{side}_{quantity}" if side else quantity, unit, number)
 
 
 def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:

@@ -16,11 +16,9 @@ from flexid.recording.one_clock import drop_holes
 from flexid.recording.outliers import mend
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import (
-    count_on,
     drop_repeats,
     even_grid,
     keep_common,
-    part_runs,
     to_grid,
 )
 from flexid.recording.series import table_of_file
@@ -64,8 +62,6 @@ def _drafted(table: Table, columns: MapSource | None) -> Draft:
     channels, warnings = read_channels(table, columns)
     log = Draft(table.file, channels, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
-    count_on(log)
-    part_runs(log, table)
     drop_repeats(log, table)
     drop_holes(log)
     drop_frozen(log)

@@ -294,11 +294,10 @@ def _find_header(table: Table, column: str, recipe: Recipe) -> str:
     raise RecordingError(recipe.file, recipe.place, reason)
 
 
-def recipe_of_column(table: Table, header: str, unit: str | None, nanoseconds: str = "") -> Recipe:
-    """The recipe of a column by its name, with that of a stamp's nanoseconds, if there is one."""
+def recipe_of_column(table: Table, header: str, unit: str | None) -> Recipe:
+    """The recipe of a column by its name."""
     place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
-    weights = {header: 1.0, **({nanoseconds: 1e-9} if nanoseconds else {})}
-    return Recipe(weights, table.file, place, unit)
+    return Recipe({header: 1.0}, table.file, place, unit)
 
 
 def joint_of(recipes: Iterable[Recipe], usual: JointType = "revolute") -> JointType:
@@ -320,8 +319,8 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
             _check_plain(recipe, header)
             return Channel(stamps, header, True, Origin({header: 1.0}, 1.0, 0.0, "s", None))
     unit = _unit(recipe)
-    if name == "time" and unit is None and clock.counts_nanoseconds(table, recipe.header):
-        unit = "ns"
+    if name == "time" and unit is None:
+        unit = clock.unit_of_count(table, recipe.header)
     factor, si_unit, gear = _in_si(name, recipe, unit)
     if gear is not None:
         factor *= gear if name == "motor_torque" else 1.0 / gear

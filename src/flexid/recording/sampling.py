@@ -28,12 +28,8 @@ _OF_STAMPS = (
 )
 ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
 _UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s, of times that are no seconds
-_OVERFLOWS = (2**32 * 1e-3, 2**32 * 1e-6)
-"""s, by which a counter of ms or µs falls; by 2**16 ms a buffer of so many samples falls, too."""
 _RARE = 0.05  # s between samples: what is logged at 10 kHz in ms reads as 0.1 s
 _MOST_ALIKE = 4.0  # samples to a digit: of more, the line is too free
-_BEGINS_AGAIN = 0.99  # of a run's duration, by which the next one begins before its end at least
-_BETWEEN_RUNS = 100  # sample times
 
 
 class Grid(NamedTuple):
@@ -42,57 +38,6 @@ class Grid(NamedTuple):
     sample_time: float  # common to all recordings, in s
     recordings: tuple[slice, ...]  # the samples of each
     resample: bool = False  # whether the time stamps are off the even grid by more than rounding
-
-
-def count_on(log: Draft) -> None:
-    """Make the time of a counter go on that overflows, as one of 32 bits does in 71 min or 50 d."""
-    time = log.time
-    steps = np.diff(time)
-    if not np.any(steps < 0.0):
-        return
-    step = float(np.median(steps))
-    for period in _OVERFLOWS:
-        is_wrap = np.abs(steps + period - step) <= GAP * step
-        if is_wrap.any():
-            log["time"] = time + period * np.cumsum(np.concatenate(([False], is_wrap)))
-            log.warn(
-                "time",
-                f"it falls by {period:.6g} s, as a counter of 32 bits does that overflows (at "
-                f"{log.at(np.flatnonzero(is_wrap) + 1)}), and was counted on there: check it",
-            )
-
-
-def part_runs(log: Draft, table: Table) -> None:
-    """Put runs that a file holds one after the other, each from its own time on, a gap apart."""
-    time, column = log.time.copy(), log.channels["time"].column
-    starts = [0, *(np.flatnonzero(np.diff(time) < 0.0) + 1).tolist(), len(time)]
-    runs = [slice(a, b) for a, b in pairwise(starts)]
-    falls = [float(time[begin - 1] - time[begin]) for begin in starts[1:-1]]
-    spans = [float(np.ptp(time[run])) for run in runs[:-1]]
-    if (
-        not falls
-        or min(run.stop - run.start for run in runs) < FEWEST_SAMPLES
-        or any(fall < _BEGINS_AGAIN * span for fall, span in zip(falls, spans, strict=True))
-        or _is_stamp(table, column, 0)  # a clock goes on
-    ):
-        return
-    seen = set()
-    for run in runs:
-        samples = b"".join(log[name][run].tobytes() for name in log.names)
-        if samples in seen:
-            reason = "the same samples follow once more: remove them"
-            raise RecordingError(table.file, table.place(run.start, column), reason)
-        seen.add(samples)
-    step = float(np.median(np.diff(time)))
-    for begin, fall in zip(starts[1:], falls, strict=False):
-        time[begin:] += fall + _BETWEEN_RUNS * step
-    log["time"], log.begins = time, tuple(time[starts[1:-1]].tolist())
-    places = first_times([table.place(begin, column) for begin in starts[1:-1]])
-    log.warn(
-        "",
-        f"the time begins again ({places}), so the log was cut there into {len(runs)} recordings: "
-        f"check that all are of the same joint",
-    )
 
 
 def drop_repeats(log: Draft, table: Table) -> None:
@@ -327,9 +272,8 @@ def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> No
     def spans(ends: Iterable[tuple[int, int]]) -> str:
         return first_times([f"{time[first]:.6g} s to {time[last]:.6g} s" for first, last in ends])
 
-    missing = [(a, b) for a, b in pairwise(parts) if time[b.start] not in log.begins]
-    if missing:
-        gaps = spans((a.stop - 1, b.start) for a, b in missing)
+    if len(parts) > 1:
+        gaps = spans((a.stop - 1, b.start) for a, b in pairwise(parts))
         count = f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}"
         log.warn(
             "",

@@ -180,6 +180,11 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
             f"correct one, or write the lead of a motor that turns in a column map, as 0.005 for "
             f"5 mm in a turn"
         )
+    if si_unit in _SLIDING and {*si_units} & {*_TURNING}:
+        raise UnitError(
+            f"the unit [{text}] is that of a slide, and this joint turns: write the unit of an "
+            f"angle or a torque, or joint = 'prismatic' in a column map"
+        )
     raise UnitError(
         f"the unit [{text}] is not known for this column: write {_accepted(si_units)}, or the unit "
         f"and a scale in a column map"

@@ -1,6 +1,6 @@
 """A campaign as tables and JSON."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import isfinite
 from typing import Any
 
@@ -8,29 +8,12 @@ from flexid.campaigns.summary import QUANTILES, Summary
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
-DETAILS = ("final_error.", "final_state.")
-"""Prefixes of results that are quantified, but of which no more is said."""
-
-_SHOWN = 4  # inputs named for a result
-
 
 def parts(summary: Summary) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     yield from status_lines(summary)
     yield ""
     yield quantiles_table(summary)
-    yield from _importance(summary)
-
-
-def _importance(summary: Summary) -> Iterator[Part]:
-    """What matters for each result, as tables."""
-    shown = [result for result in summary.results if not result.name.startswith(DETAILS)]
-    columns = (Column("result"), Column("inputs"))
-    correlations = Table("What matters most: rank correlation", columns)
-    for result in shown:
-        named = [f"{one.input} {one.value:+.2f}" for one in result.correlations if one.significant]
-        correlations.add(result.name, _sentence(named, len(result.correlations)))
-    yield correlations
     if any(result.missing for result in summary.results):
         yield (
             "None: finished runs without this result; an estimate that does not stay within 5 % "
@@ -72,18 +55,6 @@ def quantiles_table(summary: Summary) -> Table:
     return table
 
 
-def _sentence(significant: Sequence[str], inputs: int) -> str:
-    if not inputs:
-        return "does not vary, or in too few runs"
-    if not significant:
-        return "none is significant"
-    parts = [*significant[:_SHOWN]]
-    if len(significant) > _SHOWN:
-        parts.append(f"and {len(significant) - _SHOWN} more")
-    others = inputs - len(significant)
-    return ", ".join(parts) + (f"; {others} not significant" if others else "")
-
-
 def heading(summary: Summary) -> tuple[str, str]:
     """Name and folder."""
     return f"Campaign {summary.directory.name}", str(summary.directory)
@@ -108,7 +79,6 @@ def document(summary: Summary) -> dict[str, Any]:
                 "quantiles": dict(
                     zip(map("{:g}".format, QUANTILES), result.quantiles, strict=True)
                 ),
-                "rank_correlations": result.correlations,
             }
             for result in summary.results
         },

@@ -92,14 +92,13 @@ class Panel:
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure: panels row after row."""
+    """A figure: panels row after row; those of one column share their x axis."""
 
     name: str  # of its file
     title: str
     says: str  # one sentence on what to see
     panels: tuple[Panel, ...]
     columns: int = 1
-    linked: bool = True  # whether panels of one column share their x axis
 
 
 def whole_decades(values: FloatArray) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""A design as tables, JSON, a figure, and the file that a drive can play."""
+"""A design as tables, JSON, a figure, and the torque that a drive can play."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +10,7 @@ import polars as pl
 from flexid.experiment_design.design import Design
 from flexid.experiment_design.drive import DOUBT
 from flexid.models.motion import unit_of
-from flexid.report.chart import Axis, Chart, Line, Mark, Panel
+from flexid.report.chart import Axis, Chart, Line, Panel
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
@@ -28,8 +28,7 @@ def parts(result: Design) -> Iterator[Part]:
     yield _limits(result)
     wanted = result.drive.experiment
     tones = ", ".join(f"{rate:.3g}" for rate in result.angular_frequencies)
-    what = "torque" if wanted.kind == "multisine" else "motor position"
-    yield f"Tones of the {what}: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}."
+    yield f"Tones of the torque: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}."
     yield (
         f"The input was scaled by {result.scale:.3g}, so that every drive whose parameters are off "
         f"by {100 * DOUBT:.0f} % keeps to the limits."
@@ -37,10 +36,10 @@ def parts(result: Design) -> Iterator[Part]:
 
 
 def _predictions(result: Design) -> Table:
-    found, wanted = result.prediction, result.drive.experiment
+    found = result.prediction
     worst = Column(f"±{100 * DOUBT:.0f} %, worst drive")
     columns = (Column("coefficient"), *numbers("design"), worst)
-    table = Table(f"Predicted standard deviations, {wanted.kind}", columns)
+    table = Table("Predicted standard deviations", columns)
     for name, deviation in found.deviations.items():
         extreme = result.largest_deviations[name]
         table.add(name, _percent(deviation), f"{100 * extreme.value:.3g} % ({extreme.case})")
@@ -77,16 +76,11 @@ def charts(result: Design) -> tuple[Chart]:
 def _over_time(result: Design) -> Iterator[Panel]:
     """Torque, position and deflection."""
     x, time, units = result.run.states, Axis("time", "s"), _units(result)
-    position: list[Mark] = [Line("link", result.time, x[:, 0], "blue")]
-    played = "played"
-    if result.drive.experiment.kind == "trajectory":
-        played = "that the position loop asks for"
-        reference = result.command.reference[:, 0]
-        position.append(Line("motor reference", result.time, reference, "orange", 1.0, "dashed"))
+    position = Line("link", result.time, x[:, 0], "blue")
     torque = Line("torque", result.time, result.run.torque, "blue", 1.0)
-    yield Panel(f"Torque {played}", time, Axis("torque", units["torque"]), (torque,))
+    yield Panel("Torque played", time, Axis("torque", units["torque"]), (torque,))
     title = "Link position, simulated with the assumed drive"
-    yield Panel(title, time, Axis("position", units["position"]), tuple(position))
+    yield Panel(title, time, Axis("position", units["position"]), (position,))
     deflection = Line("deflection", result.time, x[:, 0] - x[:, 2], "blue", 1.0)
     yield Panel("Deflection", time, Axis("deflection", units["deflection"]), (deflection,), 0.7)
 
@@ -95,19 +89,11 @@ _DIGITS = 10  # significant; a drive has fewer
 
 
 def save_command(result: Design, directory: Path, _csv: bool = False) -> None:
-    """Write command.csv: the torque to play, or the reference with the torque to be expected."""
-    pl.DataFrame(command_columns(result)).write_csv(directory / "command.csv")
-
-
-def command_columns(result: Design) -> dict[str, np.ndarray]:
-    """What a drive can play, by name with unit."""
-    columns, units = {"time [s]": result.time}, _units(result)
-    if result.drive.experiment.kind == "trajectory":
-        position, velocity = result.command.reference[:, 0], result.command.reference[:, 1]
-        columns[f"motor_position_reference [{units['position']}]"] = position
-        columns[f"motor_velocity_reference [{units['velocity']}]"] = velocity
-    columns[f"motor_torque [{units['torque']}]"] = result.run.torque
-    return {name: _rounded(values) for name, values in columns.items()}
+    """Write command.csv: the torque to play."""
+    torque = f"motor_torque [{_units(result)['torque']}]"
+    columns = {"time [s]": result.time, torque: result.run.torque}
+    table = pl.DataFrame({name: _rounded(values) for name, values in columns.items()})
+    table.write_csv(directory / "command.csv")
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
@@ -117,8 +103,7 @@ def _rounded(values: np.ndarray) -> np.ndarray:
 
 def heading(result: Design) -> tuple[str, str]:
     """What is designed."""
-    wanted = result.drive.experiment
-    return f"The designed {wanted.kind}", f"{wanted.duration:g} s"
+    return "The designed torque", f"{result.drive.experiment.duration:g} s"
 
 
 def document(result: Design) -> dict[str, Any]:
@@ -132,7 +117,6 @@ def document(result: Design) -> dict[str, Any]:
             "cosines": cosines,
             "sines": sines,
         },
-        "position_loop_gains": result.command.gains,
         "prediction": result.prediction,
         "largest_use": result.largest_use,
         "largest_deviations": result.largest_deviations,

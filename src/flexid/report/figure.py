@@ -107,7 +107,7 @@ _DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
 def draw(chart: Chart, ax: Axes | None = None) -> Figure:
     """A drawing: the title above, a legend of all panels below; or in the place of an axes.
 
-    Panels of one column share their x axis if the chart is linked. The only mark of a panel needs
+    Panels of one column share their x axis. The only mark of a panel needs
     no entry in the legend.
     """
     if ax is not None:
@@ -187,7 +187,7 @@ def _fill_grid(figure: Figure, chart: Chart, inside: SubplotSpec | None = None) 
     above: dict[tuple[int, int], Axes] = {}
     for i, row in enumerate(rows):
         for column, panel in row:
-            share = above.get((column, panel.span)) if chart.linked else None
+            share = above.get((column, panel.span))
             ax = figure.add_subplot(grid[i, column : column + panel.span], sharex=share)
             _fill(ax, panel, chart.columns // panel.span)
             if share is not None:

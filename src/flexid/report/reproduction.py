@@ -131,7 +131,6 @@ def document(result: Reproduction) -> dict[str, Any]:
         },
         "claims": [_claim_document(claim) for claim in result.claims],
         "theorem1": [_case_document(case) for case in result.cases],
-        "rates": result.rates,
         "attenuation": result.attenuation,
         "late_tracking_errors": {
             "1,1,3": {f"{end:g}": error for end, error in result.late_tracking_errors.items()}

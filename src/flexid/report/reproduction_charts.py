@@ -1,6 +1,6 @@
 """The paper's loop as charts: Figures 1 to 5 of Huang (2003), Theorem 1, and a run of one's own."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +15,10 @@ from flexid.report.chart import (
     Line,
     Mark,
     Panel,
-    Points,
     peaks,
     whole_decades,
     with_margin,
 )
-from flexid.studies.cases import RatePoint
 from flexid.studies.readings import DURATION, TOLERANCE, UNKNOWN, SteadyRun
 from flexid.studies.reproduction import Reproduction
 
@@ -107,7 +105,7 @@ def reproduction_charts(result: Reproduction) -> tuple[Chart, ...]:
     """figure1 to figure5 and theorem1."""
     runs = result.runs
     errors = [error_chart(runs, name, number) for number, name in enumerate(UNKNOWN, start=2)]
-    return tracking_chart(runs), *errors, theorem_chart(runs, result.rates)
+    return tracking_chart(runs), *errors, theorem_chart(runs)
 
 
 def tracking_chart(runs: Mapping[str, SteadyRun]) -> Chart:
@@ -184,8 +182,8 @@ def _late_values(runs: Mapping[str, SteadyRun], column: int) -> tuple[tuple[floa
     return limits, f"; from {_number(first)} at 0 s" if first < limits[0] else ""
 
 
-def theorem_chart(runs: Mapping[str, SteadyRun], rates: Mapping[str, Sequence[RatePoint]]) -> Chart:
-    """V along both runs, and the exponential rate over the observer's gain against its bound."""
+def theorem_chart(runs: Mapping[str, SteadyRun]) -> Chart:
+    """V along both runs."""
     values = tuple(
         Line(f"gains ({name})", run.monitor.time, run.monitor.value, COLOURS[name])
         for name, run in runs.items()
@@ -197,35 +195,6 @@ def theorem_chart(runs: Mapping[str, SteadyRun], rates: Mapping[str, Sequence[Ra
         time,
         Axis("V", "SI", logarithmic=True, limits=decades),
         values,
-        span=2,
     )
-    panels = (lyapunov, *(_rates(row, points) for row, points in rates.items()))
     ends = " and ".join(f"{line.y[-1]:.2g}" for line in values)
-    every = [point for points in rates.values() for point in points]
-    above = sum(point.measured >= point.guaranteed for point in every)
-    says = (
-        f"V falls to {ends} in 30 s. At {above} of {len(every)} gains the errors vanish at least "
-        "as fast as the theorem guarantees, which is the red line."
-    )
-    return Chart("theorem1", "Theorem 1", says, panels, columns=2, linked=False)
-
-
-def _rates(row: str, points: Sequence[RatePoint]) -> Panel:
-    """Rates of convergence of a row over the observer's gain."""
-    gains = np.array([point.gain for point in points])
-    measured = np.array([point.measured for point in points])
-    averaged = np.array([point.averaged for point in points])
-    guaranteed = np.array([point.guaranteed for point in points])
-    decades = whole_decades(np.concatenate([measured, averaged, guaranteed]))
-    return Panel(
-        f"{row} row: rate of convergence",
-        Axis("gain c of the observer", logarithmic=True, limits=whole_decades(gains)),
-        Axis("rate", "1/s", logarithmic=True, limits=decades),
-        (
-            Line("c × mean excitation", gains, averaged, "grey", 1.3, "dashed"),
-            Line("measured", gains, measured, "green"),
-            Points("", gains, measured, "green"),
-            Line("guaranteed", gains, guaranteed, "red"),
-        ),
-        1.2,
-    )
+    return Chart("theorem1", "Theorem 1", f"V falls to {ends} in 30 s.", (lyapunov,))

@@ -218,18 +218,6 @@ class WatchOptions:
         endless = self.memory if isfinite(self.memory) else None
         return {f.name: getattr(self, f.name) for f in fields(self)} | {"memory": endless}
 
-    @classmethod
-    def of(cls, document: Mapping[str, Any]) -> "WatchOptions":
-        """The options that a document holds."""
-        names = {f.name for f in fields(cls)}
-        if not isinstance(document, Mapping) or {*document} != names:
-            raise SettingError("checkpoint", "its options are not those of this version")
-        memory = document["memory"]
-        try:
-            return cls(**{**document, "memory": inf if memory is None else memory})
-        except (TypeError, ValueError, AttributeError):
-            raise SettingError("checkpoint", "its options are of wrong types") from None
-
 
 def check_comparable(result: Identification) -> None:
     """Refuse an identification that no stream can be held against."""

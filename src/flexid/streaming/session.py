@@ -128,8 +128,6 @@ class Session:
         self.suspected = False
         self.changes: tuple[Change, ...] = ()  # of the drive, as its motion says: the last hundred
         self.n_changes = 0
-        self.n_read = 0  # samples of the file that is followed, from its beginning, that came
-        self.first_read = np.empty((0, options.width))  # of them, by which the file is known again
         self._found: tuple[Memory, Findings] | None = None
 
     def feed(self, samples: FloatArray) -> None:

@@ -64,8 +64,7 @@ class GrowingFile:
             raise RecordingError(
                 self.name,
                 "",
-                "it was cut, rewritten or replaced while it was watched: watch it once more; a "
-                "checkpoint keeps what was learnt",
+                "it was cut, rewritten or replaced while it was watched: watch it once more",
             )
         self._last = found[-_COMPARED:]
         if new or self._stop_at_end:

@@ -1,4 +1,4 @@
-"""Theorem 1 of Huang (2003) in three cases, and sweeps over the factor k and the observer's gains.
+"""Theorem 1 of Huang (2003) in three cases, and a sweep over the factor k.
 
 The cases: (A4) holds, fails altogether, nearly fails. In each the observer runs in the closed loop
 of the paper under gains (1,2,3); only the reference differs. Where (A4) fails, the errors must
@@ -11,8 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.analysis.excitation import Excitation, decay_rate, excitation, persistence
-from flexid.analysis.lyapunov import Limit, LyapunovMonitor, monitor_run, row_histories
+from flexid.analysis.excitation import Excitation, decay_rate, excitation
+from flexid.analysis.lyapunov import (
+    Limit,
+    LyapunovMonitor,
+    RowHistory,
+    monitor_run,
+    row_histories,
+)
 from flexid.simulation.closed_loop import simulate
 from flexid.studies.readings import (
     AMPLITUDE,
@@ -30,11 +36,9 @@ from flexid.studies.readings import (
 )
 
 ATTENUATIONS = (15.0, 25.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # k in 1/s
-GAINS = (0.02, 0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # c of the observer
 _SWEEP_TOLERANCE = 1e-6  # relative tolerance of the sweeps, whose numbers need three digits
 
 _SAMPLE_TIME = 1e-3
-_STEADY_STATE = 1.0  # s, after which the motion under (1,2,3) has long reached its steady state
 _FLOOR = 1e-8  # of the first parameter error; below it the integrator's error may show
 
 
@@ -51,17 +55,6 @@ class AttenuationPoint:
     def largest_relative_error(self) -> float:
         """Largest error of an estimate at 30 s, as a share of the true value."""
         return max(abs(self.parameter_errors[name]) / TRUE[name] for name in UNKNOWN)
-
-
-@dataclass(frozen=True)
-class RatePoint:
-    """How fast one row's errors vanish at one gain, in 1/s."""
-
-    gain: float  # c of the row
-    measured: float  # slope of the logarithm of |p̃|
-    guaranteed: float  # bound from the level of persistent excitation over half a period
-    # prediction for small gains, c times the smallest eigenvalue of the mean of r rᵀ
-    averaged: float
 
 
 def attenuation_point(exponents: Exponents, k: float) -> AttenuationPoint:
@@ -86,34 +79,6 @@ def late_tracking_errors(exponents: Exponents, ends: Sequence[float]) -> dict[fl
     """Largest tracking error in rad over the 10 s before each time, in a run beyond the paper's."""
     run = simulate(table1_loop(exponents), max(ends), 2 * _SAMPLE_TIME, _SWEEP_TOLERANCE)
     return {end: run.largest_tracking_error(end - 10.0, end) for end in ends}
-
-
-def rate_points() -> dict[str, list[RatePoint]]:
-    """Measure the exponential rate under persistent excitation against its bound.
-
-    The motion is that of Table I under (1,2,3), already on its steady state; errors start at the
-    paper's initial values.
-    """
-    points: dict[str, list[RatePoint]] = {"link": [], "motor": []}
-    for gain in GAINS:
-        duration = float(np.clip(20.0 / gain, 40.0, 500.0))
-        loop = table1_loop((1, 2, 3), observer_gains=(gain, gain))
-        run = simulate(loop, duration, 0.01, _SWEEP_TOLERANCE)
-        steady = run.between(_STEADY_STATE, duration)
-        time = run.time[steady]
-        for history in row_histories(run):
-            tail = history.part(steady)
-            size = float(np.linalg.norm(tail.errors[0]))
-            measured = persistence(tail.regressors, 0.01, HALF_PERIOD)
-            points[history.row].append(
-                RatePoint(
-                    gain,
-                    decay_rate(time, tail.errors, 4 * HALF_PERIOD, _FLOOR * size),
-                    measured.guaranteed_rate(gain),
-                    measured.averaged_rate(gain),
-                )
-            )
-    return points
 
 
 def steady_condition(amplitude: float = AMPLITUDE) -> float:
@@ -144,6 +109,7 @@ class TheoremCase:
     judged: tuple[str, ...]  # rows whose excitation the reference was chosen for
     monitor: LyapunovMonitor  # V, and the limits of the errors over the last twentieth of the run
     excitation: dict[str, Excitation]  # (A4) by row, over the last half of the run
+    decay_rates: dict[str, float]  # by row, of the errors in 1/s
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -190,7 +156,7 @@ def theorem_case(
         (1, 2, 3), reference=sine(amplitude, offset), initial_state=(offset, 0.0, held, 0.0)
     )
     run = simulate(loop, duration, duration / 15_000, TOLERANCE)
-    half = run.between(0.5 * duration, duration)
+    half, histories = run.between(0.5 * duration, duration), row_histories(run)
     return TheoremCase(
         name,
         reference,
@@ -199,6 +165,14 @@ def theorem_case(
         monitor_run(run, 0.05 * duration),
         {
             history.row: excitation(history.row, history.coefficients, history.regressors[half])
-            for history in row_histories(run)
+            for history in histories
+        },
+        {
+            history.row: decay_rate(run.time, history.errors, 4 * HALF_PERIOD, _floor(history))
+            for history in histories
         },
     )
+
+
+def _floor(history: RowHistory) -> float:
+    return _FLOOR * float(np.linalg.norm(history.errors[0]))

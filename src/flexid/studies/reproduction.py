@@ -21,12 +21,10 @@ from flexid.studies.cases import (
     ATTENUATIONS,
     CASES,
     AttenuationPoint,
-    RatePoint,
     TheoremCase,
     attenuation_point,
     late_tracking_errors,
     peak_torque,
-    rate_points,
     steady_condition,
     theorem_case,
 )
@@ -99,14 +97,13 @@ def decide_claims(
     runs: Mapping[str, SteadyRun],
     attenuation: Mapping[str, list[AttenuationPoint]],
     peak_torques: Mapping[float, float],
-    rates: Mapping[str, list[RatePoint]],
     cases: tuple[TheoremCase, ...],
     other_controller_error: float,
 ) -> tuple[Claim, ...]:
     """Decide every claim."""
     values = {
         **_of_the_design(runs["1,1,3"]),
-        **_of_the_theorem(runs, rates, cases),
+        **_of_the_theorem(runs, cases),
         **_of_the_controller(readings, attenuation, peak_torques),
         **_of_the_results(runs, attenuation),
         "any controller": [{"PD": other_controller_error}],
@@ -179,14 +176,11 @@ def _physical_error(coefficients: Mapping[str, float]) -> float:
 
 
 def _of_the_theorem(
-    runs: Mapping[str, SteadyRun],
-    rates: Mapping[str, list[RatePoint]],
-    cases: tuple[TheoremCase, ...],
+    runs: Mapping[str, SteadyRun], cases: tuple[TheoremCase, ...]
 ) -> dict[str, list[Values]]:
     """Theorem 1, its proof, and its condition (A4)."""
     excited, standstill, small = cases
     v = {name: run.monitor.value for name, run in runs.items()}
-    speeds = {row: [p.measured / p.guaranteed for p in points] for row, points in rates.items()}
 
     def conditions(row: str) -> Values:
         return {name: run.excitation[row].condition_number for name, run in runs.items()}
@@ -199,7 +193,7 @@ def _of_the_theorem(
         "only boundedness": [
             {"standstill": _worst_remaining(standstill), "0.1 rad sine": _worst_remaining(small)}
         ],
-        "exponential rate": [{f"{row} row": min(found) for row, found in speeds.items()}],
+        "exponential rate": [{f"{row} row": x for row, x in excited.decay_rates.items()}],
         "(A4) for f": [conditions("link")],
         "(A4) for φ": [conditions("motor")],
         "(A4) at any amplitude": [{"0.3 rad": steady_condition(0.3)}],
@@ -271,7 +265,6 @@ class Reproduction:
     attenuation: dict[str, list[AttenuationPoint]]
     # largest tracking error in rad under (1,1,3) over the 10 s before each time in s
     late_tracking_errors: dict[float, float]
-    rates: dict[str, list[RatePoint]]  # exponential rate over the observer's gain, by row
     cases: tuple[TheoremCase, ...]  # Theorem 1 in three cases
     claims: tuple[Claim, ...]  # the paper's claims, decided
 
@@ -302,10 +295,9 @@ def reproduce(finished: Callable[[str], None]) -> Reproduction:
     peaks = {k: peak_torque((1, 2, 3), k) for k in (ATTENUATION, EARLIER_ATTENUATION)}
     late = done("longer run", late_tracking_errors((1, 1, 3), LATE))
     cases = tuple(done("case of Theorem 1", theorem_case(*case)) for case in CASES)
-    rates = done("rates of convergence", rate_points())
     other = done("another controller", error_under_pd())
-    claims = done("claims", decide_claims(readings, runs, attenuation, peaks, rates, cases, other))
-    return Reproduction(readings, attenuation, late, rates, cases, claims)
+    claims = done("claims", decide_claims(readings, runs, attenuation, peaks, cases, other))
+    return Reproduction(readings, attenuation, late, cases, claims)
 
 
 def error_under_pd() -> float:

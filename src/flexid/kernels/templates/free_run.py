@@ -1,4 +1,4 @@
-"""The motion of a model under a recorded input, or of one whose drive follows a reference.
+"""The motion of a model under a recorded input.
 
 All models share this kernel, which calls a model's right-hand side by its address.
 """
@@ -33,23 +33,17 @@ def recall(x, start, motion):
 
 
 @njit(**equations)
-def free_run(address, x0, u, loop, p, c, h, held, substeps, out):
+def free_run(address, x0, u, p, c, h, held, substeps, out):
     """Integrate the model under its inputs, in steps of h / substeps seconds.
 
-    Between samples the input is held or interpolated linearly. The loop is (tracked, reference,
-    gains): if there is a reference, the first input of each sample grows by
-    gains[0] (reference[k, 0] - x[tracked]) + gains[1] (reference[k, 1] - x[tracked + 1]).
+    Between samples the input is held or interpolated linearly.
     Returns the number of samples written: fewer than asked for if the motion diverged.
     """
-    tracked, reference, gains = loop
     n_states, n_inputs = x0.shape[0], u.shape[1]
     x, end = x0.copy(), np.empty(n_states)
     work = end, np.empty(n_states), np.empty(4 * n_states)
     change, room = np.zeros(n_inputs), np.empty(n_inputs)
     for k in range(u.shape[0]):
-        if reference.shape[0] > 0:
-            u[k, 0] += gains[0] * (reference[k, 0] - x[tracked])
-            u[k, 0] += gains[1] * (reference[k, 1] - x[tracked + 1])
         for j in range(n_states):
             if not abs(x[j]) < BOUND and k > 0:
                 return k

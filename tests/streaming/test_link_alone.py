@@ -1,6 +1,5 @@
-"""The first samples of a stream looked at for scales, and streams without an input."""
+"""Streams without an input."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -19,48 +18,12 @@ from moving_joint import (
     watched,
 )
 
-from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 from flexid.streaming.follower import Follower
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions, chosen_channels
-
-SAMPLES = stream(24.0)
-
-
-def scaled(factor: float, *places: int) -> FloatArray:
-    """Samples with another scale of some columns."""
-    samples = SAMPLES.copy()
-    samples[:, places] *= factor
-    return samples
-
-
-DEGREES = 180.0 / np.pi
-FAULTS: dict[str, tuple[FloatArray, str | None]] = {
-    "nothing": (SAMPLES, None),
-    "ten samples once more": (np.concatenate((SAMPLES[:3000], SAMPLES[2990:])), None),
-    "a link in degrees": (scaled(DEGREES, LINK), "link_position moves at .* faster than a joint"),
-    "a torque in thousandths": (scaled(3000.0, TORQUE), "gives .* W, more than 20000"),
-    "both in degrees": (scaled(DEGREES, LINK, MOTOR), "faster than a joint does"),
-}
-
-
-@pytest.mark.parametrize("name", FAULTS)
-def test_scales_of_a_stream(name: str, tmp_path: Path) -> None:
-    """Assert that what a log is refused or warned for is a warning, and nothing else is."""
-    samples, words = FAULTS[name]
-    path = tmp_path / "log.csv"
-    header = "time,link_position,motor_position,motor_torque"
-    np.savetxt(path, samples, delimiter=",", header=header, comments="", fmt="%.9g")
-    follower = Follower(str(path), {"sample_time": 2e-3}, stop_at_end=True)
-    list(follower.turns(10.0))
-    if words is None:
-        assert follower.warnings == ()
-    else:
-        assert any(re.search(words, warning) for warning in follower.warnings), follower.warnings
-
 
 OPTIONS = WatchOptions(H, ("gravity",), "link")
 DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")
