@@ -66,7 +66,6 @@ def test_the_library_takes_whatever_holds_an_estimate(folders):
     assert not answer.agree
     assert answer.probability is not None
     assert answer.probability < 1e-4
-    assert "logs" in answer.settings
     assert repr(answer) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
     assert "Changed: joint_stiffness" in answer.summary()
     assert "&lt;" not in answer._repr_html_()

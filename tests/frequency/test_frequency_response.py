@@ -215,7 +215,6 @@ def test_the_spectral_estimate_is_the_model(estimate, log):
     # Below 4.5 Hz the joint rings for longer than a segment lasts, and its spectrum leaks.
     for response, coherence, error in zip(found.responses, (0.97, 0.998), (0.1, 0.03), strict=True):
         (measured,) = response.measured
-        assert measured.averages == 14
         steady = (measured.coherence > coherence) & (measured.frequency > 4.5)
         assert steady.sum() > 4
         f = measured.frequency[steady]
@@ -257,7 +256,7 @@ def test_other_logs_can_stand_beside(estimate, log):
     (own,) = estimate.frequency_response().responses[0].measured
     np.testing.assert_array_equal(measured.values, own.values)
     both = bare.frequency_response([log, broad(8_000, seed=4)]).responses[0].measured
-    assert both[0].averages > measured.averages
+    assert not np.array_equal(both[0].values, measured.values)
     short = estimate.result.recordings[0].window(0, 30)
     assert spectral_estimates([short], alone) == ()
 

@@ -22,7 +22,6 @@ from flexid.comparisons.differences import (
 )
 from flexid.comparisons.estimate_origins import (
     Sharing,
-    apart,
     doubts,
     reason_of,
     shared_logs,
@@ -46,7 +45,6 @@ class Comparison:
     coefficients: Mapping[str, Difference]
     together: JointTest | None  # all coefficients of both at once; None where that cannot be tested
     logs: Sharing  # whether both were made from the same logs
-    settings: Mapping[str, tuple[str, str]]
     warnings: tuple[str, ...] = ()  # what limits the comparison
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -125,7 +123,6 @@ def compare_estimates(
         coefficients,
         together,
         logs,
-        apart(a, b),
         tuple(doubts(a, b, logs)),
         {"flexid_version": flexid.__version__, "a": dict(a.provenance), "b": dict(b.provenance)},
     )

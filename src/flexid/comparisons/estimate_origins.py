@@ -1,7 +1,6 @@
-"""Where two estimates come from: shared logs, other settings, and constants of shapes."""
+"""Where two estimates come from: shared logs, doubts of both, and constants of shapes."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
@@ -48,51 +47,6 @@ def shared_logs(a: Mapping[str, Any], b: Mapping[str, Any]) -> Sharing:
     if not any(in_both):
         return "different"
     return "same" if all(in_both) else "some shared"
-
-
-def apart(a: Either, b: Either) -> dict[str, tuple[str, str]]:
-    """What was asked for, chosen or read otherwise: in A and in B, by name."""
-    first, second = (
-        {name: _text(value) for name, value in (_facts(e) | _chosen(e)).items()} for e in (a, b)
-    )
-    names = dict.fromkeys([*first, *second])
-    pairs = {name: (first.get(name, "none"), second.get(name, "none")) for name in names}
-    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
-
-
-def _facts(estimate: Either) -> dict[str, Any]:
-    """What an estimate was made of, and what was asked for."""
-    provenance = estimate.provenance
-    logs = provenance.get("inputs", ())
-    facts: dict[str, Any] = {
-        "logs": [log.get("file") for log in logs],
-        "model": estimate.model,
-        "flexid": provenance.get("flexid_version"),
-    }
-    asked = provenance.get("settings", {})
-    if estimate.model != "arm":
-        facts["joint"] = estimate.joint
-    facts |= {f"{name} (asked)": value for name, value in asked.items() if name != "model"}
-    for channel, origin in next(iter(logs), {}).get("columns", {}).items():
-        facts[f"column of {channel}"] = {k: v for k, v in origin.items() if k != "unit"}
-    return facts
-
-
-def _chosen(estimate: Either) -> dict[str, Any]:
-    """What was chosen; delays in s."""
-    rest: dict[str, Any]
-    if estimate.model == "arm":
-        names = ("hold", "input_delay", "encoder_delays", "disturbances")
-        chosen, rest = estimate, {"lengths": estimate.arm.lengths, "gravity": estimate.arm.gravity}
-    else:
-        names = ("terms", "hold", "estimator", "filter_rate", "coulomb_velocity", "shapes")
-        chosen, alignment = estimate.choices, estimate.choices.alignment
-        rest = {
-            "input_delay": alignment.input_delay.value,
-            "link_delay": alignment.link_delay.value,
-            "amplifier": {k: v for k, v in asdict(chosen.amplifier).items() if v},
-        }
-    return {name: getattr(chosen, name) for name in names} | rest
 
 
 def doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
@@ -153,20 +107,6 @@ def _named_logs(provenance: Mapping[str, Any]) -> set[_Log]:
 
 def _known(estimate: Either) -> Mapping[str, Any]:
     return estimate.provenance.get("settings", {}).get("known", {})
-
-
-def _text(value: Any) -> str:
-    """A setting in words: the same for what was read from a file and what was not."""
-    if isinstance(value, Mapping):
-        there = {key: item for key, item in value.items() if item is not None}
-        text = ", ".join(f"{key} {_text(item)}" for key, item in there.items())
-    elif isinstance(value, list | tuple):
-        text = ", ".join(map(_text, value))
-    elif isinstance(value, float):
-        text = f"{value:.4g}"
-    else:
-        text = "" if value is None else str(value)
-    return text or "none"
 
 
 ALIKE = 2.0

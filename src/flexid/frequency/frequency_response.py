@@ -45,7 +45,6 @@ class SpectralEstimate:
     values: NDArray[np.complex128]  # (n,): in the unit of Response
     # (n,): share of the output's power that follows the input linearly, 0 to 1
     coherence: FloatArray
-    averages: int  # number of segments, with those that overlap
 
 
 def spectral_estimates(
@@ -117,7 +116,7 @@ def _estimate(
         values *= jw * sample_time / -np.expm1(-jw * sample_time)
         values /= _held(result.choices.hold, frequency, sample_time)
     coherence = np.abs(between) ** 2 / (u * y)
-    return SpectralEstimate(output, frequency, values * np.exp(jw * late), coherence, sum(counts))
+    return SpectralEstimate(output, frequency, values * np.exp(jw * late), coherence)
 
 
 def _held(hold: Hold, frequency: FloatArray, sample_time: float) -> NDArray[np.complex128]:

@@ -127,8 +127,6 @@ class EstimateComparison(Answer):
     """Lumped coefficients of the model by name, likewise; none if their meaning differs."""
     agree: bool
     """Whether all that is in both drives was compared, and no change is established."""
-    settings: Mapping[str, tuple[str, str]]
-    """What was asked for, chosen or used otherwise: in A and in B, by name."""
 
     @property
     def changed(self) -> tuple[str, ...]:

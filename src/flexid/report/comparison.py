@@ -34,8 +34,6 @@ OUTCOME_COLOURS: dict[Outcome, str] = {
     "not compared": "",
 }
 
-_LONGEST = 60  # characters of a setting
-
 
 def parts(comparison: Comparison) -> Iterator[Part]:
     """Tables and sentences of the answer."""
@@ -50,8 +48,6 @@ def parts(comparison: Comparison) -> Iterator[Part]:
             yield differences_table(title, differences)
             yield from (f"  {line}" for line in remarks(differences))
             yield ""
-    if comparison.settings:
-        yield settings_table(comparison)
     yield from comparison_summary(comparison)
 
 
@@ -80,14 +76,6 @@ def remarks(differences: Mapping[str, Difference]) -> Iterator[str]:
             yield f"{d.name}: {sides} does without it; what it could be there is compared"
 
 
-def settings_table(comparison: Comparison) -> Table:
-    """What was asked for, chosen or used otherwise."""
-    table = Table("Different logs or settings", (Column(""), Column("A"), Column("B")))
-    for name, pair in comparison.settings.items():
-        table.add(name, *map(shortened, pair))
-    return table
-
-
 def outcome_text(d: Difference) -> Text:
     """The verdict in words; where a change as large as the value may hide, none can be given."""
     if d.outcome != "no change":
@@ -95,11 +83,6 @@ def outcome_text(d: Difference) -> Text:
     if d.largest_percent > 100.0 * THRESHOLDS.weak_width:
         return Text("cannot tell", OUTCOME_COLOURS["not determined"])
     return Text(f"same to {largest(d)}", OUTCOME_COLOURS["no change"])
-
-
-def shortened(text: str) -> str:
-    """A setting as far as a table has room for it."""
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
 
 
 def comparison_summary(comparison: Comparison) -> Iterator[str]:
@@ -224,7 +207,6 @@ def document(comparison: Comparison) -> dict[str, Any]:
         "parameters": _differences(comparison.parameters),
         "coefficients": _differences(comparison.coefficients),
         "together": comparison.together,
-        "settings": {name: {"a": a, "b": b} for name, (a, b) in comparison.settings.items()},
         "summary": [*comparison_summary(comparison)],
         "warnings": comparison.warnings,
         "provenance": comparison.provenance,
