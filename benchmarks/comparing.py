@@ -25,12 +25,12 @@ from benchmarks.trials.generate import Trial
 from benchmarks.trials.options import add_log_options, logs_of
 from benchmarks.trials.repeated import make_repeated
 from flexid.arrays import to_json
-from flexid.comparisons.comparison import Comparison, compare_estimates
 from flexid.errors import FlexidError
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.recording.read import read_log
+from flexid.stored_estimates.comparison import Comparison, compare_estimates
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 
 BLOCK = "comparing"

@@ -23,7 +23,7 @@ from benchmarks.ensemble_peers import (
 from benchmarks.size import sized
 from benchmarks.table1 import JR, TRUE
 from benchmarks.timing import Timing, measure, timed
-from flexid.control.laws import pd_gravity
+from flexid.paper.laws import pd_gravity
 from flexid.simulation.closed_loop import ClosedLoop, simulate
 from flexid.simulation.ensemble import Ensemble, simulate_ensemble
 from flexid.studies.readings import table1_loop

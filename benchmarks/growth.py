@@ -15,8 +15,6 @@ import numpy as np
 
 from benchmarks.report import markdown
 from benchmarks.size import sized
-from flexid.control.laws import pd_gravity
-from flexid.control.loop import sinusoid
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
@@ -24,6 +22,8 @@ from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import flexible_joint
+from flexid.paper.laws import pd_gravity
+from flexid.paper.loop import sinusoid
 from flexid.report.figure import BLUE, GREEN, ORANGE, new_figure, save
 from flexid.simulation.closed_loop import ClosedLoop, simulate
 from flexid.simulation.ensemble import simulate_ensemble

@@ -15,7 +15,7 @@ from benchmarks.comparison import AtMost, Comparison, Detail, Outcome, Side, dur
 from benchmarks.size import sized
 from benchmarks.timing import measure
 from flexid.arrays import FloatArray
-from flexid.control.laws import pd_gravity
+from flexid.paper.laws import pd_gravity
 from flexid.simulation.closed_loop import ClosedLoop
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.studies.readings import AMPLITUDE, FREQUENCY, table1_loop

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexid.analysis.excitation import excitation_of_gram
 from flexid.arrays import to_json
+from flexid.estimators.excitation import excitation_of_gram
 from flexid.identification.judgement.compliance import Compliance
 from flexid.identification.judgement.estimates import verdict
 from flexid.identification.preparation.alignment import Alignment, Delay

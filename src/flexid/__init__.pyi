@@ -17,7 +17,6 @@ from flexid.estimators.recursive_least_squares import (
     recursive_least_squares as recursive_least_squares,
 )
 from flexid.estimators.samples import Samples as Samples
-from flexid.frequency.frequency_response import FrequencyResponse as FrequencyResponse
 from flexid.identification.vocabulary.thresholds import Thresholds as Thresholds
 from flexid.library.excitation import ExperimentDesign as ExperimentDesign
 from flexid.library.excitation import LogExcitation as LogExcitation
@@ -53,6 +52,7 @@ from flexid.models.rigid_joint import rigid_joint as rigid_joint
 from flexid.paper.parametric_observer import parametric_observer as parametric_observer
 from flexid.recording.recording import Log as Log
 from flexid.recording.recording import Recording as Recording
+from flexid.stored_estimates.frequency_response import FrequencyResponse as FrequencyResponse
 from flexid.streaming.health import Health as Health
 
 __version__: str

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexid import files
+from flexid.errors import SettingError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
@@ -33,6 +34,19 @@ Content = TypeVar("Content", bound="BaseModel")
 def read_bytes(path: Path, wanted: str, refuse: Refuse) -> bytes:
     """Read a small file."""
     return files.read_bytes(path, MAX_BYTES, wanted, partial(refuse, ""))
+
+
+def is_arm_file(model: str) -> bool:
+    """Whether it is the path of a TOML file, which is that of an arm."""
+    return model.lower().endswith(".toml")
+
+
+def refuse_arm_file(model: str) -> None:
+    """Raise a `SettingError` for an arm where the model of one joint is wanted."""
+    if is_arm_file(model):
+        raise SettingError(
+            "model", f"{model!r} is an arm: only flexid identify, the command, takes it"
+        )
 
 
 def parse_toml(raw: bytes, refuse: Refuse) -> dict[str, Any]:

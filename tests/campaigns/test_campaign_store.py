@@ -14,10 +14,10 @@ import pytest
 from filelock import FileLock
 from tests.campaigns.tiny import EXPERIMENT, made_manifest, rows_of, same_bits, write_experiment
 
-from flexid.campaigns import run_campaign
-from flexid.campaigns.store import find_store, open_store
 from flexid.errors import CampaignError, SettingError
 from flexid.experiments import read_experiment
+from flexid.experiments.campaign_runner import run_campaign
+from flexid.experiments.campaign_store import find_store, open_store
 from flexid.experiments.variation import Variation, make_plan
 
 INPUTS = {"controller.k": tuple(map(float, range(10, 17)))}
@@ -151,7 +151,7 @@ def no_room(_):
 KILLED = """
 import os, signal, sys
 from flexid import files
-from flexid.campaigns import run_campaign
+from flexid.experiments.campaign_runner import run_campaign
 from flexid.experiments import read_experiment
 
 replace, count = os.replace, 0

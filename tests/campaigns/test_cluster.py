@@ -10,9 +10,10 @@ import time
 import pytest
 from tests.campaigns.tiny import EXPERIMENT, rows_of, same_bits, write_experiment
 
-from flexid.campaigns import run_campaign, runner
 from flexid.errors import CampaignError, SettingError
+from flexid.experiments import campaign_runner as runner
 from flexid.experiments import read_experiment
+from flexid.experiments.campaign_runner import run_campaign
 
 pytest.importorskip("distributed", reason="the package distributed is not installed")
 

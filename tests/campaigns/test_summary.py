@@ -5,9 +5,9 @@ import polars as pl
 import pytest
 from tests.campaigns.tiny import made_manifest
 
-from flexid.campaigns.store import open_store
-from flexid.campaigns.summary import summarise
 from flexid.errors import CampaignError
+from flexid.experiments.campaign_store import open_store
+from flexid.experiments.campaign_summary import summarise
 from flexid.experiments.variation import Distribution, Plan, Variation, make_plan
 
 INPUTS = {

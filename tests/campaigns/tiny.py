@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from flexid.campaigns.store import Manifest
+from flexid.experiments.campaign_store import Manifest
 from flexid.experiments.variation import Plan
 
 HERE = Path(__file__).parent

@@ -7,13 +7,13 @@ import pytest
 import sympy as sp
 from systems import THREE_ROWS
 
-from flexid.control.laws import REFERENCE_NAMES, Controller, pd_gravity, robust_law
-from flexid.control.loop import LoopDeclaration, Multisine, sinusoid
 from flexid.derivation.symbolic import symbol
 from flexid.errors import AccelerationError, ModelError
 from flexid.models.expression import evaluate
 from flexid.models.flexible_joint import flexible_joint
 from flexid.paper.closed_loop import compose_loop
+from flexid.paper.laws import REFERENCE_NAMES, Controller, pd_gravity, robust_law
+from flexid.paper.loop import LoopDeclaration, Multisine, sinusoid
 from flexid.paper.observer import derive_observer
 from flexid.simulation.closed_loop import loop_kernel
 

@@ -13,12 +13,12 @@ from made_joint import COEFFICIENTS, TRUTH, log, made, turned
 from flexid.arrays import to_json
 from flexid.errors import SettingError
 from flexid.exports.request import request_of_identification
-from flexid.frequency.linear_joint import linear_joint
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
+from flexid.stored_estimates.linear_joint import linear_joint
 from flexid.stored_estimates.validate_estimate import validate_estimate
 
 LINK_TRUTH = {"joint_stiffness_per_link_inertia": 100.0, "gravity_torque_per_link_inertia": 5.0}

@@ -3,13 +3,13 @@
 import ast
 from pathlib import Path
 
-from flexid.control.laws import pd_gravity
-from flexid.control.loop import LoopDeclaration, sinusoid
 from flexid.derivation.model_functions import compiled_signals
 from flexid.derivation.sensitivities import sensitivity_functions
 from flexid.kernels import store
 from flexid.models.flexible_joint import flexible_joint
 from flexid.paper.closed_loop import compose_loop, lane_loop_source, stiff_loop_source
+from flexid.paper.laws import pd_gravity
+from flexid.paper.loop import LoopDeclaration, sinusoid
 from flexid.paper.sampled_loop import sampled_loop_source
 
 FOLDER = Path(store.__file__).parent / "templates"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from flexid.analysis.excitation import excitation
+from flexid.estimators.excitation import excitation
 
 theta1, theta2 = 5.0, 100.0
 

@@ -8,7 +8,7 @@ import polars as pl
 from joint_log import written
 from log_files import hdf5
 
-from flexid.recording.overview import overview
+from flexid.recording.series import overview
 
 
 def rows(cells: str) -> str:

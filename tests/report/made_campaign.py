@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from flexid.campaigns.store import Manifest
-from flexid.campaigns.summary import Result, Summary
+from flexid.experiments.campaign_store import Manifest
+from flexid.experiments.campaign_summary import Result, Summary
 
 
 def made_of(name="tracking_rms"):

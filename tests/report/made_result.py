@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexid.analysis.excitation import excitation_of_gram
+from flexid.estimators.excitation import excitation_of_gram
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.result.identification import Choices, Identification
 from flexid.identification.vocabulary import evidence

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexid.comparisons.comparison import compare_estimates
 from flexid.report.comparison import comparison_summary, outcome_text
+from flexid.stored_estimates.comparison import compare_estimates
 from made_estimates import STIFFER, drawn
 
 

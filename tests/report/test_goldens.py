@@ -10,9 +10,8 @@ from made_campaign import made_of, made_summary
 from made_result import VALIDATION, made_result
 from shown import WIDTH, answer_lines, check, page_lines
 
-from flexid.analysis.excitation import excitation_of_gram
 from flexid.arrays import to_json
-from flexid.comparisons.comparison import compare_estimates
+from flexid.estimators.excitation import excitation_of_gram
 from flexid.identification.vocabulary.evidence import FreeRun, ModelError
 from flexid.report import campaign, validation, watch
 from flexid.report.comparison import comparison_summary
@@ -25,6 +24,7 @@ from flexid.report.identification import (
     verdict_reasons,
 )
 from flexid.report.terminal import Part, as_text
+from flexid.stored_estimates.comparison import compare_estimates
 from flexid.stored_estimates.estimate_file import estimate_document
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 from flexid.streaming.guard import Counts

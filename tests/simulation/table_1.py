@@ -1,8 +1,8 @@
 """The closed loop of Huang (2003), Table I."""
 
-from flexid.control.laws import Controller, robust_law
-from flexid.control.loop import sinusoid
 from flexid.models.flexible_joint import flexible_joint
+from flexid.paper.laws import Controller, robust_law
+from flexid.paper.loop import sinusoid
 from flexid.simulation.closed_loop import ClosedLoop
 
 

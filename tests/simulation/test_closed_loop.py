@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from flexid.control.laws import pd_gravity
-from flexid.control.loop import constant
 from flexid.errors import SimulationError
 from flexid.models.flexible_joint import flexible_joint
+from flexid.paper.laws import pd_gravity
+from flexid.paper.loop import constant
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import simulate_ensemble, simulate_sampled_ensemble
 from flexid.simulation.free_run import free_run

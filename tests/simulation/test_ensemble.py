@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from flexid.control.laws import pd_gravity
 from flexid.experiments.measures import measure, settling_times
+from flexid.paper.laws import pd_gravity
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.ensemble import (
     STATUS,

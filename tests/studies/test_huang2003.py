@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
+from flexid.estimators.excitation import LOST_CONDITION, WEAK_CONDITION
 from flexid.studies.readings import closed_loop_poles
 from flexid.studies.reproduction import Claim, Finding
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 import flexid
-from flexid.analysis.excitation import excitation_of_gram
 from flexid.arms.disturbed import fit_disturbed
 from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import (
@@ -25,6 +24,7 @@ from flexid.arms.result import ArmIdentification, joint_of_name
 from flexid.arms.unusual import FittedArm, link_delays
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
+from flexid.estimators.excitation import excitation_of_gram
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
 from flexid.identification.full_model.model import Structure
 from flexid.identification.judgement.estimates import judged_function, judged_value

@@ -31,7 +31,7 @@ from flexid.cli.generated import (
     working,
 )
 from flexid.errors import ConvergenceError, FlexidError, SettingError, SimulationError
-from flexid.models.arm_file import is_arm_file
+from flexid.toml_file import is_arm_file
 
 _OF_AN_ARM = ("logs", "model", "columns")
 

@@ -7,9 +7,9 @@ from operator import attrgetter
 import numpy as np
 
 import flexid
-from flexid.analysis.excitation import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.estimators.excitation import information_at
 from flexid.experiment_design.drive import (
     DOUBT,
     SEGMENT_DURATION,

@@ -11,8 +11,8 @@ from math import isfinite
 
 import numpy as np
 
-from flexid.analysis.excitation import Excitation
 from flexid.arrays import FloatArray
+from flexid.estimators.excitation import Excitation
 from flexid.identification.identify import identify
 from flexid.identification.judgement.estimates import verdict
 from flexid.identification.preparation.settings import Settings

@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import minimize
 
-from flexid.analysis.excitation import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
+from flexid.estimators.excitation import information_at
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.experiment_design.drive import Case, CaseRun, Drive
 

@@ -1,4 +1,4 @@
-"""Experiments as files: what is simulated, with which values, and what varies over many runs."""
+"""Experiments as files, and campaigns of many runs: planned, run, kept, resumed, summarised."""
 
 from flexid.experiments.experiment import Experiment, read_experiment
 

@@ -10,8 +10,6 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any, Literal
 
-from flexid.control.laws import Controller, pd_gravity, robust_law
-from flexid.control.loop import Multisine, constant, sinusoid
 from flexid.errors import (
     AccelerationError,
     ExperimentError,
@@ -32,6 +30,8 @@ from flexid.experiments.tables import (
 from flexid.experiments.variation import Variation, read_variation
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import JOINT_PARAMETERS, joint_coefficients
+from flexid.paper.laws import Controller, pd_gravity, robust_law
+from flexid.paper.loop import Multisine, constant, sinusoid
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated

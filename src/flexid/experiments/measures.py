@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.analysis.excitation import Excitation, excitation
-from flexid.analysis.lyapunov import row_histories
+from flexid.estimators.excitation import Excitation, excitation
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.simulation.closed_loop import Run
+from flexid.simulation.lyapunov import row_histories
 
 SETTLED = 0.05  # share of its true value within which an estimate counts as settled
 

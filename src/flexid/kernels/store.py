@@ -249,7 +249,7 @@ def _generator_digest() -> str:
     The declarations' code counts too: it fixes what a text means and the order of the parameters.
     """
     content = hashlib.sha256()
-    for package in ("flexid.models", "flexid.control", "flexid.derivation", "flexid.paper"):
+    for package in ("flexid.models", "flexid.derivation", "flexid.paper"):
         files = [f for f in resources.files(package).iterdir() if f.name.endswith((".py", ".toml"))]
         for file in sorted(files, key=lambda file: file.name):
             content.update(file.read_bytes())

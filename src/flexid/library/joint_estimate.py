@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from flexid.frequency.frequency_response import FrequencyResponse
     from flexid.library.logs import Columns, Logs
     from flexid.library.validation import EstimateValidation
+    from flexid.stored_estimates.frequency_response import FrequencyResponse
 
 
 class JointEstimate(Answer):
@@ -276,8 +276,8 @@ class JointEstimate(Answer):
         level : float, optional
             Nominal coverage of the intervals, at each frequency for itself.
         """
-        from flexid.frequency.frequency_response import frequency_response
         from flexid.library.logs import all_recordings
+        from flexid.stored_estimates.frequency_response import frequency_response
 
         given = self.result.recordings if logs is None else all_recordings(logs, columns)
         return frequency_response(

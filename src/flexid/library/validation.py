@@ -17,11 +17,11 @@ from flexid.library.arguments import entrance, one_thread
 from flexid.library.identify import estimated
 
 if TYPE_CHECKING:
-    from flexid.comparisons.comparison import Comparison
-    from flexid.comparisons.differences import Difference
     from flexid.library.arguments import FilePath
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
+    from flexid.stored_estimates.comparison import Comparison
+    from flexid.stored_estimates.differences import Difference
     from flexid.stored_estimates.validate_estimate import EstimateValidation as Validated
 
 
@@ -161,7 +161,7 @@ def compare(
         An estimate.json of flexid identify, or the folder that holds it. Or what `flexid.identify`
         returned, or the content of a file.
     """
-    from flexid.comparisons.comparison import compare_estimates
+    from flexid.stored_estimates.comparison import compare_estimates
 
     first, second = estimated(a), estimated(b)
     labels = (first.file or "A", second.file or "B")

@@ -14,8 +14,8 @@ from flexid.streaming.health import Health, Judgement
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from flexid.analysis.excitation import Excitation
     from flexid.arrays import FloatArray
+    from flexid.estimators.excitation import Excitation
     from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
     from flexid.library.arguments import FilePath, Known, Terms

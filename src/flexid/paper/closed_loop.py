@@ -18,11 +18,11 @@ from textwrap import indent
 
 import sympy as sp
 
-from flexid.control.laws import REFERENCE_NAMES
-from flexid.control.loop import LoopDeclaration, Multisine
 from flexid.derivation.source import IMPORTS, assignments, function
 from flexid.derivation.symbolic import SymbolicSystem, symbol, symbolic_system, to_sympy
 from flexid.errors import ModelError
+from flexid.paper.laws import REFERENCE_NAMES
+from flexid.paper.loop import LoopDeclaration, Multisine
 from flexid.paper.observer import check_acceleration_free
 
 

@@ -14,12 +14,12 @@ The plant moves by the classical Runge-Kutta method under a constant input.
 
 from collections.abc import Callable, Sequence
 
-from flexid.control.loop import LoopDeclaration
 from flexid.derivation.model_functions import module_header, unpack_variables
 from flexid.derivation.source import assignments, function
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 from flexid.paper.closed_loop import control_law, loop_function
+from flexid.paper.loop import LoopDeclaration
 
 
 def sampled_loop_source(declaration: LoopDeclaration) -> str:

@@ -7,8 +7,6 @@ from typing import Any
 from rich.text import Text
 
 from flexid.arrays import plain
-from flexid.comparisons.comparison import Comparison
-from flexid.comparisons.differences import Difference, Outcome
 from flexid.identification.vocabulary.intervals import CONFIDENCE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.identification import COEFFICIENTS, PARAMETERS
@@ -23,6 +21,8 @@ from flexid.report.terminal import (
     numbers,
     value_texts,
 )
+from flexid.stored_estimates.comparison import Comparison
+from flexid.stored_estimates.differences import Difference, Outcome
 
 OUTCOME_COLOURS: dict[Outcome, str] = {
     "changed": "red",

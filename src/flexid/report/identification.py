@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.text import Text
 
-from flexid.analysis.excitation import Excitation
+from flexid.estimators.excitation import Excitation
 from flexid.identification.result.identification import Choices, Identification
 from flexid.identification.vocabulary.evidence import (
     Disturbances,

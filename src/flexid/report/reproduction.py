@@ -6,8 +6,8 @@ from typing import Any
 from rich.text import Text
 
 import flexid
-from flexid.analysis.excitation import Excitation
 from flexid.arrays import plain
+from flexid.estimators.excitation import Excitation
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.report.page import Presenter
 from flexid.report.reproduction_charts import reproduction_charts

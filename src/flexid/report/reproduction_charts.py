@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
 from flexid.arrays import FloatArray
+from flexid.estimators.excitation import LOST_CONDITION, WEAK_CONDITION
 from flexid.report.chart import (
     Axis,
     Chart,

@@ -6,12 +6,6 @@ from math import isfinite
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.frequency.frequency_response import (
-    Frequency,
-    FrequencyResponse,
-    Response,
-    frequency_response,
-)
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.models.motion import unit_of
@@ -30,6 +24,12 @@ from flexid.report.chart import (
 )
 from flexid.report.identification import format_fit
 from flexid.report.terminal import format_with_interval
+from flexid.stored_estimates.frequency_response import (
+    Frequency,
+    FrequencyResponse,
+    Response,
+    frequency_response,
+)
 
 _MARGIN = 0.15  # of the measured range, above and below it
 _BELOW = 0.5  # height of a panel of residuals over that of the motion above it

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 import flexid
 from flexid.arrays import FloatArray
-from flexid.control.laws import Controller
-from flexid.control.loop import LoopDeclaration, Multisine
 from flexid.errors import SettingError, SimulationError, did_you_mean
 from flexid.kernels.store import load_kernel
 from flexid.kernels.templates.run_status import BOUND
 from flexid.models.parametric_system import ParametricSystem
+from flexid.paper.laws import Controller
+from flexid.paper.loop import LoopDeclaration, Multisine
 
 
 @dataclass(frozen=True)

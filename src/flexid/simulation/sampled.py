@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
+from flexid.paper.loop import LoopDeclaration
 from flexid.simulation.closed_loop import ClosedLoop, Run, SampleGrid, run_of
 
 STEPS_PER_TIME_CONSTANT = 20.0

@@ -20,7 +20,6 @@ from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
-from flexid.models.arm_file import refuse_arm_file
 from flexid.models.flexible_joint import (
     ANGULAR_TERMS,
     SHAPE_TERMS,
@@ -37,6 +36,7 @@ from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.channel import INPUTS, Channel
 from flexid.recording.sampling import check_sample_time
 from flexid.recording.wraps import TURN
+from flexid.toml_file import refuse_arm_file
 
 LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.estimators.excitation import Excitation, excitation_of_gram
 from flexid.estimators.online import Status
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 from flexid.streaming.guard import Counts, Guard

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.analysis.excitation import Excitation, decay_rate, excitation
-from flexid.analysis.lyapunov import (
+from flexid.estimators.excitation import Excitation, decay_rate, excitation
+from flexid.simulation.closed_loop import simulate
+from flexid.simulation.lyapunov import (
     Limit,
     LyapunovMonitor,
     RowHistory,
     monitor_run,
     row_histories,
 )
-from flexid.simulation.closed_loop import simulate
 from flexid.studies.readings import (
     AMPLITUDE,
     DURATION,

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.analysis.excitation import Excitation, excitation
-from flexid.analysis.lyapunov import LyapunovMonitor, monitor_run, row_histories
-from flexid.control.laws import robust_law
-from flexid.control.loop import Multisine
+from flexid.estimators.excitation import Excitation, excitation
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.physical import joint_coefficients
+from flexid.paper.laws import robust_law
+from flexid.paper.loop import Multisine
 from flexid.simulation.closed_loop import ClosedLoop, Run, loop_kernel, simulate
+from flexid.simulation.lyapunov import LyapunovMonitor, monitor_run, row_histories
 
 Exponents = tuple[int, int, int]  # powers of k in the three feedback gains: a reading of (11)
 

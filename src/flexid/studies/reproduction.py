@@ -11,12 +11,12 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from flexid.analysis.excitation import WEAK_CONDITION
-from flexid.analysis.lyapunov import ALLOWED_RISE
-from flexid.control.laws import pd_gravity
 from flexid.errors import AccelerationError
+from flexid.estimators.excitation import WEAK_CONDITION
 from flexid.models.physical import physical_parameters
+from flexid.paper.laws import pd_gravity
 from flexid.simulation.closed_loop import simulate
+from flexid.simulation.lyapunov import ALLOWED_RISE
 from flexid.studies.cases import (
     ATTENUATIONS,
     CASES,

@@ -17,7 +17,7 @@ from flexid.studio import jobs
 from flexid.studio.choices import HOLDS, MODELS, Choices, Source, read_choices
 
 if TYPE_CHECKING:
-    from flexid.recording.overview import FileOverview
+    from flexid.recording.series import FileOverview
     from flexid.studio.window import Window
 
 _BUSY = "Identifying ... (the first run on a machine compiles for up to a minute)"

@@ -23,7 +23,7 @@ from anyio import BrokenWorkerProcess, CapacityLimiter, to_process
 from flexid.errors import FlexidError
 
 if TYPE_CHECKING:
-    from flexid.recording.overview import FileOverview
+    from flexid.recording.series import FileOverview
     from flexid.studio.choices import Choices
 
 
@@ -94,7 +94,7 @@ class Checked:
 
 def look(name: str) -> FileOverview:
     """Say what a file holds."""
-    from flexid.recording.overview import overview
+    from flexid.recording.series import overview
 
     return overview(Path(name))
 

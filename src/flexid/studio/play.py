@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexid.control.loop import Multisine
 from flexid.errors import FlexidError, SettingError, SimulationError
+from flexid.paper.loop import Multisine
 from flexid.report.reproduction_charts import SYMBOLS, Played, play_chart
 from flexid.studies.readings import (
     AMPLITUDE,
@@ -191,8 +191,8 @@ def _remembered(choices: PlayChoices) -> Played:
 
 def _measured(run: Run) -> Played:
     """What is shown of a run."""
-    from flexid.analysis.lyapunov import row_histories
     from flexid.experiments.measures import coefficient_unit
+    from flexid.simulation.lyapunov import row_histories
 
     steady = run.between(DURATION - _LAST, DURATION)
     fewer = _every(run, max(1, len(run.time) // _SAMPLES))

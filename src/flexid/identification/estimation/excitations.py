@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.arrays import FloatArray
+from flexid.estimators.excitation import Excitation, excitation_of_gram
 from flexid.estimators.rowwise import RowFit
 from flexid.symmetric import eigen
 

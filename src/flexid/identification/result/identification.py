@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import flexid
-from flexid.analysis.excitation import Excitation
+from flexid.estimators.excitation import Excitation
 from flexid.identification.full_model.amplifier import IDEAL, Amplifier
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.preparation.joint import Kind

@@ -29,12 +29,12 @@ import numpy as np
 from scipy.special import fdtrc, stdtr
 
 from flexid.arrays import FloatArray
-from flexid.comparisons.estimate_origins import Sharing
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.parameter_kinds import ANGLES, difference
+from flexid.stored_estimates.estimate_origins import Sharing
 
 Outcome = Literal[
     "changed",

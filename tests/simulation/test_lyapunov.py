@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexid.analysis import lyapunov
 from flexid.errors import SettingError
+from flexid.simulation import lyapunov
 from flexid.simulation.closed_loop import simulate
 from flexid.studies.readings import sine, table1_loop
 

@@ -12,7 +12,11 @@ import numpy as np
 
 import flexid
 from flexid.arms.result import ArmIdentification
-from flexid.comparisons.differences import (
+from flexid.errors import SettingError
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import ValueEstimate
+from flexid.identification.vocabulary.intervals import CONFIDENCE
+from flexid.stored_estimates.differences import (
     COMPARED,
     Difference,
     JointTest,
@@ -20,17 +24,13 @@ from flexid.comparisons.differences import (
     joint_test,
     with_numbers,
 )
-from flexid.comparisons.estimate_origins import (
+from flexid.stored_estimates.estimate_origins import (
     Sharing,
     doubts,
     reason_of,
     shared_logs,
     unlike_width,
 )
-from flexid.errors import SettingError
-from flexid.identification.result.identification import Identification
-from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.identification.vocabulary.intervals import CONFIDENCE
 
 Values = Mapping[str, ValueEstimate]
 

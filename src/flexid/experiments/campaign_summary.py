@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from flexid.campaigns.rows import ERROR, FINISHED, REACHED, STATUS
-from flexid.campaigns.store import Manifest, Store, find_store
 from flexid.errors import CampaignError
+from flexid.experiments.campaign_rows import ERROR, FINISHED, REACHED, STATUS
+from flexid.experiments.campaign_store import Manifest, Store, find_store
 from flexid.experiments.variation import SEED as SAMPLING_SEED
 
 QUANTILES = (0.05, 0.5, 0.95)

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexid.control.laws import REFERENCE_NAMES, Controller
 from flexid.errors import ModelError
 from flexid.models.expression import check_expression
 from flexid.models.parametric_system import RESERVED, ParametricSystem, check_name
+from flexid.paper.laws import REFERENCE_NAMES, Controller
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, ttest_ind
 
-from flexid.comparisons.comparison import compare_estimates, holm
-from flexid.comparisons.differences import hotelling
 from flexid.errors import SettingError
 from flexid.identification.judgement.estimates import verdict
 from flexid.identification.vocabulary.estimate import Estimate
@@ -18,6 +16,8 @@ from flexid.identification.vocabulary.evidence import (
     ParameterEstimate,
 )
 from flexid.identification.vocabulary.intervals import interval, logarithmic_interval
+from flexid.stored_estimates.comparison import compare_estimates, holm
+from flexid.stored_estimates.differences import hotelling
 from made_estimates import TRUE, drawn, estimate_of, exact, wishart, with_parameter
 
 

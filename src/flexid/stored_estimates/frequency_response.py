@@ -14,13 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.frequency.linear_joint import (
-    SHOWN,
-    ComplexArray,
-    LinearJoint,
-    linear_joint,
-    response_band,
-)
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.intervals import (
     CONFIDENCE,
@@ -30,6 +23,13 @@ from flexid.identification.vocabulary.intervals import (
 )
 from flexid.models.motion import unit_of
 from flexid.recording.recording import Hold, Recording
+from flexid.stored_estimates.linear_joint import (
+    SHOWN,
+    ComplexArray,
+    LinearJoint,
+    linear_joint,
+    response_band,
+)
 
 _SEGMENTS = 8  # that a log is cut into; with those that overlap by half, 15 are averaged
 _SHORTEST = 64  # samples of a segment, below which there is nothing to see

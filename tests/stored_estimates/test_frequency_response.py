@@ -8,13 +8,17 @@ from scipy import signal
 
 import flexid
 from flexid.errors import SettingError
-from flexid.frequency.frequency_response import frequency_response, spectra, spectral_estimates
-from flexid.frequency.linear_joint import linear_joint, response_band
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.models.flexible_joint import BACKLASH_WIDTH
 from flexid.report.figure import draw
 from flexid.report.response_charts import bode_chart
 from flexid.simulation.free_run import free_run
+from flexid.stored_estimates.frequency_response import (
+    frequency_response,
+    spectra,
+    spectral_estimates,
+)
+from flexid.stored_estimates.linear_joint import linear_joint, response_band
 from joint_logs import DAMPED as TRUE
 
 STEP = 1e-3

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from flexid.analysis.excitation import (
+from flexid.errors import SimulationError
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.excitation import (
     decay_rate,
     excitation,
     information_at,
 )
-from flexid.errors import SimulationError
-from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, segmented_motion
 from flexid.estimators.segments import divide

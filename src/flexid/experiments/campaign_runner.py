@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 import flexid
-from flexid.campaigns.rows import part_rows
-from flexid.campaigns.store import Manifest, Store, open_store
 from flexid.errors import CampaignError, ExperimentError, SettingError
 from flexid.estimators.threads import cores
 from flexid.experiments import Experiment
+from flexid.experiments.campaign_rows import part_rows
+from flexid.experiments.campaign_store import Manifest, Store, open_store
 from flexid.experiments.variation import Plan, Variation, make_plan
 from flexid.simulation.closed_loop import SIDE_BY_SIDE
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from flexid.control.laws import Controller, pd_gravity, robust_law
-from flexid.control.loop import LoopDeclaration, Multisine, constant, sinusoid
 from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.paper.laws import Controller, pd_gravity, robust_law
+from flexid.paper.loop import LoopDeclaration, Multisine, constant, sinusoid
 from flexid.simulation.closed_loop import ClosedLoop, simulate
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}

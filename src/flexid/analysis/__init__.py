@@ -1,1 +1,0 @@
-"""What a run or a recording shows: excitation and Lyapunov monitors."""

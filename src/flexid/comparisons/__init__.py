@@ -1,1 +1,0 @@
-"""Two estimates side by side."""

@@ -1,1 +1,0 @@
-"""References and controllers, declared as text expressions with named parameters."""

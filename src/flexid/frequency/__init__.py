@@ -1,1 +1,0 @@
-"""Small motions of what was found, by frequency."""

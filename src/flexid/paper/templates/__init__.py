@@ -1,1 +1,0 @@
-"""Code that calls generated functions of loops by name: see `flexid.kernels.store`."""

@@ -1,1 +1,0 @@
-"""Code that judges what sensors recorded, sample by sample: see `flexid.kernels.store`."""
