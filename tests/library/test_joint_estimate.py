@@ -114,15 +114,13 @@ def test_figures_are_drawn_in_the_place_of_axes(estimate, name):
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
-        ("bode", {"level": 95}, "level: must lie between 0 and 1, such as 0.95, got 95"),
-        ("fit", {"level": 0.5}, "the figure 'fit' does not take level"),
         ("bode", {"colour": "red"}, "unexpected keyword argument 'colour'"),
         ("fit", {"ax": 3}, "ax is an int: give axes of Matplotlib"),
         (3, {}, "name is an int: give text"),
     ],
 )
 def test_what_a_figure_does_not_take_is_named(estimate, name, options, words):
-    """Assert that an option of another figure, or of none, is refused in one sentence."""
+    """Assert that an option that there is not is refused in one sentence."""
     with pytest.raises(FlexidError, match=words):
         estimate.plot(name, **options)
 

@@ -14,7 +14,6 @@ from flexid.report.chart import (
     Level,
     Line,
     Panel,
-    Points,
     kept_samples,
     whole_decades,
 )
@@ -38,12 +37,11 @@ def test_every_mark_is_drawn_as_it_is():
     """Assert that values, colours, strokes and labels are those of the marks."""
     line = Line("line", X, Y, "red", 2.5, "dotted")
     band, level = Band("band", X, -X, X, "green"), Level("level", 3.0, "x", "orange", "dashed")
-    (ax,) = draw(chart(panel(band, line, Points("points", X, X, "grey", 7.0), level))).axes
-    drawn, points, across = ax.lines
+    (ax,) = draw(chart(panel(band, line, level))).axes
+    drawn, across = ax.lines
     assert np.array_equal(drawn.get_xydata(), np.column_stack([X, Y]), equal_nan=True)
     assert (to_hex(drawn.get_color()), drawn.get_linewidth()) == (COLOURS["red"], 2.5)
     assert drawn.get_linestyle() == ":"
-    assert (points.get_linestyle(), points.get_markersize()) == ("None", 7.0)
     assert np.asarray(across.get_xdata()).tolist() == [3.0, 3.0]
     (shade,) = ax.collections
     assert np.array_equal(shade.get_datalim(ax.transData).intervaly, [-100.0, 100.0])
@@ -59,14 +57,6 @@ def test_axes_have_labels_units_scale_and_limits():
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "linear")
     assert ax.get_xlim() == (0.1, 1000.0)
     assert np.diff(ax.get_yticks()).tolist() == [90.0] * (len(ax.get_yticks()) - 1)
-
-
-def test_categories_run_from_the_top():
-    """Assert that names stand at 0, 1, ..., the first above the others."""
-    y = Axis("", categories=("first", "second"))
-    (ax,) = draw(chart(panel(Points("", np.array([1.0, 2.0]), np.array([0.0, 1.0])), y=y))).axes
-    assert [text.get_text() for text in ax.get_yticklabels()] == ["first", "second"]
-    assert ax.get_ylim() == (1.5, -0.5)
 
 
 def test_the_legend_names_each_label_once():
@@ -133,7 +123,7 @@ def test_a_long_line_keeps_its_spikes_and_gaps():
 def test_text_is_no_formula():
     """Assert that dollars and backslashes of a name are drawn as they are."""
     name = r"gain $\frac of $x, " + 12 * "and longer "
-    x, y = Axis(r"$\frac$", "s"), Axis("", categories=(r"$\x",))
+    x, y = Axis(r"$\frac$", "s"), Axis(r"$\x")
     formula = Panel(r"$\frac$", x, y, (Line(r"$\y$", X, Y), Line("other", X, Y)))
     figure = draw(chart(formula, title=name))
     figure.draw_without_rendering()
@@ -165,7 +155,7 @@ def test_a_page_draws_the_same_line():
 
 def test_a_figure_of_a_page_has_its_words_colours_and_no_style():
     """Assert that text is text, colours are the page's, and no style needs a permission."""
-    marks = Band("band", X, -X, X, "green"), Points("points", X, X, "grey", faint=True)
+    marks = Band("band", X, -X, X, "grey"), Line("line", X, X)
     html = chart_html(chart(panel(*marks), title='<b> & "c"'))
     assert html.count('aria-label="&lt;b&gt; &amp; &quot;c&quot;"') == html.count("<svg") == 1
     assert ">time (s)<" in html

@@ -1,10 +1,9 @@
-"""The frequency response of an identified joint: closed forms, coverage of its band, spectra."""
+"""The frequency response of an identified joint: closed forms, coverage of its band."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import signal
 
 import flexid
 from flexid.errors import SettingError
@@ -13,11 +12,7 @@ from flexid.models.flexible_joint import BACKLASH_WIDTH
 from flexid.report.figure import draw
 from flexid.report.response_charts import bode_chart
 from flexid.simulation.free_run import free_run
-from flexid.stored_estimates.frequency_response import (
-    frequency_response,
-    spectra,
-    spectral_estimates,
-)
+from flexid.stored_estimates.frequency_response import frequency_response
 from flexid.stored_estimates.linear_joint import linear_joint, response_band
 from joint_logs import DAMPED as TRUE
 
@@ -200,71 +195,6 @@ def test_a_joint_that_is_none_can_be_drawn(estimate, name, value, still):
     assert draw(bode_chart(found))._repr_png_()  # type: ignore[attr-defined] - in a notebook
 
 
-@pytest.mark.parametrize("length", [64, 65])
-def test_spectra_are_those_of_scipy(length):
-    """Assert that spectra over each other are Welch's, as SciPy has them."""
-    u, y = np.random.default_rng(4).standard_normal((2, 1000))
-    y += np.convolve(u, [1.0, -0.5, 0.2], "same") + 3.0
-    of_u, of_y, between = spectra(u, y, length)
-    (_, power), (_, cross) = (signal.csd(u, one, nperseg=length) for one in (u, y))
-    np.testing.assert_allclose((between / of_u)[1:], (cross / power)[1:], rtol=1e-9)
-    coherence = np.abs(between) ** 2 / (of_u * of_y)
-    expected = signal.coherence(u, y, nperseg=length)[1]
-    np.testing.assert_allclose(coherence[1:], expected[1:], rtol=1e-9)
-
-
-def test_the_spectral_estimate_is_the_model(estimate, log):
-    """Assert that where it is coherent, the log shows what the model says, in size and phase."""
-    found = estimate.frequency_response()
-    # Below 4.5 Hz the joint rings for longer than a segment lasts, and its spectrum leaks.
-    for response, coherence, error in zip(found.responses, (0.97, 0.998), (0.1, 0.03), strict=True):
-        (measured,) = response.measured
-        steady = (measured.coherence > coherence) & (measured.frequency > 4.5)
-        assert steady.sum() > 4
-        f = measured.frequency[steady]
-        model = estimate.frequency_response(frequency=f).responses
-        (own,) = (r for r in model if r.output == response.output)
-        ratio = measured.values[steady] / own.values
-        assert np.abs(ratio - 1.0).max() < error  # the hold alone turns it by 0.04 at 13 Hz
-
-
-def test_delays_and_hold_are_taken_out(estimate):
-    """Assert that a late link, a late torque and another hold leave the estimate as it was."""
-    recordings = estimate.result.recordings
-    plain = spectral_estimates(recordings, estimate.result)
-    choices = estimate.result.choices
-    late = replace(
-        choices.alignment,
-        link_delay=replace(choices.alignment.link_delay, value=0.003),
-        input_delay=replace(choices.alignment.input_delay, value=0.001),
-    )
-    for name, delay in (("link velocity", 0.004), ("motor velocity", 0.001)):
-        result = replace(estimate.result, choices=replace(choices, alignment=late))
-        (before,) = (e for e in plain if e.output == name)
-        (after,) = (e for e in spectral_estimates(recordings, result) if e.output == name)
-        turned = np.angle(after.values / before.values)
-        wanted = 2 * np.pi * before.frequency * delay
-        np.testing.assert_allclose(np.angle(np.exp(1j * (turned - wanted))), 0.0, atol=1e-9)
-    smooth = replace(estimate.result, choices=replace(choices, hold="cubic"))
-    ratio = spectral_estimates(recordings, smooth)[0].values / plain[0].values
-    cycles = plain[0].frequency * STEP
-    np.testing.assert_allclose(ratio, np.sinc(cycles) * np.exp(-1j * np.pi * cycles), rtol=1e-9)
-
-
-def test_other_logs_can_stand_beside(estimate, log):
-    """Assert that other logs may be given, and that a short one shows nothing."""
-    alone = replace(estimate.result, recordings=())
-    bare = flexid.JointEstimate(alone)
-    assert not bare.frequency_response().responses[0].measured
-    (measured,) = bare.frequency_response(log).responses[0].measured
-    (own,) = estimate.frequency_response().responses[0].measured
-    np.testing.assert_array_equal(measured.values, own.values)
-    both = bare.frequency_response([log, broad(8_000, seed=4)]).responses[0].measured
-    assert not np.array_equal(both[0].values, measured.values)
-    short = estimate.result.recordings[0].window(0, 30)
-    assert spectral_estimates([short], alone) == ()
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -299,6 +229,6 @@ def test_link_and_rigid_joint_have_one_as_well(log):
     assert found.responses[0].values[0] == pytest.approx(beta / (4j * np.pi + damping))
     assert found.characteristic == ()
     for one, columns in ((rigid, 1), (link, 1)):
-        chart = bode_chart(one.frequency_response(log if one is rigid else None))
+        chart = bode_chart(one.frequency_response())
         assert chart.columns == columns
         assert draw(chart).axes

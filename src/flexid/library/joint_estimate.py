@@ -27,8 +27,6 @@ from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
     import polars as pl
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from flexid.library.logs import Columns, Logs
@@ -213,29 +211,6 @@ class JointEstimate(Answer):
 
         return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
-    @entrance
-    def plot(self, name: str = "", *, ax: Axes | None = None, **options: Any) -> Figure:
-        """A figure: fit, residuals or bode.
-
-        Parameters
-        ----------
-        name : str, optional
-            The first one if not given. Of a loaded estimate bode alone, for it has no series.
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        **options
-            Of bode, those of `frequency_response`.
-        """
-        from flexid.report.figure import draw
-        from flexid.report.response_charts import bode_chart
-
-        if not options:
-            return super().plot(name, ax=ax)
-        if name != "bode":
-            given = ", ".join(options)
-            raise SettingError("plot", f"the figure {name!r} does not take {given}: leave it out")
-        return draw(bode_chart(self.frequency_response(**options)), ax=ax)
-
     def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:
         """Hold the estimate against other logs, as `flexid.validate` does.
 
@@ -253,9 +228,7 @@ class JointEstimate(Answer):
     @entrance
     def frequency_response(
         self,
-        logs: Logs | None = None,
         *,
-        columns: Columns | None = None,
         frequency: ArrayLike | None = None,
         position: float | None = None,
         level: float = CONFIDENCE,
@@ -264,11 +237,6 @@ class JointEstimate(Answer):
 
         Parameters
         ----------
-        logs : log or list of logs, optional
-            Whose spectral estimate is to stand beside, as `flexid.read_log` takes them; that of the
-            log that the estimate was made from, if not given and still at hand.
-        columns : path, optional
-            A TOML column map for raw sensor columns.
         frequency : array_like, shape (n,), optional
             In Hz; chosen if not given, dense where a peak may be.
         position : float, optional
@@ -276,13 +244,9 @@ class JointEstimate(Answer):
         level : float, optional
             Nominal coverage of the intervals, at each frequency for itself.
         """
-        from flexid.library.logs import all_recordings
         from flexid.stored_estimates.frequency_response import frequency_response
 
-        given = self.result.recordings if logs is None else all_recordings(logs, columns)
-        return frequency_response(
-            self.result, given, frequency=frequency, position=position, level=level
-        )
+        return frequency_response(self.result, frequency=frequency, position=position, level=level)
 
     def __repr__(self) -> str:
         verdicts = Counter(p.verdict for p in self.parameters.values())

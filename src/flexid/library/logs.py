@@ -88,11 +88,6 @@ def all_logs(logs: Any, columns: Any) -> list[Log]:
     return [one_log(log, columns) for log in several]
 
 
-def all_recordings(logs: Any, columns: Any) -> list[Recording]:
-    """All that logs hold, each stretch without a gap for itself; see `all_logs`."""
-    return [recording for log in all_logs(logs, columns) for recording in log.recordings]
-
-
 def one_log(log: Any, columns: Any) -> Log:
     """A log from what a user gives."""
     from flexid.recording.frame import table_of_arrays, table_of_frame

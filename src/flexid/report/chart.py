@@ -25,7 +25,6 @@ class Axis:
     unit: str = ""
     logarithmic: bool = False
     limits: tuple[float, float] | None = None  # those of the data if not given
-    categories: tuple[str, ...] = ()  # names at 0, 1, 2, ... from the top or the left
     step: float | None = None  # between labelled values, where one is natural, as 90 for degrees
 
 
@@ -52,18 +51,6 @@ class Band:
     colour: Colour = "blue"
 
 
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Points without a line."""
-
-    label: str
-    x: FloatArray  # (n,)
-    y: FloatArray  # (n,)
-    colour: Colour = "blue"
-    size: float = 4.0  # diameter in points
-    faint: bool = False  # for points that are not trusted, or are many
-
-
 @dataclass(frozen=True)
 class Level:
     """A line across the panel at one value of an axis."""
@@ -75,7 +62,7 @@ class Level:
     dash: Dash = "solid"
 
 
-Mark = Line | Band | Points | Level
+Mark = Line | Band | Level
 
 
 @dataclass(frozen=True)

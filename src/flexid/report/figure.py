@@ -42,7 +42,6 @@ from flexid.report.chart import (
     Line,
     Mark,
     Panel,
-    Points,
     thinned,
 )
 
@@ -100,7 +99,7 @@ _LINE = 0.2  # inches, of a line of the title or of the legend
 _SAMPLES = 1700  # of a curve, in a figure that is 1440 pixels wide
 _LETTERS = 105  # of a small text in the width of a figure
 _HANDLE = 11  # letters that the handle of an entry takes
-_MARGIN = 0.06  # of what is shown, beside points
+_MARGIN = 0.06  # of what is shown, above and below it
 _DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
 
 
@@ -198,8 +197,7 @@ def _fill_grid(figure: Figure, chart: Chart, inside: SubplotSpec | None = None) 
 
 def _fill(ax: Axes, panel: Panel, beside: int) -> None:
     """Draw a panel of a figure that has room for so many of them in a row."""
-    lines = any(isinstance(mark, Line | Band) for mark in panel.marks)
-    ax.margins(0.0 if lines and not panel.y.categories else _MARGIN, _MARGIN)
+    ax.margins(0.0, _MARGIN)
     for mark in panel.marks:
         _draw(ax, thinned(mark, _SAMPLES))
     _set_axis(ax, "x", panel.x, max(3, 9 // beside))
@@ -216,9 +214,6 @@ def _draw(ax: Axes, mark: Mark) -> None:
     elif isinstance(mark, Band):
         shade = {"color": colour, "alpha": 0.25, "linewidth": 0}
         ax.fill_between(mark.x, mark.low, mark.high, label=label, **shade)
-    elif isinstance(mark, Points):
-        style = {"color": colour, "alpha": 0.25 if mark.faint else 1.0, "markeredgewidth": 0}
-        ax.plot(mark.x, mark.y, "o", markersize=mark.size, label=label, **style)
     else:
         line = ax.axhline if mark.along == "y" else ax.axvline
         line(mark.value, color=colour, label=label, linestyle=_DASHES[mark.dash], linewidth=1.0)
@@ -230,11 +225,7 @@ def _set_axis(ax: Axes, which: Literal["x", "y"], axis: Axis, labels: int) -> No
     unit = axis.unit.replace("^2", "²").replace("^3", "³")
     ruler.set_label_text(f"{axis.label} ({unit})" if unit else axis.label)
     limits = axis.limits
-    if axis.categories:
-        count = len(axis.categories)
-        ruler.set_ticks(range(count), axis.categories)
-        limits = (count - 0.5, -0.5) if which == "y" else (-0.5, count - 0.5)
-    elif axis.logarithmic:
+    if axis.logarithmic:
         ax.set(**{f"{which}scale": "log"})
         ruler.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ruler.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.5)))

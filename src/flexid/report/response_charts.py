@@ -19,7 +19,6 @@ from flexid.report.chart import (
     Line,
     Mark,
     Panel,
-    Points,
     with_margin,
 )
 from flexid.report.identification import format_fit
@@ -193,14 +192,13 @@ def log_chart(log: Log) -> Chart:
     )
 
 
-_COHERENT = 0.8  # above which the spectral estimate is drawn strongly
 _SIDE = 0.3  # of a decade, left free above and below the magnitudes
 _COLOURS: dict[str, Colour] = {"antiresonance": "green", "resonance": "red"}
 _BESIDE = 25.0  # °, left free above and below the phases
 
 
 def bode_chart(described: FrequencyResponse) -> Chart:
-    """Magnitude in physical units, phase and coherence of every response over frequency in Hz."""
+    """Magnitude in physical units and phase of every response over frequency in Hz."""
     responses = described.responses[::-1]  # the motor, where the torque acts, comes first
     hertz = described.frequency
     x = Axis("frequency", "Hz", logarithmic=True, limits=(float(hertz[0]), float(hertz[-1])))
@@ -212,22 +210,16 @@ def bode_chart(described: FrequencyResponse) -> Chart:
     title = f"\nno band: {', '.join(described.unknown)} not determined" if described.unknown else ""
     phases = [_phase(described, response) for response in responses]
     phase = Axis("phase", "°", limits=_degrees(phases), step=90.0)
-    coherence = Axis("coherence", "–", limits=(0.0, 1.05))
     panels: list[tuple[str, Axis, Sequence[Mark], float]] = []
     for r in responses:
         size = Axis("magnitude", r.unit, logarithmic=True, limits=sizes)
         panels.append((f"{r.output} over {r.input}{title}", size, _magnitude(described, r), 1.7))
     for r, marks in zip(responses, phases, strict=True):
         panels.append((f"{r.output}: phase", phase, marks, 1.1))
-    if any(r.measured for r in responses):
-        for r in responses:
-            lines = [Line("coherence", e.frequency, e.coherence, "orange", 0.8) for e in r.measured]
-            panels.append((f"{r.output}: coherence", coherence, lines, 0.65))
     return Chart(
         "bode",
         "Frequency response of the joint, for small motions",
-        "Where the coherence is high, the log's own points should lie on the model; the band is "
-        "what the log leaves open at each frequency.",
+        "The band is what the log leaves open at each frequency.",
         tuple(Panel(name, x, y, (*marks, *marked), height) for name, y, marks, height in panels),
         columns=len(responses),
     )
@@ -236,12 +228,6 @@ def bode_chart(described: FrequencyResponse) -> Chart:
 def _magnitude(described: FrequencyResponse, response: Response) -> list[Mark]:
     hertz = described.frequency
     marks: list[Mark] = []
-    for estimate in response.measured:
-        size = np.abs(estimate.values)
-        for strong, label, faint in _by_coherence(estimate.coherence):
-            marks.append(
-                Points(label, estimate.frequency[strong], size[strong], "orange", 3.0, faint)
-            )
     if np.isfinite(response.upper).all():
         label = f"{100 * described.level:g} % band"
         marks.append(Band(label, hertz, response.lower, response.upper, "blue"))
@@ -256,13 +242,6 @@ def _phase(described: FrequencyResponse, response: Response) -> list[Mark]:
     steady = np.unwrap(angle)  # without jumps by a full turn
     turns = steady - angle
     marks: list[Mark] = []
-    for estimate in response.measured:
-        nearest = np.interp(np.log(estimate.frequency), np.log(hertz), steady)
-        degrees = np.degrees(nearest + np.angle(estimate.values * np.exp(-1j * nearest)))
-        strong, label, faint = _by_coherence(estimate.coherence)[1]
-        marks.append(
-            Points(label, estimate.frequency[strong], degrees[strong], "orange", 3.0, faint)
-        )
     if np.isfinite(response.upper).all():
         ends = np.degrees(response.behind + turns), np.degrees(response.ahead + turns)
         marks.append(Band(f"{100 * described.level:g} % band", hertz, *ends, "blue"))
@@ -272,19 +251,11 @@ def _phase(described: FrequencyResponse, response: Response) -> list[Mark]:
 
 
 def _degrees(phases: Sequence[Sequence[Mark]]) -> tuple[float, float]:
-    """Ends of the axis of phases: those of all models and of what the log shows."""
-    drawn = [mark.y for marks in phases for mark in marks if isinstance(mark, Line | Points)]
+    """Ends of the axis of phases: those of all models."""
+    drawn = [mark.y for marks in phases for mark in marks if isinstance(mark, Line)]
     shown = np.concatenate([np.zeros(1), *drawn])
     shown = shown[np.isfinite(shown)]
     return float(shown.min()) - _BESIDE, float(shown.max()) + _BESIDE
-
-
-def _by_coherence(coherence: FloatArray) -> tuple[tuple[np.ndarray, str, bool], ...]:
-    """What is drawn faintly, and what is not, with labels."""
-    return (
-        (coherence < _COHERENT, "where its coherence is low", True),
-        (coherence >= _COHERENT, "log, spectral estimate", False),
-    )
 
 
 def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
@@ -307,7 +278,7 @@ def _with_interval(found: Frequency) -> str:
 
 def identification_charts(result: Identification) -> Sequence[Chart]:
     """All that the result has the data for: a loaded one has no time series."""
-    bode = bode_chart(frequency_response(result, result.recordings))
+    bode = bode_chart(frequency_response(result))
     if not result.validation.runs:
         return (bode,)
     return fit_chart(result), residual_chart(result.validation, unit_of("rad", result.joint)), bode

@@ -1,16 +1,10 @@
-"""The frequency response of a joint: of the model with its band, and of a log by itself.
-
-What a log shows by itself are spectra by Welch's method, without a model. Positions are differenced
-first: a drive's positions hold so much more power at low frequencies than at high ones that it
-would leak there. The differencing is divided out again, and so are the hold of the input between
-samples and the delays that were found, which belong to the log and not to the joint.
-"""
+"""The frequency response of an identified joint for small motions, with its band."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
@@ -22,118 +16,16 @@ from flexid.identification.vocabulary.intervals import (
     logarithmic_interval,
 )
 from flexid.models.motion import unit_of
-from flexid.recording.recording import Hold, Recording
 from flexid.stored_estimates.linear_joint import (
-    SHOWN,
     ComplexArray,
     LinearJoint,
     linear_joint,
     response_band,
 )
 
-_SEGMENTS = 8  # that a log is cut into; with those that overlap by half, 15 are averaged
-_SHORTEST = 64  # samples of a segment, below which there is nothing to see
-_HIGHEST = 0.8  # of the Nyquist frequency; beyond, the hold is too far from what the formula says
-
-
-@dataclass(frozen=True, eq=False)
-class SpectralEstimate:
-    """A frequency response as a log shows it."""
-
-    output: str  # as in Response
-    frequency: FloatArray  # (n,): Hz, evenly spaced
-    values: NDArray[np.complex128]  # (n,): in the unit of Response
-    # (n,): share of the output's power that follows the input linearly, 0 to 1
-    coherence: FloatArray
-
-
-def spectral_estimates(
-    recordings: Sequence[Recording], result: Identification
-) -> tuple[SpectralEstimate, ...]:
-    """Spectral estimates of a joint's frequency responses, by output and sample time.
-
-    A feedback from the noise of an output to the input, as a controller makes it, is in them: where
-    the coherence is low they show the controller's inverse rather than the joint.
-    """
-    found = []
-    for sample_time in sorted({r.sample_time for r in recordings}):
-        alike = [r for r in recordings if r.sample_time == sample_time]
-        samples = max(len(r) for r in alike)
-        length = max(_SHORTEST, samples // _SEGMENTS)
-        for output, channel in SHOWN[result.model].outputs.items():
-            moved = [_differenced(r, result, channel) for r in alike if len(r) > length]
-            if moved:
-                found.append(_estimate(output, moved, length, result, sample_time))
-    return tuple(found)
-
-
-def _differenced(
-    recording: Recording, result: Identification, channel: str
-) -> tuple[FloatArray, FloatArray]:
-    """Input and output, shape (n - 1,) each; a position as its differences over the samples."""
-    output = np.diff(getattr(recording, channel)) / recording.sample_time
-    if not SHOWN[result.model].by_force:
-        return np.diff(recording.motor_position) / recording.sample_time, output
-    return recording.needed_input[1:], output
-
-
-def spectra(u: FloatArray, y: FloatArray, length: int) -> ComplexArray:
-    """Spectra of input, of output, and between them, in one unit, shape (3, n)."""
-    # As csd of scipy.signal, which takes half a second to import, but for the unit.
-    window = np.hanning(length + 1)[:-1]
-    step = length - length // 2
-    lines = []
-    for signal in (u, y):
-        parts = np.lib.stride_tricks.sliding_window_view(signal, length)[::step]
-        lines.append(np.fft.rfft(window * (parts - parts.mean(axis=1, keepdims=True))))
-    of_u, of_y = lines
-    pairs = ((of_u, of_u), (of_y, of_y), (of_u, of_y))
-    return np.array([np.mean(first.conj() * second, axis=0) for first, second in pairs])
-
-
-def _estimate(
-    output: str,
-    moved: Sequence[tuple[FloatArray, FloatArray]],  # input and output of each recording
-    length: int,
-    result: Identification,
-    sample_time: float,
-) -> SpectralEstimate:
-    counts = [1 + (len(u) - length) // (length - length // 2) for u, _ in moved]
-    each = [spectra(u, y, length) for u, y in moved]
-    mean = sum(n / sum(counts) * part for n, part in zip(counts, each, strict=True))
-    of_input, of_output, between = np.asarray(mean)
-    frequency: FloatArray = np.fft.rfftfreq(length, sample_time).astype(np.float64)
-    inside = (frequency > 0.0) & (frequency < _HIGHEST * 0.5 / sample_time)
-    inside &= (of_input.real > 0.0) & (of_output.real > 0.0)
-    frequency, between = frequency[inside], between[inside]
-    u, y = of_input.real[inside], of_output.real[inside]
-    jw = 2j * np.pi * frequency
-    alignment = result.choices.alignment
-    late = alignment.link_delay.value if output.startswith("link") else 0.0
-    values = between / u
-    if SHOWN[result.model].by_force:
-        late += alignment.input_delay.value
-        values *= jw * sample_time / -np.expm1(-jw * sample_time)
-        values /= _held(result.choices.hold, frequency, sample_time)
-    coherence = np.abs(between) ** 2 / (u * y)
-    return SpectralEstimate(output, frequency, values * np.exp(jw * late), coherence)
-
-
-def _held(hold: Hold, frequency: FloatArray, sample_time: float) -> NDArray[np.complex128]:
-    """What becomes of a sampled input between the samples, over the samples themselves."""
-    cycles = frequency * sample_time
-    if hold == "zero":
-        held = np.sinc(cycles) * np.exp(-1j * np.pi * cycles)
-    elif hold == "linear":
-        held = np.sinc(cycles) ** 2
-    else:
-        held = np.ones_like(cycles)
-    return np.asarray(held, dtype=np.complex128)
-
-
 _POINTS = 400  # of the curves, evenly on the logarithm
 _NEAR_PEAK = np.geomspace(1e-5, 0.2, 40)  # and near a peak, however narrow it is
-_AROUND = 20.0  # how far the curves go, times what is characteristic, where no log says
+_AROUND = 20.0  # how far the curves go, times what is characteristic
 
 
 @dataclass(frozen=True)
@@ -161,8 +53,6 @@ class Response:
         FloatArray  # ends of the phase's interval in rad, on the branch of the angle of `values`
     )
     ahead: FloatArray
-    # what the log shows by itself, one for each sample time; empty without a log
-    measured: tuple[SpectralEstimate, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +91,6 @@ class FrequencyResponse:
 
 def frequency_response(
     result: Identification,
-    recordings: Sequence[Recording] = (),
     *,
     frequency: ArrayLike | None = None,
     position: float | None = None,
@@ -209,14 +98,12 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Frequency responses of an identified joint for small motions, with confidence bands.
 
-    They are those of the joint itself: how the input is held between samples, and the delays that
-    were found, are taken out of what the log shows. A friction that slides is constant, and has no
-    part in them.
+    They are those of the joint itself, without hold and delays. A friction that slides is constant,
+    and has no part in them.
     """
     joint = linear_joint(result, position)
     characteristic = _characteristic(joint, checked_level(level))
-    measured = spectral_estimates(recordings, result)
-    chosen = _chosen(characteristic, recordings) if frequency is None else frequency
+    chosen = _chosen(characteristic) if frequency is None else frequency
     hertz = np.atleast_1d(np.asarray(chosen, dtype=np.float64))
     if hertz.ndim != 1 or not hertz.size or not (np.isfinite(hertz) & (hertz > 0.0)).all():
         raise SettingError("frequency", "must be numbers of Hz above 0, one or more")
@@ -240,7 +127,6 @@ def frequency_response(
                 size * upper if moves else np.full(len(size), np.inf),
                 angle + behind,
                 angle + ahead,
-                tuple(estimate for estimate in measured if estimate.output == name),
             )
         )
     return FrequencyResponse(
@@ -281,14 +167,11 @@ def _characteristic(joint: LinearJoint, level: float) -> tuple[Frequency, ...]:
     return tuple(found)
 
 
-def _chosen(characteristic: Sequence[Frequency], recordings: Sequence[Recording]) -> FloatArray:
+def _chosen(characteristic: Sequence[Frequency]) -> FloatArray:
     """Frequencies in Hz over all that is of interest."""
     own = [f.value for f in characteristic] or [1.0]
     low, high = min(own) / _AROUND, max(own) * _AROUND
-    if recordings:
-        low = min(low, max(1.0 / (len(r) * r.sample_time) for r in recordings) * 4.0)
-        high = min(high, max(0.5 / r.sample_time for r in recordings))
-    evenly = np.geomspace(low, max(high, 2.0 * low), _POINTS)
+    evenly = np.geomspace(low, high, _POINTS)
     near = [f * (1.0 + side * _NEAR_PEAK) for f in own for side in (-1.0, 1.0)]
     every = np.unique(np.concatenate((evenly, *near)))
     return every[(every >= evenly[0]) & (every <= evenly[-1])]

@@ -40,18 +40,17 @@ ComplexArray = NDArray[np.complex128]
 class Shown(NamedTuple):
     """What is shown of a kind of joint."""
 
-    outputs: Mapping[str, str]  # name and channel, row by row
+    outputs: tuple[str, ...]  # row by row
     by_force: bool  # whether velocities over a force, else positions over a position
     characteristic: Mapping[str, int]  # rows that move, from the first, at each characteristic
 
 
-_MOTOR = {"motor velocity": "motor_position"}
 SHOWN: Mapping[Kind, Shown] = {
     "flexible": Shown(
-        {"link velocity": "link_position", **_MOTOR}, True, {"antiresonance": 1, "resonance": 2}
+        ("link velocity", "motor velocity"), True, {"antiresonance": 1, "resonance": 2}
     ),
-    "link": Shown({"link position": "link_position"}, False, {"antiresonance": 1}),
-    "rigid": Shown(_MOTOR, True, {}),
+    "link": Shown(("link position",), False, {"antiresonance": 1}),
+    "rigid": Shown(("motor velocity",), True, {}),
 }
 
 
