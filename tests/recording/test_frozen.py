@@ -1,4 +1,4 @@
-"""A logger that repeats its last sample: what it repeats is no motion, and is left out."""
+"""A sensor that repeats its last sample: what it repeats is no motion, and is left out."""
 
 from typing import Any
 
@@ -60,31 +60,14 @@ def at_rest(found: Columns, part: slice, place: int, *names: str) -> Columns:
     return found
 
 
-def noise_of(share: float) -> float:
-    """A share of the motion just before the samples that are repeated."""
-    motor = columns(noise=0.0)["motor_position"]
-    return float(abs(motor[320] - motor[315])) * share
-
-
-LINK_RESTS = at_rest(columns(), slice(290, None), 290, "link_position")
 CASES: dict[str, Columns] = {
-    "the end": repeated(columns()),
-    "the middle": repeated(columns(), 100, 140),
-    "one side in motion": without(repeated(columns()), "link"),
-    "the other at the end of its swing": repeated(LINK_RESTS),
-    "a clear motion in noise": repeated(columns(noise=noise_of(1.0 / 60.0))),
-    "no clear motion in noise": repeated(columns(noise=noise_of(1.0 / 6.0))),
-    "19 samples": repeated(columns(), 381),
-    "20 samples": repeated(columns(), 380),
-    "38 of 1950": repeated(columns(1950), 1912, 1950),
-    "39 of 1950": repeated(columns(1950), 1911, 1950),
     "the beginning": at_rest(columns(), slice(100), 100, *ENCODERS, "motor_torque"),
+    "a link to the end": at_rest(columns(), slice(290, None), 290, "link_position"),
+    "19 samples of it": at_rest(columns(), slice(381, None), 381, "link_position"),
+    "a link in the middle": at_rest(columns(), slice(100, 140), 100, "link_position"),
+    "19 samples of that": at_rest(columns(), slice(100, 119), 100, "link_position"),
     "a rest that jumps": braked(50.0, jump=0.3),
-    **{
-        f"braking at {deceleration} rad/s², {bits} bits": braked(deceleration, bits)
-        for deceleration in (10.0, 50.0, 100.0)
-        for bits in (0, 12, 16)
-    },
+    "braking": braked(50.0),
     **{
         f"{moving} goes on": {**repeated(columns()), moving: columns()[moving]}
         for moving in ("motor_torque", "link_position")  # a brake, a stop

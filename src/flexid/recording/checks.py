@@ -246,27 +246,21 @@ def check_two_encoders(log: Draft) -> None:
 
 _FEWEST = 20  # samples without any change, to count
 _SHARE = 0.02  # of the log, the same where no jump follows
-_JUST_BEFORE = 5  # samples whose motion is compared with that of as many before them
-_CLEAR = 20.0  # times a position's noise, by which it has to move in these
+_JUST_AFTER = 5  # steps that a jump is compared with
+_CLEAR = 20.0  # times a position's noise, by which it has to move
 _FAR = 0.1  # of its range, by which the other side moves, where no jump follows
-_UNBRAKED = 0.7  # of the motion before: a side that brakes evenly makes a third of it
 _JUMP = 3.0  # times the steps after it, by which the first one is larger where samples were lost
-_TO_THE_END = (0.5, 3.0)  # of the mean motion in a sample: that of the very last, which is no jump
 _STUCK = "{name} does not change from {at}, while the other side moves, as if the sensor was stuck"
-_REPEATED = (
-    "nothing changes from {at}, though the joint was in mid-motion, as if the last sample had been "
-    "repeated"
-)
 
 Stretch = tuple[int, int]  # first sample, and the one after the last
 
 
 def drop_frozen(log: Draft) -> None:
-    """Leave out samples that are repeated in mid-motion, so that the log has a gap there.
+    """Leave out samples that a stuck sensor repeats, so that the log has a gap there.
 
     A joint that meets a stop or a brake may rest from one sample to the next, as its encoders see
-    it. So a stretch is left out only where a position is another one when it goes on, or where the
-    log ends in mid-motion; and where the input rests as well or the other side of the joint moves.
+    it. So a stretch is left out only where the other side moves, and the position is another one
+    when it goes on.
     """
     kept = np.ones(len(log.time), dtype=np.bool_)
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
@@ -274,12 +268,10 @@ def drop_frozen(log: Draft) -> None:
             name: _Position(log[name], _CLEAR * position_noise(log[name]))
             for name in log.those_of(POSITIONS)
         }
-        every = [log[name] for name in log.names]
-        found = {"": list(_of_all(every, [*sensors.values()]))}
-        found |= {name: list(_of_one(name, sensors)) for name in sensors}
+        found = {name: list(_of_one(name, sensors)) for name in sensors}
     for name, stretches in found.items():
         # One side that rests to the end of the log may have met a brake.
-        lasting = [one for one in stretches if name and one[1] == len(kept)]
+        lasting = [one for one in stretches if one[1] == len(kept)]
         cut = stretches[: len(stretches) - len(lasting)]
         for start, stop in cut:
             kept[start + 1 : stop] = False  # the first of the repeated samples was measured
@@ -290,11 +282,10 @@ def drop_frozen(log: Draft) -> None:
 
 
 def _warn(log: Draft, name: str, stretches: Sequence[Stretch], remedy: str) -> None:
-    """Name the stretches in which a sensor is stuck, or all are."""
+    """Name the stretches in which a sensor is stuck."""
     spans = [f"{log.time[a]:.6g} s to {log.time[b - 1]:.6g} s" for a, b in stretches]
-    what = (_STUCK if name else _REPEATED).format(name=name, at=first_times(spans))
     if stretches:
-        log.warn(name, f"{what}: {remedy}", Rank.DATA)
+        log.warn(name, f"{_STUCK.format(name=name, at=first_times(spans))}: {remedy}", Rank.DATA)
 
 
 class _Position(NamedTuple):
@@ -304,19 +295,6 @@ class _Position(NamedTuple):
     clear: float
 
 
-def _of_all(channels: Sequence[FloatArray], positions: Sequence[_Position]) -> Iterator[Stretch]:
-    """Stretches of whole samples that are repeated."""
-    count = len(channels[0])
-    for start, stop in _unchanging(channels):
-        if (start, stop) == (0, count):  # all rest throughout, as those of a braked joint may
-            continue
-        lost = stop == count or any(_jumps(one, stop - 1) for one in positions)
-        # At the beginning, a logger writes zeros until the drive answers.
-        moved = start == 0 or any(_unbraked(p, start) for p in positions)
-        if lost and stop - start >= _SHARE * count and moved:
-            yield start, stop
-
-
 def _of_one(name: str, sensors: Mapping[str, _Position]) -> Iterator[Stretch]:
     """Stretches in which one sensor repeats itself while the other side moves."""
     others = [sensor for other, sensor in sensors.items() if other != name]
@@ -324,7 +302,7 @@ def _of_one(name: str, sensors: Mapping[str, _Position]) -> Iterator[Stretch]:
     count = len(position.values)
     if not others or not np.ptp(position.values):
         return
-    for start, stop in _unchanging([position.values]):
+    for start, stop in _unchanging(position.values):
         moves = others[0].values[start:stop]
         if np.ptp(moves) <= others[0].clear or len(np.unique(moves)) < _FEWEST // 2:
             continue
@@ -334,32 +312,16 @@ def _of_one(name: str, sensors: Mapping[str, _Position]) -> Iterator[Stretch]:
             yield start, stop
 
 
-def _unchanging(channels: Sequence[FloatArray]) -> Iterator[Stretch]:
-    """Stretches of some length in which no channel changes."""
-    changes = np.zeros(len(channels[0]) - 1, dtype=np.bool_)
-    for values in channels:
-        changes |= values[1:] != values[:-1]
-    edges = np.concatenate(([0], np.flatnonzero(changes) + 1, [len(changes) + 1]))
+def _unchanging(values: FloatArray) -> Iterator[Stretch]:
+    """Stretches of some length in which a channel does not change."""
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [len(values)]))
     for place in np.flatnonzero(np.diff(edges) >= _FEWEST):
         yield int(edges[place]), int(edges[place + 1])
 
 
 def _jumps(position: _Position, last: int) -> bool:
     """Whether a position's step from a sample on is beyond its noise and all that follow it."""
-    steps = np.abs(np.diff(position.values[last : last + 2 + _JUST_BEFORE]))
-    return len(steps) > _JUST_BEFORE and bool(
+    steps = np.abs(np.diff(position.values[last : last + 2 + _JUST_AFTER]))
+    return len(steps) > _JUST_AFTER and bool(
         steps[0] > max(position.clear, _JUMP * steps[1:].max())
     )
-
-
-def _unbraked(position: _Position, place: int) -> bool:
-    """Whether a position moves on to a sample as it did before."""
-    if place < 2 * _JUST_BEFORE:
-        return False
-    values = position.values
-    last, middle, first = values[[place, place - _JUST_BEFORE, place - 2 * _JUST_BEFORE]]
-    moved = last - middle
-    if abs(moved) < max(position.clear, _UNBRAKED * abs(middle - first)):
-        return False
-    least, most = _TO_THE_END
-    return bool(least <= (last - values[place - 1]) / (moved / _JUST_BEFORE) <= most)
