@@ -81,8 +81,6 @@ def test_errors_of_a_fit_are_as_predicted(designed, tmp_path):
     np.testing.assert_allclose(scatter / predicted, 1.0, atol=0.4)
 
 
-
-
 @pytest.fixture(scope="module")
 def tiny_drive(examples, tmp_path_factory):
     """A drive file whose design takes seconds."""

@@ -81,9 +81,9 @@ def test_a_design(examples, command, tmp_path):
     assert json.loads((tmp_path / "design.json").read_text()) == json.loads(printed.stdout)
     assert steps
     assert isinstance(design.plot(), Figure)
-    assert design._page().title == "The designed multisine"
+    assert design._page().title == "The designed torque"
     assert max(design.deviations.values()) == design.result.prediction.worst
-    assert "multisine of 2 s" in repr(design)
+    assert repr(design).startswith("<ExperimentDesign: 2 s, worst coefficient")
 
 
 def test_a_reproduction(reproduction):
