@@ -61,7 +61,9 @@ class Origin:
     factor: float  # of the unit, the scale of a column map and the gear ratio together
     offset: float  # in `unit`
     unit: str  # SI
-    gear_ratio: float | None  # by which `factor` carries the channel to the link's side of the gear
+    # turns of the motor in one of the link, or its rad in a m, by which `factor` carries the
+    # channel to the link's side of the gear or screw
+    ratio: float | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -210,7 +210,7 @@ def check_two_encoders(log: Draft) -> None:
     remedy = "write the drive's gear_ratio (1 if the link is held and there is none)"
     if log.joint == "prismatic":
         remedy = "write the unit of each, and the lead of a motor that turns,"
-    is_stated = log.channels["motor_position"].origin.gear_ratio is not None
+    is_stated = log.channels["motor_position"].origin.ratio is not None
     if larger == "link":
         factor, remedy = 1.0 / factor, f"scale the link position by {factor:.3g}"
         remedy = f"correct the {log.ratio}" if is_stated else remedy

@@ -99,12 +99,12 @@ class _Plan:
         recipes = {
             name: self.map.recipe(self.table, name)
             if name in self.map.recipes
-            else self.found[name]._replace(gear=self.map.gear_ratio)
+            else self.found[name]._replace(ratio=self.map.ratio)
             for name in SI_UNITS
             if name in wanted - {*left_out}
         }
         joint = self.map.joint or joint_of(recipes.values())
-        if joint == "prismatic" and self.map.joint is None and self.map.gear_ratio is not None:
+        if joint == "prismatic" and self.map.joint is None and self.map.ratio is not None:
             raise RecordingError(self.map.file, "key 'gear_ratio'", NO_GEAR)
         return {name: recipe._replace(joint=joint) for name, recipe in recipes.items()}
 

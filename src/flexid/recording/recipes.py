@@ -54,7 +54,7 @@ class Recipe(NamedTuple):
     unit: str | None = None  # None: as the headers say, or SI
     scale: float = 1.0  # in `unit` per raw unit
     offset: float = 0.0  # in `unit`
-    gear: float | None = None  # the ratio that may act on the channel
+    ratio: float | None = None  # of motor and link, that may act on the channel
     joint: JointType = "revolute"  # that the channel is of
     is_mapped: bool = False  # whether a column map gives it, not a name
 
@@ -71,7 +71,7 @@ class ColumnMap:
     file: str  # its path, for messages; `ARGUMENT` where it is no file
     recipes: Mapping[str, Recipe]  # by channel, columns by the names that the map has for them
     # turns of the motor in one of the link, or its rad in a m; < 0: opposite ones
-    gear_ratio: float | None
+    ratio: float | None
     unread: frozenset[str]  # channels that are not read, whatever columns there are
     joint: JointType | None = None  # None: as the units of the columns say
 
@@ -116,13 +116,13 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
     if not content:
         raise RecordingError(file, "", "the column map is empty: name the columns in it")
     joint, lead = _joint(file, content.pop("joint", None)), _lead(file, content.pop("lead", None))
-    gear_ratio = _gear_ratio(file, content.pop("gear_ratio", None))
+    ratio = _gear_ratio(file, content.pop("gear_ratio", None))
     if lead is not None and joint == "revolute":
         raise RecordingError(file, "key 'lead'", "it is for a prismatic joint: leave out joint")
-    if gear_ratio is not None and (lead is not None or joint == "prismatic"):
+    if ratio is not None and (lead is not None or joint == "prismatic"):
         raise RecordingError(file, "key 'gear_ratio'", NO_GEAR)
     if lead is not None:
-        joint, gear_ratio = "prismatic", 2.0 * np.pi / lead
+        joint, ratio = "prismatic", 2.0 * np.pi / lead
     seconds = _sample_time(file, content.pop("sample_time", None), content.get("time", False))
     for key in content:
         if key not in SI_UNITS:
@@ -133,20 +133,20 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
                 f"{', '.join(SI_UNITS)}, joint, gear_ratio, lead or sample_time",
             )
     unread = frozenset(key for key, value in content.items() if value is False)
-    recipes = {k: _entry(file, k, v, gear_ratio) for k, v in content.items() if k not in unread}
+    recipes = {k: _entry(file, k, v, ratio) for k, v in content.items() if k not in unread}
     if seconds is not None:
         place = "key 'sample_time'"
         recipes["time"] = Recipe({}, file, place, scale=seconds, is_mapped=True)
-    return ColumnMap(file, recipes, gear_ratio, unread, joint)
+    return ColumnMap(file, recipes, ratio, unread, joint)
 
 
-def _entry(file: str, name: str, value: object, gear_ratio: float | None) -> Recipe:
+def _entry(file: str, name: str, value: object, ratio: float | None) -> Recipe:
     """The recipe in one entry of a column map."""
     entry = _checked(file, name, value, [*_MAY_BE])
     if ("column" in entry) == bool(entry.get("sum")):
         raise _bad(file, name, "exactly one of 'column' and 'sum' is needed")
     side = entry.get("side")
-    if side and (gear_ratio is None or name not in GEARED):
+    if side and (ratio is None or name not in GEARED):
         what = "has a side, but the map no gear_ratio" if name in GEARED else "has no side"
         reason = f"{name} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio"
         raise RecordingError(file, f"key '{name}.side'", reason)
@@ -161,7 +161,7 @@ def _entry(file: str, name: str, value: object, gear_ratio: float | None) -> Rec
         entry.get("unit"),
         _quotient(entry.get("scale", 1.0)),
         _quotient(entry.get("offset", 0.0)),
-        None if side == "link" else gear_ratio,
+        None if side == "link" else ratio,
         is_mapped=True,
     )
 
@@ -321,9 +321,9 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
     unit = _unit(recipe)
     if name == "time" and unit is None:
         unit = clock.unit_of_count(table, recipe.header)
-    factor, si_unit, gear = _in_si(name, recipe, unit)
-    if gear is not None:
-        factor *= gear if name == "motor_torque" else 1.0 / gear
+    factor, si_unit, ratio = _in_si(name, recipe, unit)
+    if ratio is not None:
+        factor *= ratio if name == "motor_torque" else 1.0 / ratio
     total = np.zeros(table.frame.height)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are refused later
         for header, weight in recipe.weights.items():
@@ -334,16 +334,16 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
             total += weight * numbers
         values = factor * (recipe.scale * total + recipe.offset)
     scale, offset = factor * recipe.scale, factor * recipe.offset
-    origin = Origin(recipe.weights, scale, offset, si_unit, gear)
+    origin = Origin(recipe.weights, scale, offset, si_unit, ratio)
     return Channel(values, " + ".join(recipe.weights), unit is not None, origin)
 
 
 def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, float | None]:
     """Factor and SI unit of a channel, and the ratio that carries it to the link's side."""
-    units, gear = si_units(name, recipe.joint), recipe.gear if name in GEARED else None
+    units, ratio = si_units(name, recipe.joint), recipe.ratio if name in GEARED else None
     if unit is None:
         factor, si_unit = 1.0, units[0]
-        if gear is not None and recipe.joint == "prismatic":
+        if ratio is not None and recipe.joint == "prismatic":
             reason = (
                 f"it has no unit, and the lead acts on what turns alone: write the unit, "
                 f"{SI_UNITS[name][0]} or {si_unit}"
@@ -351,14 +351,14 @@ def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, flo
             raise RecordingError(recipe.file, recipe.place, reason)
     else:
         # What turns in front of a screw or a pulley.
-        turning = SI_UNITS[name] if gear is not None else ()
+        turning = SI_UNITS[name] if ratio is not None else ()
         try:
             factor, si_unit = scale_to_si(unit, tuple(dict.fromkeys((*units, *turning))))
         except UnitError as error:
             raise RecordingError(recipe.file, recipe.place, str(error)) from error
     slides = unit_of(si_unit, recipe.joint)
     is_geared = slides != si_unit or (recipe.joint == "revolute" and si_unit not in ("V", "A"))
-    return factor, slides, gear if is_geared else None
+    return factor, slides, ratio if is_geared else None
 
 
 def _unit(recipe: Recipe) -> str | None:

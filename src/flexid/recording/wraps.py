@@ -58,8 +58,8 @@ def _unwrap(log: Draft, name: str) -> bool:
 
 def _motor_turn(log: Draft, name: str) -> float:
     """What a turn of the motor is at the link's side; 0 where the encoder stands there."""
-    gear_ratio = log.channels[name].origin.gear_ratio
-    return TURN / abs(gear_ratio) if gear_ratio else 0.0
+    ratio = log.channels[name].origin.ratio
+    return TURN / abs(ratio) if ratio else 0.0
 
 
 def without_wraps(

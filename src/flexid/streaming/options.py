@@ -76,13 +76,13 @@ def chosen_channels(
             source, "link position", "is not among the columns: send it too, or --model rigid"
         )
     link, drive = link if kind != "rigid" else None, drive if kind != "link" else None
-    gear = channels["motor_position"].origin.gear_ratio
+    ratio = channels["motor_position"].origin.ratio
     return StreamChannels(
         cast(Kind, kind),
         channels[drive].unit if drive else "",
         link == "deflection",
         warnings,
-        TURN / abs(gear) if gear else 0.0,
+        TURN / abs(ratio) if ratio else 0.0,
         channels["motor_position"].joint,
         {name: channels[name] for name in ("time", link, "motor_position", drive) if name},
     )
