@@ -77,7 +77,7 @@ def chart_lines(chart: Chart) -> Iterator[str]:
 def axis_text(axis: Axis) -> str:
     """An axis with its unit, and its limits where it has some."""
     limits = axis.limits and tuple(f"{end:.3e}" for end in axis.limits)
-    return " ".join([axis.label, axis.unit, *axis.categories, *(limits or ())])
+    return " ".join([axis.label, axis.unit, *(limits or ())])
 
 
 def values_text(mark: Mark) -> str:
