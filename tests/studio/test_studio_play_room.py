@@ -9,11 +9,9 @@ import pytest
 
 from browser import Watched, serious_faults
 from flexid.errors import SettingError, SimulationError
-from flexid.estimators.excitation import excitation
 from flexid.report.reproduction_charts import SYMBOLS
 from flexid.simulation import closed_loop
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
-from flexid.simulation.lyapunov import row_histories
 from flexid.studies.readings import table1_loop
 from flexid.studio import play as played
 from flexid.studio.play import READINGS, SLIDERS, TABLE1, play, read_play
