@@ -5,10 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, data, made, structure
+from made_joint import COEFFICIENTS, data, log, made, structure
 
+import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
 from flexid.estimators.gauss_newton import MOST, refinement
+from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model import fits_by_length
 from flexid.identification.full_model.fitting import (
     fit_by_length,
@@ -18,6 +20,8 @@ from flexid.identification.full_model.fitting import (
     with_steps_refined,
 )
 from flexid.identification.full_model.model import FINE, ROUGH, Fitted
+from flexid.identification.identify import identify
+from flexid.identification.preparation.settings import Settings
 from flexid.recording.recording import Recording
 
 TERMS = ("gravity", "motor_viscous", "motor_coulomb")
@@ -93,3 +97,25 @@ def test_steps_are_asked_for_once(
     own = fitting.in_own_steps(last)
     assert (own.data.refinement, len(asked)) == (times, 1)
     assert (own is last) == (times == taken)
+
+
+@pytest.mark.parametrize("refined", [False, True])
+def test_report_and_rivals_take_the_same_steps(
+    refined: bool, monkeypatch: pytest.MonkeyPatch, fits_seen: list[FinalFits]
+):
+    """Assert that the report is fitted in steps as fine as chosen or finer, all terms as it is."""
+    times = []
+
+    def watched(structure, data, *rest):
+        times.append(data.refinement)
+        return fit_to(structure, data, *rest)
+
+    monkeypatch.setattr(final, "fit_to", watched)
+    if not refined:
+        monkeypatch.setattr(fits_by_length, "with_steps_refined", tuple)
+    given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
+    identify([log(recorded(FINE_NOISE))], given)
+    (found,) = fits_seen
+    assert (found.choice.fitted.data.refinement > 1) == (min(times) > 1) == refined
+    assert found.reported.data.refinement > 1
+    assert found.full.problem.substeps == found.reported.problem.substeps

@@ -5,20 +5,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, JOINT, data, made, seen, structure
+from made_joint import COEFFICIENTS, JOINT, data, made, posed, seen, structure
+from made_joint import log as one_log
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.identification.full_model import fits_by_length, starting
+from flexid.identification.full_model import fits_by_length, fitting, starting
 from flexid.identification.full_model.fitting import fit_by_length, lengths, refit
 from flexid.identification.full_model.model import FINE, LINK, Data, Structure
 from flexid.identification.full_model.starting import (
+    first_fits,
     least_squares_start,
     mirrored,
     starts,
     turned_round,
 )
+from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import Kind, joint_of
+from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Hold
@@ -266,6 +270,26 @@ def test_a_fall_counts_less_where_residuals_are_correlated(samples):
     assert low <= fits_by_length.residual_variance([fitted]) <= high
 
 
+def test_starts_of_a_long_log_are_tried_in_part(monkeypatch: pytest.MonkeyPatch):
+    """Assert that few of the segments lead to where all of them do, and are fitted first."""
+    fitted_over = []
+
+    def recorded(structure: Structure, own: Data, way: dict[str, float], divisions, **how):
+        fitted_over.append(len(divisions[0]))
+        return fit_by_length(structure, own, way, divisions, **how)
+
+    structure, own = posed(made(1, 10.0))
+    short = lengths(own)[:1]
+    (whole,) = first_fits(structure, own, short)
+    monkeypatch.setattr(fitting, "_ENOUGH", 1_000)
+    monkeypatch.setattr(starting, "fit_by_length", recorded)
+    (found,) = first_fits(structure, own, short)
+    part, all_of_it = fitted_over
+    assert 0.1 * len(short[0]) < part < 0.25 * len(short[0])
+    assert all_of_it == len(short[0])
+    assert found.values == pytest.approx(whole.values, rel=1e-3)
+
+
 @pytest.fixture(scope="module")
 def right():
     """A drive whose deflection was measured."""
@@ -291,3 +315,11 @@ def test_only_the_wrong_sign_is_found(right, model):
     assert not any(
         is_turned_round(other, model) for other in (right, encoder, still, mirrored(still))
     )
+
+
+def test_the_warning_names_the_remedy(right):
+    """Assert that an identification says so, and what to write."""
+    settings = Settings(terms=PAPER_TERMS, hold="linear", input_delay=0.0, link_delay=0.0)
+    found = identify([one_log(mirrored(right))], settings)
+    (warning,) = (w for w in found.warnings if "deflection has the" in w)
+    assert "scale = -1" in warning

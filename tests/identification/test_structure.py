@@ -21,7 +21,7 @@ from flexid.identification.structure.elimination import best_length, eliminate
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
-LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.001, friction_sign=4.0)
+LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.002, friction_sign=3.5)
 MANY = 1e9  # degrees of freedom: as good as normal
 
 
@@ -86,14 +86,14 @@ def normal(chance: float) -> float:
 
 
 GEAR = ("alpha_ecc_sine", "alpha_ecc_cosine")
-TWO_NUMBERS = float(np.sqrt(chi2.isf(0.001, 2)))
-FEW = float(np.sqrt(2.0 * f.isf(0.001, 2, 5.0)))  # two numbers of five degrees of freedom
+TWO_NUMBERS = float(np.sqrt(chi2.isf(0.002, 2)))
+FEW = float(np.sqrt(2.0 * f.isf(0.002, 2, 5.0)))  # two numbers of five degrees of freedom
 assert FEW > TWO_NUMBERS + 0.5
 EDGES: dict[str, tuple[float, dict[str, float], dict[str, Any]]] = {
     # Where a term begins to stay; its coefficients for one deviation; what is known of the fit.
     "a usual term: one in 50": (normal(0.02), {"theta_offset": 1.0}, {}),
     "gravity, of either sign": (normal(0.02), {"theta1": -1.0}, {}),
-    "a shape: one in 1000": (normal(0.001), {"alpha_saturation": -1.0}, {}),
+    "a shape: one in 500": (normal(0.002), {"alpha_saturation": -1.0}, {}),
     "one offset of two": (normal(0.02), {"theta_offset[1]": 0.0, "theta_offset[2]": 1.0}, {}),
     **{
         f"amplitude and phase together, at {phase}": (
@@ -115,7 +115,7 @@ EDGES: dict[str, tuple[float, dict[str, float], dict[str, Any]]] = {
     "thrice white noise": (3.0 * normal(0.02), {"theta_offset": 1.0}, {"spread": 3.0}),
     "blocks that agree by chance": (normal(0.02), {"theta_offset": 1.0}, {"spread": 0.1}),
     **{
-        f"negative {name}": (4.0, {name: -1.0}, {})
+        f"negative {name}": (3.5, {name: -1.0}, {})
         for name in ("alpha2", "theta_viscous", "theta_coulomb", "alpha_damping", "alpha_drag")
     },
 }
