@@ -2,8 +2,10 @@
 
 import json
 from math import inf
+from pathlib import Path
 
 import pytest
+from benchmarks.accuracy_tools import TOOLS
 from benchmarks.page_block import block_of
 from benchmarks.rivals import page as rivals
 from benchmarks.trials import page as trials
@@ -31,6 +33,22 @@ def test_every_interval_means_what_it_says():
         for name, held in cell["held"].items():
             share = 100.0 * held / cell["seeds"]
             assert 92.0 <= share <= 98.0, f"{cell['estimator']}, {name}: {share}"
+
+
+def test_lines_of_code(tmp_path: Path):
+    """Assert that only code between the marks counts, and that the page has today's."""
+    source = tmp_path / "tool.py"
+    source.write_text("a\n# user code begins\nx = 1\n\n  # why\ny = 2  # so\n# user code ends\nz\n")
+    assert accuracy_page.lines_of_user_code(source) == 2
+    source.write_text("x = 1\n")
+    with pytest.raises(ValueError, match="mark"):
+        accuracy_page.lines_of_user_code(source)
+    kept = json.loads(accuracy_page.RESULTS.read_text(encoding="utf-8"))["tools"]
+    assert {key: entry["lines"] for key, entry in kept.items()} == {
+        tool.key: accuracy_page.lines_of_user_code(tool.source)
+        for tool in TOOLS
+        if tool.key in kept
+    }
 
 
 ABOUT = {"command": "this", "date": "2026-01-01", "commit": "abc", "machine": "m", "python": "3.11"}

@@ -27,6 +27,14 @@ def trial(hold: str, input_delay: float, link_delay: float) -> Trial:
     )
 
 
+def test_positions_are_on_one_clock():
+    """Assert that a late encoder is put where it was, to what a cubic between samples leaves."""
+    made = given(trial("zero", 0.0, 0.0031))
+    np.testing.assert_allclose(made.positions[:, 0], np.sin(3.0 * made.time), atol=1e-9)
+    np.testing.assert_allclose(made.positions[:, 1], np.sin(3.0 * made.time), atol=1e-9)
+    assert made.sample_time == pytest.approx(SAMPLE_TIME)
+
+
 def test_a_held_torque_is_held_and_late():
     """Assert that within a sample the torque that was recorded a delay before acts."""
     made = given(trial("zero", 0.003, 0.0))

@@ -50,6 +50,13 @@ def test_a_sobol_plan_goes_on_where_a_shorter_one_ends():
     assert np.array_equal(short.values, long.values[:11])
 
 
+def test_listed_values_are_drawn_alike():
+    """Assert that each of four is the value of a quarter of the runs."""
+    plan = make_plan(variation("sobol", 1024, a=(1.0, 2.0, 4.0, 8.0)), sampled=False)
+    values, counts = np.unique(plan.values, return_counts=True)
+    assert dict(zip(values, counts, strict=True)) == dict.fromkeys((1.0, 2.0, 4.0, 8.0), 256)
+
+
 @given(
     st.sampled_from(["latin-hypercube", "sobol"]),
     st.integers(1, 70),
