@@ -110,7 +110,7 @@ def test_shapes_scale_with_the_motion():
     Least squares of a rigid joint smooths friction over a tenth of its speed.
     """
     one, two = (FLEXIBLE.scaled([moving(size)]) for size in (1.0, 2.0))
-    assert one.first_grip == pytest.approx(2.0 * two.first_grip)
+    assert one.first["hysteresis_grip"] == pytest.approx(2.0 * two.first["hysteresis_grip"])
     width, smoothing = (
         [getattr(joint, system).constants[name] for joint in (one, two)]
         for system, name in (("extended", BACKLASH_WIDTH), ("smooth", "coulomb_velocity"))

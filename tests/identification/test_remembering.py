@@ -19,7 +19,7 @@ from flexid.identification.full_model.fits_by_length import (
 from flexid.identification.structure.job import _least_gain
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
-((SIZE, GRIP),) = JOINT.grips.items()
+SIZE, GRIP = "alpha_hysteresis", "hysteresis_grip"
 JUST, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
 
 
@@ -50,7 +50,7 @@ def test_the_grip_that_promises_more_is_tried_first(monkeypatch, promises, holdi
     tried = []
 
     def share(way: dict[str, float]) -> float:
-        return way[GRIP] / JOINT.first_grip
+        return way[GRIP] / JOINT.first[GRIP]
 
     def remembering(before, structure, way, *_):
         assert structure.absent == before.structure.absent - JOINT.remembered

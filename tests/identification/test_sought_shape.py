@@ -15,13 +15,15 @@ from flexid.identification.full_model.fits_by_length import FitsByLength, leaves
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.structure.shapes import BEND, RIPPLE, STRIBECK, is_slack, numbers
-from flexid.identification.structure.sought_shape import (
-    SoughtShape,
-    at_its_constant,
-    fit_with_shape,
-    with_free_constant,
+from flexid.identification.structure.shapes import (
+    BEND,
+    RIPPLE,
+    STRIBECK,
+    is_slack,
+    numbers,
+    sought_constants,
 )
+from flexid.identification.structure.sought_shape import SoughtShape, fit_with_shape
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
@@ -54,13 +56,15 @@ def test_a_constant_goes_where_the_sum_of_squares_is_least(
     A velocity comes from as far as candidates are apart.
     """
     recording = made(3, **made_with)
-    exact = fitted(recording, *terms, widths={shape.constant: truth})
+    exact = fitted(recording, *terms, fixed={shape.constant: truth})
+    assert shape.constant not in exact.names
     for away in aways:
-        first = fitted(recording, *terms, widths={shape.constant: away * truth})
-        found = at_its_constant(shape, first)
-        assert found.minimum.equations.cost < first.minimum.equations.cost
-        assert found.minimum.equations.cost < exact.minimum.equations.cost + 20.0
+        found = fitted(recording, *terms, widths={shape.constant: away * truth})
+        assert found.minimum.equations.cost < exact.minimum.equations.cost
         assert shape.of(found.structure) == pytest.approx(truth, rel=accuracy)
+        value, deviation, _ = sought_constants(found.fit)[shape.constant]
+        assert value == shape.of(found.structure)
+        assert abs(value - truth) < 4.0 * deviation < 0.2 * truth
 
 
 @pytest.mark.parametrize("velocity", [0.04, 0.11, 0.9])
@@ -80,30 +84,24 @@ def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
 
 
 def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
-    """Assert that neither a candidate nor a step goes below what friction takes meanwhile."""
+    """Assert that neither a candidate nor a fit goes below what friction takes meanwhile."""
     terms, width = ("motor_coulomb", "motor_stribeck"), {"stribeck_velocity": 0.24}
     first = fitted(made(3, **STICKING), *terms, widths=width)
     taken = abs(first.by_name["alpha_coulomb"]) * first.data.samples[0].sample_time
     assert STRIBECK.least(first) == pytest.approx(taken)
     asked = []
     monkeypatch.setattr(sought_shape, "_promised", lambda _, own: asked.append(own) or len(asked))
-    shape = replace(STRIBECK, least=lambda _: 0.23)
-    assert list(sought_shape._promising(shape, first, first.structure))
-    assert min(STRIBECK.of(own) for own in asked) > 0.23
-    assert min(STRIBECK.candidates(first.structure, first.data)) < 0.23
-    assert at_its_constant(shape, first) is first  # though the sum of squares is least at 0.15
-
-
-def test_a_constant_is_as_exact_as_what_is_left_allows(monkeypatch):
-    """Assert that a step of the noise's deviation is taken, but not where much more is left."""
-    terms, width = ("motor_coulomb", "motor_stribeck"), {"stribeck_velocity": 0.16}
-    fine = fitted(made(3, **STICKING), *terms, widths=width)
-    step = 0.15 - 0.16
-    monkeypatch.setattr(sought_shape, "_profile", lambda *_: (step, abs(step)))
-    rough = replace(fine)
-    vars(rough)["excess"] = 101.0
-    assert at_its_constant(STRIBECK, rough) is rough
-    assert at_its_constant(STRIBECK, fine) is not fine
+    monkeypatch.setattr(sought_shape, "sampled", lambda fit: fit)
+    monkeypatch.setattr(sought_shape, "explained_by", lambda *_: first)
+    monkeypatch.setattr(sought_shape, "_fit_longer", lambda *_: by_length)
+    by_length = FitsByLength((first,), (first.problem.segments,), True, ("cubic",), "")
+    for least, follows in ((0.23, False), (0.14, True)):  # it is 0.15
+        asked.clear()
+        shape = replace(STRIBECK, least=lambda _, own=least: own)
+        found = fit_with_shape(shape, by_length, first, [], lambda _: None, THRESHOLDS)
+        assert (found is not None) == follows
+        assert min(STRIBECK.of(own) for own in asked) > least
+    assert min(STRIBECK.candidates(first.structure, first.data)) < 0.14
 
 
 @pytest.mark.parametrize(
@@ -126,34 +124,25 @@ def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
 
 
 def test_a_constant_is_sought_where_the_coefficients_are_given():
-    """Assert that what a user knows of a size leaves the constant free, and in the intervals."""
+    """Assert that what a user knows of a size leaves the constant free, with an interval."""
     width, given = {"bend_deflection": 0.995 * 0.3}, {"alpha_bend": 40.0 / 0.3}
-    first = fitted(made(3, **BENT), "bent_spring", widths=width, fixed=given)
-    found = at_its_constant(BEND, first)
+    found = fitted(made(3, **BENT), "bent_spring", widths=width, fixed=given)
     assert BEND.of(found.structure) == pytest.approx(0.3, rel=5e-4)
-    estimate = widened(found, NO_ERROR)
-    free = with_free_constant(BEND, estimate, found)
-    assert (free.deviations > estimate.deviations).any()
-    rougher = replace(estimate, covariance=100.0 * estimate.covariance)
-    ratio = with_free_constant(BEND, rougher, found).deviations / free.deviations
-    assert ratio == pytest.approx(np.full(len(ratio), 10.0))
+    _, deviation, _ = sought_constants(found.fit)["bend_deflection"]
+    assert 0.0 < deviation < 0.01 * 0.3
 
 
 @pytest.mark.parametrize("bounded", ["alpha_bend", "alpha1"])
 def test_a_constant_is_sought_where_something_ended_at_a_bound(bounded):
-    """Assert that the coefficient stays there, and that what moves is what was sought."""
+    """Assert that the coefficient stays there, and that the constant takes up what it can."""
     truth = {"alpha_bend": 40.0 / 0.3, "alpha1": 100.0 / 0.3}[bounded]
     bounds = {bounded: (0.0, 0.9 * truth)}
-    first = fitted(made(3, **BENT), "bent_spring", widths={"bend_deflection": 0.3}, bounds=bounds)
-    assert first.at_bound == {bounded: pytest.approx(0.9 * truth)}
-    found = at_its_constant(BEND, first)
-    if bounded in BEND.coefficients:  # the bend would take up what the bound forbids
-        assert found is first
-    else:
-        assert found.minimum.equations.cost < first.minimum.equations.cost
-    moved = sought_shape.moved_by_constant(BEND, found)
-    assert moved.shape == (len(found.names),)
-    assert np.isfinite(moved).all()
+    recording, width = made(3, **BENT), {"bend_deflection": 0.3}
+    found = fitted(recording, "bent_spring", widths=width, bounds=bounds)
+    assert found.at_bound == {bounded: pytest.approx(0.9 * truth)}
+    assert BEND.of(found.structure) != pytest.approx(0.3, rel=1e-3)
+    held = fitted(recording, "bent_spring", fixed=width, bounds=bounds)
+    assert found.minimum.equations.cost < held.minimum.equations.cost
 
 
 @pytest.mark.parametrize("preload", [0.0, 3.0, -3.0])
@@ -172,27 +161,6 @@ def test_a_preload_moves_where_a_bend_is_looked_for(preload):
     assert np.abs(found - mean - 0.1 * usual).min() < 0.21 * usual
 
 
-def test_a_constant_stays(monkeypatch):
-    """Assert that a fit stays where another constant has none, or a worse one, or no finite sum.
-
-    One without the term is returned as it is, and its estimate as well.
-    """
-    plain = fitted(made(3))
-    assert at_its_constant(RIPPLE, plain) is plain
-    estimate = widened(plain, NO_ERROR)
-    assert with_free_constant(RIPPLE, estimate, plain) is estimate
-    first, worse = (
-        fitted(made(3, **RIPPLED), "torque_ripple", widths={"ripple_number": number})
-        for number in (23.2, 23.0)
-    )
-    for other in (None, worse):
-        monkeypatch.setattr(sought_shape, "fit_like", lambda *_, other=other: other)
-        assert at_its_constant(RIPPLE, first) is first
-    other = replace(first)
-    monkeypatch.setattr(sought_shape, "_following", lambda *_: (np.inf, other.values))
-    assert at_its_constant(RIPPLE, other) is other
-
-
 def test_the_interval_knows_that_the_number_was_sought():
     """Assert that a phase three turns from the motion spreads by as much as is said.
 
@@ -205,12 +173,13 @@ def test_the_interval_knows_that_the_number_was_sought():
     for seed in range(10, 22):
         recording = turned(made(seed, 6.0, **RIPPLED), 3)
         constants = {"ripple_number": NUMBER + 1e-3, "ripple_origin": 0.0}
-        found = at_its_constant(RIPPLE, fitted(recording, "torque_ripple", widths=constants))
-        estimate = widened(found, NO_ERROR)
-        own = [found.names.index(name) for name in ("alpha_ripple_sine", "alpha_ripple_cosine")]
-        off = found.values[own] - truth
-        given.append(np.abs(off / estimate.deviations[own]).max())
-        free.append(np.abs(off / with_free_constant(RIPPLE, estimate, found).deviations[own]).max())
+        found = fitted(recording, "torque_ripple", widths=constants)
+        sought = {"ripple_number": RIPPLE.of(found.structure)}
+        held = fitted(recording, "torque_ripple", widths=constants, fixed=sought)
+        for own, offs in ((found, free), (held, given)):
+            places = [own.names.index(f"alpha_ripple_{wave}") for wave in ("sine", "cosine")]
+            off = own.values[places] - truth
+            offs.append(np.abs(off / widened(own, NO_ERROR).deviations[places]).max())
     assert np.median(given) > 3.0
     assert 0.3 < np.median(free) < 1.7  # 1.0 for two of which one decides
     assert max(free) < 4.0
@@ -260,7 +229,6 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
     monkeypatch.setattr(sought_shape, "_promised", lambda _, s: promises[shape.of(s)])
     monkeypatch.setattr(sought_shape, "sampled", lambda fit: fit)
     monkeypatch.setattr(sought_shape, "explained_by", explained_by)
-    monkeypatch.setattr(sought_shape, "at_its_constant", lambda _, fit: fit)
     monkeypatch.setattr(sought_shape, "_fit_longer", lambda *_: by_length)
     rivals = [over(*chosen)] if chosen else []
     found = fit_with_shape(shape, by_length, before, rivals, lambda _: None, THRESHOLDS)
@@ -307,22 +275,3 @@ def test_many_turns_need_no_more_memory():
     found = numbers(plain.structure, replace(plain.data, samples=(turning,)))
     assert len(found) <= 5 + 8
     assert max(found) <= 2.0**15 * 2.0 * np.pi / 1e6
-
-
-def test_a_constant_that_is_hardly_known_widens_in_proportion(monkeypatch):
-    """Assert that values move by as many steps as its deviation has, and no constant below zero."""
-    first = fitted(made(3, 4.0, **RIPPLED), "torque_ripple", widths={"ripple_number": 20.0})
-    asked = []
-
-    def following(_, fitted, change):
-        asked.append(change)
-        return 0.0, fitted.minimum.reduced.values_step + change
-
-    monkeypatch.setattr(sought_shape, "_following", following)
-    for deviation, change in ((2.0, 2.0), (15.0, 10.0), (400.0, 10.0)):
-        monkeypatch.setattr(sought_shape, "_profile", lambda *_, d=deviation: (0.0, d))
-        moved = sought_shape.moved_by_constant(RIPPLE, replace(first))
-        assert moved == pytest.approx([deviation] * len(first.names))
-        assert asked.pop() == pytest.approx(change)
-    monkeypatch.setattr(sought_shape, "_profile", lambda *_: (0.0, np.nan))
-    assert not sought_shape.moved_by_constant(RIPPLE, replace(first)).any()

@@ -140,9 +140,10 @@ def _rates(symbolic: SymbolicSystem) -> str:
 
 
 def _corners(symbolic: SymbolicSystem) -> str:
-    positions = {row.coordinate for row in symbolic.rows} | {*symbolic.constants}
+    positions = {row.coordinate for row in symbolic.rows}
+    known = {*symbolic.constants, *symbolic.coefficients}
     found = {call for e in symbolic.right_hand_side for call in e.atoms(sp.Abs)}
-    own = [call for call in found if call.args[0].free_symbols <= positions]
+    own = [call for call in found if call.args[0].free_symbols <= positions | known]
     lines = []
     for i, call in enumerate(sorted(own, key=sp.default_sort_key)):
         users = _users(symbolic, call)
@@ -154,6 +155,7 @@ def _corners(symbolic: SymbolicSystem) -> str:
         "corners(_x, _p, _c, _k)",
         "_k = what is zero at each corner of x' in the positions of _x.",
         unpack("_x", symbolic.states),
+        unpack("_p", symbolic.coefficients),
         unpack("_c", symbolic.constants),
         "\n".join(lines) or "    pass",
         decorator="inlined",
@@ -193,10 +195,10 @@ def _users(symbolic: SymbolicSystem, call: sp.Basic) -> list[int] | None:
                 continue
             own = {
                 i
-                for i, coefficient in enumerate(symbolic.coefficients)
+                for i, coefficient in enumerate(symbolic.linear)
                 if sp.diff(expression, coefficient).has(call)
             }
-            off = {symbolic.coefficients[i]: sp.S.Zero for i in own}
+            off = {symbolic.linear[i]: sp.S.Zero for i in own}
             if expression.xreplace(off).has(call):
                 return None
             users |= own

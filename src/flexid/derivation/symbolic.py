@@ -94,9 +94,13 @@ class SymbolicSystem:
 
     @property
     def coefficients(self) -> tuple[sp.Symbol, ...]:
-        """Symbols of the unknown coefficients, row by row, then the grips of memories."""
-        of_rows = (p for row in self.rows for p in row.coefficients)
-        return (*of_rows, *(memory.grip for memory in self.memories))
+        """Symbols of all unknown coefficients, in order."""
+        return tuple(symbol(name) for name in self.system.coefficients)
+
+    @property
+    def linear(self) -> tuple[sp.Symbol, ...]:
+        """Symbols of those that multiply a regressor: the first of `coefficients`."""
+        return tuple(p for row in self.rows for p in row.coefficients)
 
     @property
     def right_hand_side(self) -> tuple[sp.Expr, ...]:

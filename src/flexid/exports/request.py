@@ -68,7 +68,7 @@ def request_of_identification(
     given = (result.given | SQUARES) & {*values}
     joint = joint_of(result.model, result.joint)
     _check_possible(result)
-    for name in () if with_memory else joint.grips.keys() & values.keys():
+    for name in () if with_memory else sorted(joint.remembered & values.keys()):
         term = joint.of_coefficient(name) or name
         raise SettingError(
             term,
@@ -137,7 +137,7 @@ def _with_terms(
         known = [text for text in (row.known, smooth.known) if text != "0"]
         rows.append(replace(row, known=" + ".join(known) or "0"))
     texts = [text for row in rows for text in (*row.regressors.values(), row.known)]
-    every = {**joint.extended.constants, **joint.smooth.constants, **constants}
+    every = {**joint.constants, **joint.smooth.constants, **constants}
     used = {name: v for name, v in every.items() if any(name in text for text in texts)}
     inputs = joint.smooth.inputs
     return ParametricSystem(joint.smooth.name, tuple(rows), inputs, used)

@@ -188,9 +188,8 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     )
     coefficients = {name: c.because(*_widest(c, found)) for name, c in coefficients.items()}
     parameters = {name: p.because(*_widest(p, found)) for name, p in parameters.items()}
-    if not reported.problem.observer:
-        constants = sought_constants(joined.estimate, reported)
-        parameters |= constant_estimates(job.joint, constants, thresholds)
+    constants = sought_constants(joined.estimate)
+    parameters |= constant_estimates(job.joint, constants, thresholds)
     against = contradicted[0] if contradicted else "" if reported.converged else _ENDLESS
     if against:  # nothing that rests on it is known
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": against}

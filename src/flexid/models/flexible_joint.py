@@ -37,9 +37,13 @@ SPRING_CENTRE = "spring_centre"
 BEND_DEFLECTION = "bend_deflection"
 RIPPLE_NUMBER = "ripple_number"
 RIPPLE_ORIGIN = "ripple_origin"
+HYSTERESIS_GRIP = "hysteresis_grip"
 
 SHAPES = tuple(DECLARED["constants"])
 """Constants of these terms: how wide their shapes are, and where they are or count from."""
+
+SOUGHT_CONSTANTS = frozenset(term.constant for term in SHAPE_TERMS.values() if term.constant)
+"""Those that are sought together with the coefficients of their terms."""
 
 WIDTHS = tuple(name for name in SHAPES if name != SPRING_CENTRE)
 """Those without which a term says nothing; a spring is about no deflection unless one is given."""
@@ -79,7 +83,7 @@ COEFFICIENT_UNITS: dict[str, str] = {
         for name, (_, unit) in content.get(side, {}).items()
     },
     "beta1": "rad/s^2/{input}",
-    "hysteresis_grip": "1/rad",
+    HYSTERESIS_GRIP: "1/rad",
 }
 """Unit of every coefficient; ``{input}`` stands for the unit of the input."""
 

@@ -11,9 +11,9 @@ are 0 and βᵀψ(x) u.
 import hashlib
 import json
 import keyword
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from flexid.errors import ModelError
@@ -107,6 +107,9 @@ class ParametricSystem:
     memories : tuple of Memory, optional
         States that expressions may use besides those of the rows. The prediction error alone knows
         what to do with them.
+    nonlinear : tuple of str, optional
+        Further coefficients, which expressions use and need not be linear in. The prediction error
+        alone seeks them.
 
     Raises
     ------
@@ -130,6 +133,7 @@ class ParametricSystem:
     inputs: tuple[str, ...] = ("u",)
     constants: Mapping[str, float] = field(default_factory=dict)
     memories: tuple[Memory, ...] = ()
+    nonlinear: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rows", tuple(self.rows))
@@ -174,14 +178,14 @@ class ParametricSystem:
 
     @cached_property
     def coefficients(self) -> tuple[str, ...]:
-        """Names of all unknown coefficients, row by row, then the grips of memories."""
+        """Names of all unknown coefficients: row by row, then nonlinear ones, grips last."""
         of_rows = (name for row in self.rows for name in row.coefficients)
-        return (*of_rows, *(memory.grip for memory in self.memories))
+        return (*of_rows, *self.nonlinear, *(memory.grip for memory in self.memories))
 
     @cached_property
     def variables(self) -> frozenset[str]:
         """The names an expression of this system may use."""
-        return frozenset({*self.states, *self.inputs, *self.constants})
+        return frozenset({*self.states, *self.inputs, *self.constants, *self.nonlinear})
 
     @cached_property
     def digest(self) -> str:
@@ -197,6 +201,8 @@ class ParametricSystem:
         }
         if self.memories:
             content["memories"] = [[m.name, m.path, m.grip] for m in self.memories]
+        if self.nonlinear:
+            content["nonlinear"] = self.nonlinear
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     def with_constants(self, values: Mapping[str, float]) -> "ParametricSystem":
@@ -224,6 +230,12 @@ class ParametricSystem:
         constants = {name: float(values.get(name, old)) for name, old in self.constants.items()}
         object.__setattr__(changed, "constants", constants)
         return changed
+
+    def seeking(self, names: Collection[str]) -> "ParametricSystem":
+        """Return the same system with some of its constants unknown: nonlinear coefficients."""
+        constants = {name: v for name, v in self.constants.items() if name not in names}
+        sought = tuple(name for name in self.constants if name in names)
+        return replace(self, constants=constants, nonlinear=(*self.nonlinear, *sought))
 
     def row_slices(self) -> Iterator[tuple[Row, slice]]:
         """Each row with the place of its coefficients in `coefficients`."""

@@ -107,4 +107,5 @@ def row_alone(system: ParametricSystem, name: str) -> ParametricSystem:
         (row,),
         (*others, *(u for u in system.inputs if u in used)),
         {c: value for c, value in system.constants.items() if c in used},
+        nonlinear=tuple(name for name in system.nonlinear if name in used),
     )

@@ -36,13 +36,15 @@ SMOOTHING = "coulomb_velocity"
 class Term:
     """A term of the flexible joint: the coefficients it adds to each row, with their regressors.
 
-    A regressor may use the state of a memory, which the term then brings with it.
+    A regressor may use the state of a memory, which the term then brings with it, or a constant
+    that is sought with them.
     """
 
     description: str
     link: Mapping[str, str]
     motor: Mapping[str, str]
     memory: Memory | None = None
+    constant: str | None = None
 
     @staticmethod
     def declared(content: Mapping[str, Any]) -> "Term":
@@ -52,12 +54,17 @@ class Term:
             for side in ("link", "motor")
         )
         memory = Memory(**content["memory"]) if "memory" in content else None
-        return Term(content["description"], link, motor, memory)
+        return Term(content["description"], link, motor, memory, content.get("constant"))
+
+    @property
+    def nonlinear(self) -> str | None:
+        """The coefficient in which it is not linear, if there is one."""
+        return self.memory.grip if self.memory else self.constant
 
     @property
     def coefficients(self) -> tuple[str, ...]:
         """All that it adds."""
-        return (*self.link, *self.motor, *((self.memory.grip,) if self.memory else ()))
+        return (*self.link, *self.motor, *((self.nonlinear,) if self.nonlinear else ()))
 
 
 def check_terms(terms: Iterable[str], known_terms: Collection[str]) -> None:
@@ -104,7 +111,7 @@ def with_dry_friction(system: ParametricSystem) -> ParametricSystem:
     """
     constants = {name: value for name, value in system.constants.items() if name != SMOOTHING}
     name, rows = f"{system.name}, dry friction", _rewritten(system, _SMOOTHED, "sign({v})")
-    return ParametricSystem(name, rows, system.inputs, constants, system.memories)
+    return replace(system, name=name, rows=rows, constants=constants)
 
 
 def without_jumps(system: ParametricSystem, joint: JointType) -> ParametricSystem:

@@ -26,8 +26,9 @@ from flexid.identification.full_model.starting import first_fits, least_squares_
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.elimination import Choice
+from flexid.identification.structure.gap import with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
-from flexid.identification.structure.shapes import settled, with_free_shapes
+from flexid.identification.structure.shapes import settled
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -146,7 +147,7 @@ def final_fits(
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
     """The estimate with all that is doubted in its covariance."""
     reported, error = fits.reported, fits.error
-    estimate = with_free_shapes(widened_by(reported, error), reported)
+    estimate = with_free_width(widened_by(reported, error), reported)
     estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))
     estimate = estimate.widened(hold_covariance(reported, fits.choice.by_length.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error, thresholds))

@@ -87,7 +87,7 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
     explains the log alone is none.
     """
     joint = fitted.structure.joint
-    stand_ins = {*joint.shapes, *HARDENING} & {*fitted.names}
+    stand_ins = {*joint.shapes, *HARDENING} & {*fitted.names} - {*joint.nonlinear.values()}
     exact = SOUGHT_COEFFICIENTS | (PLAY if is_dead_zone(fitted) else frozenset())
     explains = stand_ins <= exact and fitted.excess <= thresholds.sensor_excess
     if error.share == 0.0 or not stand_ins or explains:

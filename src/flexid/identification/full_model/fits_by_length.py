@@ -5,7 +5,7 @@ sample later, on the average, than what runs on. Over short segments one hold pa
 with another delay; the longest segments decide, and where these do not, the holds are tied.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
@@ -30,6 +30,7 @@ from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import FIRST_ITERATIONS, first_fits
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.flexible_joint import HYSTERESIS_GRIP
 from flexid.recording.recording import Hold
 
 TURNING = 0.5
@@ -40,7 +41,6 @@ TURNING = 0.5
 _RIGID_EXCESS = 100.0
 _HARDLY_MORE = 1.5  # times what noise explains: the held-out end may bring it below that
 _SHORT = 0.5  # s of segments up to which any hold will do
-_SETTLED_FROM = 0.5  # of that share, from which on it is worth what else belongs to the first steps
 # Of the grip that suits the motion, to begin with.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
@@ -144,7 +144,7 @@ def fit_with_hysteresis(
     structure = structure.with_hold(before.structure.timing.hold)
     progress("hysteresis of the spring")
     ways = [
-        {**before.by_name, **dict.fromkeys(joint.grips.values(), share * joint.first_grip)}
+        {**before.by_name, HYSTERESIS_GRIP: share * joint.first[HYSTERESIS_GRIP]}
         for share in _GRIPS
     ]
     some = sampled(before)
@@ -187,17 +187,12 @@ def sampled(fitted: Fitted) -> Fitted:
     return replace(fitted, problem=problem, minimum=minimum)
 
 
-def _as_it_is(fitted: Fitted) -> Fitted:
-    return fitted
-
-
 def explained_by(
     before: Fitted,
     structure: Structure,
     way: Mapping[str, float],
     floor: float,
     thresholds: Thresholds,
-    settled: Callable[[Fitted], Fitted] = _as_it_is,
 ) -> Fitted | None:
     """A wider fit, if its first steps take away most of what one without leaves beyond noise.
 
@@ -205,21 +200,18 @@ def explained_by(
     """
     some = sampled(before)
     if some is not before:
-        part = explained_by(some, structure, way, floor, thresholds, settled)
+        part = explained_by(some, structure, way, floor, thresholds)
         if part is None:
             return None
         structure, way = part.structure, part.by_name
     found = led_from(before, structure, way, insist=False, iterations=FIRST_ITERATIONS)
     wanted = thresholds.shape_share * (before.excess - floor)
-    if found is None or before.excess - found.excess < _SETTLED_FROM * wanted:
-        return None
-    found = settled(found)
-    if before.excess - found.excess < wanted:
+    if found is None or before.excess - found.excess < wanted:
         return None
     # In steps that suit where it is now it may diverge.
     found = led_from(found, found.structure, data=before.data, insist=False)
     # A friction that drives is no hysteresis: it stands for a gap, say.
-    names = structure.joint.grips
+    names = structure.joint.remembered
     drives = found is not None and any(found.by_name.get(name, 0.0) < 0.0 for name in names)
     return None if drives else found
 

@@ -171,7 +171,10 @@ def fit_to(
     over segments of growing length, up to four times as long.
     """
     divisions = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
-    found = fit_by_length(structure, data, start, divisions)
+    # Short segments know little of a shape.
+    shapes = {name: start.get(name, value) for name, value in structure.joint.first.items()}
+    held = replace(structure, fixed={**shapes, **structure.fixed})
+    found = fit_by_length(held, data, start, divisions)
     if len(found) < len(divisions):
         raise ConvergenceError(
             "prediction error",
@@ -179,7 +182,8 @@ def fit_to(
         )
     last = found[-1]
     states = last.minimum.point.initial_states
-    fitted = in_own_steps(refit(structure, data, last.by_name, divisions[-1], FINE, states))
+    nearly = {**shapes, **last.by_name}
+    fitted = in_own_steps(refit(structure, data, nearly, divisions[-1], FINE, states))
     return fitted, [*found[:-1], fitted, *_beyond(fitted)]
 
 
@@ -194,7 +198,7 @@ def expanded(structure: Structure[M], fitted: Fitted[M]) -> Fitted[M]:
         weights=before.weights,
         observer=before.observer,
     )
-    values = {**structure.timing.delays, **fitted.by_name}
+    values = {**structure.joint.first, **structure.timing.delays, **fitted.by_name}
     point = Point(
         np.array([values.get(name, 0.0) for name in problem.names]),
         problem.with_memories(fitted.minimum.point.initial_states),
@@ -250,6 +254,7 @@ def within_bounds(structure: Structure, data: Data, fit: Callable[[Structure], F
     if not bounds:
         return fit_with(unknowns)
     fitted, at_bound = bounded_fit(fit_with, unknowns, bounds)
+    structure = replace(structure, joint=fitted.structure.joint)
     return replace(fitted, structure=structure, at_bound=at_bound)
 
 
@@ -295,8 +300,7 @@ def motion_at(
     problem = structure.joint.motion(segments, timing, structure.unknowns(data.groups))
     if states is None or len(states) != len(segments):
         states = problem.start_states
-    grips = dict.fromkeys(structure.joint.grips.values(), structure.joint.first_grip)
-    values = {**grips, **start}
+    values = {**structure.joint.first, **start}
     point = Point(
         np.array([values.get(name, 0.0) for name in problem.names]), problem.with_memories(states)
     )
@@ -323,4 +327,6 @@ def fit_segments(
         iterations=steps.iterations,
         enough=steps.enough,
     )
-    return Fitted(structure, data, problem, found, segments.mean_duration)
+    values = dict(zip(problem.names, found.point.values.tolist(), strict=True))
+    ended = structure.beginning_at(values)
+    return Fitted(ended, data, problem, found, segments.mean_duration)

@@ -164,11 +164,16 @@ class Structure(Generic[M]):
         """The same with an input that behaves otherwise between samples."""
         return replace(self, timing=replace(self.timing, hold=hold))
 
+    def beginning_at(self, values: Mapping[str, float]) -> "Structure[M]":
+        """The same whose nonlinear coefficients begin where a fit of it ended."""
+        joint = self.joint.with_widths(values)
+        return self if joint is self.joint else replace(self, joint=joint)
+
     def without(self, names: Iterable[str]) -> "Structure[M]":
         """The same with some coefficients and delays zero, and what follows from them."""
         gone = {name.partition("[")[0] for name in names}
         gone |= {c for c, (source, _, _) in self.joint.ties.items() if source in gone}
-        gone |= {grip for c, grip in self.joint.grips.items() if c in gone}
+        gone |= {own for c, own in self.joint.nonlinear.items() if c in gone}
         timing = replace(
             self.timing,
             sought=tuple(name for name in self.timing.sought if name not in gone),

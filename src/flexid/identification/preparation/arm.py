@@ -25,8 +25,8 @@ class ElasticArm:
     resting: tuple[int, ...] = ()  # joints whose motors stand still
     terms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # none can be left out
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
-    grips: Mapping[str, str] = field(default_factory=dict)
-    first_grip: float = 1.0
+    nonlinear: Mapping[str, str] = field(default_factory=dict)
+    first: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -48,6 +48,10 @@ class ElasticArm:
     ) -> Unknowns:
         """What is sought where some parameters have a value."""
         return balance_unknowns(self.balance, {**dict.fromkeys(absent, 0.0), **fixed})
+
+    def with_widths(self, widths: Mapping[str, float]) -> "ElasticArm":  # noqa: ARG002
+        """The same: its terms have no constants."""
+        return self
 
     def motion(self, segments: Segments, timing: Timing, unknowns: Unknowns) -> SegmentedMotion:
         """Its motion over segments."""

@@ -22,8 +22,10 @@ from flexid.models.flexible_joint import (
     ANGULAR_TERMS,
     BACKLASH_WIDTH,
     COEFFICIENT_UNITS,
+    HYSTERESIS_GRIP,
     RIPPLE_ORIGIN,
     SHAPE_TERMS,
+    SOUGHT_CONSTANTS,
     TERMS,
     TIES,
     flexible_joint,
@@ -69,9 +71,10 @@ class Joint:
     channels: tuple[str, ...]  # what a free run is compared in
     # coefficients that follow from others
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
-    # coefficients that multiply a memory, and the grip without which they say nothing
-    grips: Mapping[str, str] = field(default_factory=dict)
-    first_grip: float = 1.0  # in 1/rad, where the search for a grip begins
+    # coefficients of terms that are not linear, and the nonlinear one which these need
+    nonlinear: Mapping[str, str] = field(default_factory=dict)
+    # where the search for such a one begins; what it is where its term is off
+    first: Mapping[str, float] = field(default_factory=dict)
     type: JointType = "revolute"  # how it moves
     # coefficients of the systems that are zero, since such a joint has no term with them
     never: frozenset[str] = frozenset()
@@ -98,8 +101,8 @@ class Joint:
         )  # about its mean: encoders may not share their zero
         widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, _LEAST)}
         widths[RIPPLE_ORIGIN] = self._origin([positions[:, _MOTOR] for positions, _ in sides])
-        grip = 1.0 / max(_GRIP_SHARE * deflection, _LEAST)
-        return replace(self, smooth=smooth, first_grip=grip).with_widths(widths)
+        widths[HYSTERESIS_GRIP] = 1.0 / max(_GRIP_SHARE * deflection, _LEAST)
+        return replace(self, smooth=smooth).with_widths(widths)
 
     def _origin(self, parts: Sequence[FloatArray]) -> float:
         """Where a ripple counts from: the middle of some motion, or the whole turns next to it."""
@@ -107,14 +110,23 @@ class Joint:
         return TURN * round(middle / TURN) if self.type == "revolute" else middle
 
     def with_widths(self, widths: Mapping[str, float]) -> "Joint":
-        """The same with other values of those constants that `SHAPES` names and it has."""
+        """The same with other values of those constants that it has, or where they begin."""
 
         def wide(system: ParametricSystem) -> ParametricSystem:
             own = {name: w for name, w in widths.items() if name in system.constants}
             return system.with_constants(own) if own else system
 
         systems = ("system", "extended", "remembering", "smooth", "shaped")
-        return replace(self, **{name: wide(getattr(self, name)) for name in systems})
+        first = {name: widths.get(name, value) for name, value in self.first.items()}
+        if first == self.first and not {*widths} & self.shaped.constants.keys():
+            return self
+        changed = {name: wide(getattr(self, name)) for name in systems}
+        return replace(self, first=first, **changed)
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Constants of its shapes, sought ones among them."""
+        return {**self.first, **self.extended.constants}
 
     def constants_of(self, coefficients: Collection[str]) -> dict[str, float]:
         """The constants that the regressors of some coefficients have."""
@@ -124,13 +136,13 @@ class Joint:
             for name, regressor in row.regressors.items()
             if name in coefficients
         ]
-        constants = self.extended.constants
-        return {name: v for name, v in constants.items() if any(name in r for r in regressors)}
+        constants = self.constants.items()
+        return {name: v for name, v in constants if any(name in r for r in regressors)}
 
     @property
     def with_shapes_in_least_squares(self) -> "Joint":
         """The same whose least squares may seek the terms of the extended model, too."""
-        known = {**self.extended.constants, **self.smooth.constants}
+        known = {**self.constants, **self.smooth.constants}
         widths = {name: known[name] for name in self.shaped.constants if name in known}
         return replace(self, smooth=self.shaped.with_constants(widths))
 
@@ -161,7 +173,8 @@ class Joint:
             remembering=smooth,
             terms=usual,
             shapes=frozenset(),
-            grips={},
+            nonlinear={},
+            first={},
         )
 
     def of_coefficient(self, name: str) -> str | None:
@@ -192,7 +205,7 @@ class Joint:
         """What is sought where some coefficients are zero."""
         system = self.system if self.shapes <= {*absent} else self.extended
         system = system if self.remembered <= {*absent} else self.remembering
-        off = {c: 0.0 for c in system.coefficients if c in absent}
+        off = {c: self.first.get(c, 0.0) for c in system.coefficients if c in absent}
         ties = {
             c: sources
             for c, sources in self.ties.items()
@@ -235,8 +248,8 @@ def flexible() -> Joint:
     return Joint(
         "flexible",
         with_dry_friction(smooth),
-        with_dry_friction(shaped),
-        with_dry_friction(flexible_joint(tuple(every))),
+        with_dry_friction(shaped).seeking(SOUGHT_CONSTANTS),
+        with_dry_friction(flexible_joint(tuple(every))).seeking(SOUGHT_CONSTANTS),
         smooth,
         shaped,
         {name: term.coefficients for name, term in every.items()},
@@ -244,7 +257,13 @@ def flexible() -> Joint:
         COEFFICIENT_UNITS,
         ("link_position", "motor_position", "deflection"),
         TIES,
-        {c: term.memory.grip for term in every.values() if term.memory for c in term.motor},
+        {
+            c: term.nonlinear
+            for term in every.values()
+            if term.nonlinear
+            for c in (*term.link, *term.motor)
+        },
+        {term.nonlinear: 1.0 for term in every.values() if term.nonlinear},
     )
 
 
@@ -270,6 +289,8 @@ def link() -> Joint:
         whole.shapes & own,
         {c: unit for c, unit in COEFFICIENT_UNITS.items() if c in own},
         ("link_position", "deflection"),
+        nonlinear={c: name for c, name in whole.nonlinear.items() if c in own},
+        first={name: value for name, value in whole.first.items() if name in own},
     )
 
 

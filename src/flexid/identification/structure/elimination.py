@@ -20,7 +20,7 @@ from flexid.identification.full_model.fits_by_length import FitsByLength, best_h
 from flexid.identification.full_model.fitting import fit_like, led_from
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, free_information, settled
+from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.progress import Progress
@@ -258,9 +258,9 @@ def eliminate(
     joint = full.structure.joint
     names = full.names
     base = [name.partition("[")[0] for name in names]
-    grips = {*joint.grips.values()}
+    constants = {*joint.nonlinear.values()}
     may_go = [
-        (b in joint.optional or b in full.structure.timing.sought) and b not in {*kept, *grips}
+        (b in joint.optional or b in full.structure.timing.sought) and b not in {*kept, *constants}
         for b in base
     ]
     limits = np.array(
@@ -297,7 +297,7 @@ def eliminate(
             key=lambda i: ((base[i] in joint.shapes) != usual_first, ratio[i], i),
         )
         left[groups[gone]] = False
-        left[[b == joint.grips.get(base[gone]) for b in base]] = False
+        left[[b == joint.nonlinear.get(base[gone]) for b in base]] = False
         tests |= {names[i]: replace(tests[names[i]], kept=False) for i in groups[gone]}
     dropped = [names[i] for i in np.flatnonzero(~left)]
     whole = {b for b, stays in zip(base, left, strict=True) if stays}
@@ -312,7 +312,7 @@ def _groups(names: Sequence[str], joint: Joint) -> list[list[int]]:
     They are the coefficients of one term, in one log where each has its own.
     """
     term_of = {c: term for term, coefficients in joint.terms.items() for c in coefficients}
-    term_of |= {grip: grip for grip in joint.grips.values()}  # which follows its term untested
+    term_of |= {own: own for own in joint.nonlinear.values()}  # which follows its term untested
     keys = [(term_of.get(base, base), log) for base, _, log in (n.partition("[") for n in names)]
     return [[i for i, other in enumerate(keys) if other == key] for key in keys]
 
@@ -335,7 +335,7 @@ class _Quadratic:
         middle = float(np.median(factors[usable])) if usable.any() else 1.0
         freedom = np.array(full.fit.degrees_of_freedom)
         return cls(
-            free_information(full),
+            full.information,
             full.values,
             # Few blocks may agree by chance; the sensors' noise is there in any case.
             np.maximum(np.where(usable, factors, middle), 1.0),

@@ -13,23 +13,14 @@ from flexid.arrays import FloatArray
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.structure.gap import (
-    about_its_own_centre,
-    as_wide_as_its_gap,
-    with_free_width,
-)
-from flexid.identification.structure.sought_shape import (
-    SoughtShape,
-    at_its_constant,
-    constant_of,
-    moved_by_constant,
-    with_free_constant,
-)
+from flexid.identification.structure.gap import about_its_own_centre, as_wide_as_its_gap
+from flexid.identification.structure.sought_shape import SoughtShape
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.flexible_joint import (
     BEND_DEFLECTION,
     RIPPLE_NUMBER,
     SHAPE_TERMS,
+    SOUGHT_CONSTANTS,
     SPRING_CENTRE,
     STRIBECK_VELOCITY,
 )
@@ -52,7 +43,6 @@ _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
 _LEAST_DEFLECTION = 0.2  # the same: a bend at less passes for friction
 _SPRINGS = (("theta2", "theta_bend"), ("alpha1", "alpha_bend"))  # below the bend, and what joins
 _SLACK = 0.01  # of the stiffness beyond the bend: of what is so soft below it nothing is known
-_BENT = SHAPE_TERMS["bent_spring"]
 
 
 def _apart_in_number(_: Joint, data: Data) -> float:
@@ -117,7 +107,7 @@ def _backwards(signal: FloatArray, pole: float) -> FloatArray:
 
 RIPPLE = SoughtShape(
     "ripple of the torque",
-    frozenset(SHAPE_TERMS["torque_ripple"].motor),
+    frozenset(SHAPE_TERMS["torque_ripple"].coefficients),
     RIPPLE_NUMBER,
     numbers,
     _apart_in_number,
@@ -127,7 +117,7 @@ RIPPLE = SoughtShape(
 
 def _apart_in_velocity(joint: Joint, _: Data) -> float:
     """Difference of two Stribeck velocities, in rad/s: it grows with the velocity itself."""
-    return _NEXT_VELOCITY * joint.extended.constants[STRIBECK_VELOCITY]
+    return _NEXT_VELOCITY * joint.first[STRIBECK_VELOCITY]
 
 
 def velocities(structure: Structure, data: Data) -> list[float]:
@@ -148,7 +138,7 @@ def _lost_in_a_sample(fitted: Fitted) -> float:
 
 STRIBECK = SoughtShape(
     "friction that falls off its static value",
-    frozenset(SHAPE_TERMS["motor_stribeck"].motor),
+    frozenset(SHAPE_TERMS["motor_stribeck"].coefficients),
     STRIBECK_VELOCITY,
     velocities,
     _apart_in_velocity,
@@ -180,7 +170,7 @@ def deflections(structure: Structure, data: Data) -> list[float]:
 
 BEND = SoughtShape(
     "a spring that bends",
-    frozenset({*_BENT.motor, *_BENT.link}),
+    frozenset(SHAPE_TERMS["bent_spring"].coefficients),
     BEND_DEFLECTION,
     deflections,
     _apart_in_deflection,
@@ -204,39 +194,15 @@ SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficient
 
 
 def settled(fitted: Fitted) -> Fitted:
-    """A fit whose shapes have the constants that suit it best."""
-    fitted = as_wide_as_its_gap(about_its_own_centre(fitted))
-    for shape in SOUGHT:
-        fitted = at_its_constant(shape, fitted)
-    return fitted
+    """A fit whose play is as wide as its gap, and whose spring is about its own centre."""
+    return as_wide_as_its_gap(about_its_own_centre(fitted))
 
 
-def free_information(fitted: Fitted) -> FloatArray:
-    """The quadratic form of a fit, shape (k, k), where the constants of its shapes follow.
-
-    With I the form while a constant stays, and d what the values move by with its standard
-    deviation, their covariance is I⁻¹ + d dᵀ, and the form that of Sherman and Morrison.
-    """
-    information = fitted.information
-    for shape in SOUGHT:
-        moved = moved_by_constant(shape, fitted)
-        along = information @ moved
-        information = information - np.outer(along, along) / (1.0 + moved @ along)
-    return information
-
-
-def with_free_shapes(estimate: Estimate, fitted: Fitted) -> Estimate:
-    """The estimate with the uncertainty of such constants in its covariance."""
-    estimate = with_free_width(estimate, fitted)
-    for shape in SOUGHT:
-        estimate = with_free_constant(shape, estimate, fitted)
-    return estimate
-
-
-def sought_constants(estimate: Estimate, fitted: Fitted) -> dict[str, tuple[float, float, float]]:
+def sought_constants(estimate: Estimate) -> dict[str, tuple[float, float, float]]:
     """Value, standard deviation and degrees of freedom of each constant that was sought."""
-    return {
-        shape.constant: constant_of(shape, estimate, fitted)
-        for shape in SOUGHT
-        if shape.is_in(fitted)
-    }
+    found = {}
+    for place, name in enumerate(estimate.names):
+        if name in SOUGHT_CONSTANTS:
+            value, std = float(estimate.values[place]), float(estimate.deviations[place])
+            found[name] = value, std, estimate.degrees_of_freedom[place]
+    return found
