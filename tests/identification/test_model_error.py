@@ -211,7 +211,7 @@ def stand_in():
 
 def made_up(*names: str, excess: float = 1.0) -> Any:
     """As much of a fit as stand-ins need."""
-    joint = SimpleNamespace(shapes=frozenset({"alpha_backlash"}))
+    joint = SimpleNamespace(shapes=frozenset({"alpha_backlash"}), nonlinear={})
     return SimpleNamespace(structure=SimpleNamespace(joint=joint), names=names, excess=excess)
 
 

@@ -267,69 +267,9 @@ class SegmentedMotion:
 
     def equations(self, point: Point, by: By = "everything") -> Equations:
         """Run the model from a point and put up the normal equations."""
-        segments, kernel = self.segments, self._kernel
-        wanted = self._wanted
-        coefficients = self._coefficients(point.values)
-        delays = self.delays(point.values)
-        channels = self._channels
-        outputs = channels.on_time(delays)
-        speeds = np.zeros((0, outputs.shape[1]))  # by the model
-        late_sought = {*channels.output_delays} & {*self.timing.sought}
-        if self.observer is not None and by == "everything" and late_sought:
-            speeds = channels.rates_on_time(delays)  # an observer follows what was measured
-        drives = channels.drives(delays[INPUT])
-        dry = self._dry(coefficients, wanted)
-        delays_sought = self.timing.sought
-        if by != "everything":
-            wanted, delays_sought = wanted[:0], ()
-        delay_sought = INPUT in delays_sought
-        late_columns = np.full(outputs.shape[1], _NOT_SOUGHT, dtype=np.int64)
-        size = 0 if by == "nothing" else kernel.N_STATES + len(wanted) + delay_sought
-        for a, name in enumerate(channels.output_delays):
-            if name in delays_sought:
-                late_columns[a] = size
-                size += 1
-        count = int(self.first_blocks[-1])
-        normal = np.zeros((count, size, size))
-        gradient = np.zeros((count, size))
-        residuals = np.zeros_like(segments.outputs)
-        costs = np.zeros(len(segments))
-
-        divided = (
-            segments.starts,
-            segments.lengths,
-            self.first_blocks,
-            segments.sample_times,
-            np.ascontiguousarray(point.initial_states),
-        )
-        observer = self._observer
-        whitening = np.ascontiguousarray(observer.whitening)
-        sensors = (
-            outputs,
-            channels.reference,
-            late_columns,
-            whitening,
-            speeds,
-        )
-        gains = (
-            observer.gain,
-            observer.disturbance_gain,
-            observer.decay,
-            observer.directions,
-            observer.corrected,
-        )
-        gains = tuple(map(np.ascontiguousarray, gains))  # of one layout, or it compiles again
-        motion = drives, coefficients, self.constants, dry, gains
-        trace = 1.0 / np.diag(whitening[0])  # standard deviation of each position's noise
-        columns = self._columns(wanted, delay_sought, size)
-        results = normal, gradient, residuals, costs
-
-        def run(*part: int) -> None:
-            settings = self.substeps, trace, columns.copy()  # a thread notes there what may stick
-            segment_equations(part, divided, sensors, motion, *settings, results, kernel.MODEL)
-
-        segment_equations = segments_kernel().segment_equations
-        in_threads(run, segments.lengths)
+        wanted = self._wanted if by == "everything" else self._wanted[:0]
+        columns, late_columns, size = self._columns(wanted, by)
+        normal, gradient, residuals, costs = self._run(point, columns, late_columns, size)
         normal += np.tril(normal, -1).transpose(0, 2, 1)
         # Segment by segment in their order, so that no digit depends on the threads.
         cost = float(np.sum(costs))
@@ -341,7 +281,7 @@ class SegmentedMotion:
             normal, gradient = self._gathered(normal, gradient, point.values, wanted)
         # A memory is between -1 and 1 wherever a segment starts, so that it is known by about 1.
         firsts = self.first_blocks[:-1]
-        for place in range(2 * kernel.N_ROWS, kernel.N_STATES):
+        for place in range(2 * self._kernel.N_ROWS, self._kernel.N_STATES):
             memory = point.initial_states[:, place]
             cost += float(memory @ memory)
             costs += memory**2
@@ -350,17 +290,77 @@ class SegmentedMotion:
                 gradient[firsts, place] -= memory
         return Equations(cost, normal, gradient, residuals, costs)
 
-    def _columns(self, wanted: NDArray[np.int64], delay: bool, size: int) -> NDArray[np.int64]:
-        """Which columns of derivatives the kernel uses for equations of a size, and for what."""
+    def _run(
+        self,
+        point: Point,
+        columns: NDArray[np.int64],
+        late_columns: NDArray[np.int64],  # (n_outputs,)
+        size: int,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Lower halves of the blocks' normal equations, gradients, residuals; segments' costs."""
+        segments, kernel, channels = self.segments, self._kernel, self._channels
+        delays = self.delays(point.values)
+        outputs = channels.on_time(delays)
+        speeds = np.zeros((0, outputs.shape[1]))  # by the model
+        if self.observer is not None and np.any(late_columns != _NOT_SOUGHT):
+            speeds = channels.rates_on_time(delays)  # an observer follows what was measured
+        observer = self._observer
+        whitening = np.ascontiguousarray(observer.whitening)
+        divided = (
+            segments.starts,
+            segments.lengths,
+            self.first_blocks,
+            segments.sample_times,
+            np.ascontiguousarray(point.initial_states),
+        )
+        sensors = outputs, channels.reference, late_columns, whitening, speeds
+        gains = (
+            observer.gain,
+            observer.disturbance_gain,
+            observer.decay,
+            observer.directions,
+            observer.corrected,
+        )
+        gains = tuple(map(np.ascontiguousarray, gains))  # of one layout, or it compiles again
+        coefficients = self._coefficients(point.values)
+        dry = self._dry(coefficients, self._wanted)
+        motion = channels.drives(delays[INPUT]), coefficients, self.constants, dry, gains
+        trace = 1.0 / np.diag(whitening[0])  # standard deviation of each position's noise
+        count = int(self.first_blocks[-1])
+        normal, gradient = np.zeros((count, size, size)), np.zeros((count, size))
+        results = normal, gradient, np.zeros_like(segments.outputs), np.zeros(len(segments))
+        segment_equations = segments_kernel().segment_equations
+
+        def run(*part: int) -> None:
+            settings = self.substeps, trace, columns.copy()  # a thread notes there what may stick
+            segment_equations(part, divided, sensors, motion, *settings, results, kernel.MODEL)
+
+        in_threads(run, segments.lengths)
+        return results
+
+    def _columns(
+        self, wanted: NDArray[np.int64], by: By
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+        """Which columns of derivatives the kernel uses, and for what; and the equations' size.
+
+        The second says which is that of each output's delay.
+        """
         places, states = segments_kernel(), self._kernel.N_STATES
+        sought = self.timing.sought if by == "everything" else ()
+        carried = 0 if by == "nothing" else states + len(wanted) + (INPUT in sought)
         columns = np.zeros(places.AT + self._kernel.N_COEFFICIENTS, dtype=np.int64)
-        carried = states + len(wanted) + delay if size else 0
-        columns[places.DELAY] = carried if delay else 0
+        columns[places.DELAY] = carried if INPUT in sought else 0
+        late_columns = np.full(self.segments.outputs.shape[1], _NOT_SOUGHT, dtype=np.int64)
+        size = carried
+        for a, name in enumerate(self._channels.output_delays):
+            if name in sought:
+                late_columns[a] = size
+                size += 1
         if self.observer is not None:  # what corrects the state depends on how late outputs are
             carried = size
         columns[places.IN_USE] = 1 + carried
         columns[places.AT + wanted] = 1 + states + np.arange(len(wanted))
-        return columns
+        return columns, late_columns, size
 
     def _gathered(
         self,

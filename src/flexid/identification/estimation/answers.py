@@ -84,31 +84,15 @@ class Answer:
 
 def answer(job: Job) -> Answer:
     """The fit that knows more."""
-    thresholds = job.thresholds
     try:
         chosen = predicting(job)
     except ConvergenceError:
         if job.exact:
             raise
         chosen = None
-    exact = None
-    if chosen is not None and (job.exact or may_stand(chosen[0].fitted, thresholds)):
-        fitted = chosen[0].fitted
-        explains = fitted.excess <= thresholds.sensor_excess or bool(fitted.at_bound)
-        anyhow = job.exact or explains
-        try:
-            exact = _exact(job, chosen, anyhow=anyhow)
-        except ConvergenceError:
-            if anyhow:
-                raise
-    if exact is not None:
-        reported = exact.fits.reported
-        # Disturbances would follow any bound; the exact fit says what contradicts it.
-        if job.exact or reported.at_bound:
-            return exact
-        if reported.excess <= thresholds.sensor_excess:
-            doubts = _skewed(job, job.whole, entirely=True)
-            return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
+    exact = None if chosen is None else _standing(job, chosen)
+    if exact is not None and (settled := _settled(job, exact)):
+        return settled
     job.progress("what disturbs the drive")
     try:
         disturbed = _disturbed(job)
@@ -116,10 +100,37 @@ def answer(job: Job) -> Answer:
         if chosen is None:
             raise
         return exact or _exact(job, chosen, anyhow=True)
-    nearly = exact is not None and nearly_explains(exact.fits.reported, thresholds)
+    nearly = exact is not None and nearly_explains(exact.fits.reported, job.thresholds)
     if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
         return _judged(exact, exact.fits.choice.fitted, job)
     return disturbed
+
+
+def _standing(job: Job, chosen: tuple[Choice, Validation]) -> Answer | None:
+    """The exact fit; None where it may not stand, or does not end and another may."""
+    fitted, thresholds = chosen[0].fitted, job.thresholds
+    if not (job.exact or may_stand(fitted, thresholds)):
+        return None
+    explains = fitted.excess <= thresholds.sensor_excess or bool(fitted.at_bound)
+    anyhow = job.exact or explains
+    try:
+        return _exact(job, chosen, anyhow=anyhow)
+    except ConvergenceError:
+        if anyhow:
+            raise
+        return None
+
+
+def _settled(job: Job, exact: Answer) -> Answer | None:
+    """The exact fit where no other is asked; None where one with disturbances may know more."""
+    reported = exact.fits.reported
+    # Disturbances would follow any bound; the exact fit says what contradicts it.
+    if job.exact or reported.at_bound:
+        return exact
+    if reported.excess > job.thresholds.sensor_excess:
+        return None
+    doubts = _skewed(job, job.whole, entirely=True)
+    return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
 
 
 def _core_width(found: Answer) -> float:

@@ -288,8 +288,7 @@ def best_hold(
 ) -> tuple[Fitted, str, tuple[Hold, ...]]:
     """The fit whose hold explains the log best; of those that are alike, that of least delay.
 
-    The same structure with the best hold. reason : str Why it is. tied : tuple of Hold Others
-    that the log cannot tell from it.
+    With the reason why it is, and the holds that the log cannot tell from it.
     """
     others = [fitted for hold in holds if (fitted := held_otherwise(last, hold)) is not None]
     # One whose steps did not end is no rival of one whose steps did.
