@@ -6,8 +6,7 @@ import pytest
 from tests.campaigns.tiny import made_manifest
 
 from flexid.errors import CampaignError
-from flexid.experiments.campaign_store import open_store
-from flexid.experiments.campaign_summary import summarise
+from flexid.experiments.campaign_store import open_store, summarise
 from flexid.experiments.variation import Distribution, Plan, Variation, make_plan
 
 INPUTS = {

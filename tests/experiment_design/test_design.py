@@ -11,9 +11,15 @@ from scipy.optimize import brentq
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.experiment_design.design import Design, design, predict
+from flexid.experiment_design.design import (
+    Design,
+    design,
+    deviation,
+    predict,
+    smooth_cost,
+    waveform,
+)
 from flexid.experiment_design.drive import Case, CaseRun, read_drive
-from flexid.experiment_design.optimise import deviation, smooth_cost, waveform
 from flexid.models.flexible_joint import flexible_joint
 from flexid.report.design import save_command
 from flexid.simulation.free_run import free_run

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from flexid.experiments.campaign_store import Manifest
-from flexid.experiments.campaign_summary import Result, Summary
+from flexid.experiments.campaign_store import Manifest, Result, Summary
 
 
 def made_of(name="tracking_rms"):

@@ -1,15 +1,28 @@
-"""The work of ``flexid design``: search, check on drives that are wrong, scale."""
+"""The work of ``flexid design``: search, check on drives that are wrong, scale.
+
+The input is a sum of tones whose motion determines the most within limits.
+
+The weights of the tones are sought by a quasi-Newton method (SciPy's L-BFGS-B) from several random
+starts. Small for it is log(σ U), with σ the criterion as a standard deviation and U the largest use
+of a limit: for small motions a larger amplitude changes neither, so that shapes compete and not
+sizes; (log U)² keeps U near 1. Once that has settled, drives whose parameters are wrong
+play what was found, and those that come furthest beyond a limit have a say in U in a second search
+from there. Both sample more coarsely than the experiment, just finely enough for the joint.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
+from scipy.optimize import minimize
 
 import flexid
 from flexid.arrays import FloatArray
-from flexid.errors import SettingError
+from flexid.errors import SettingError, SimulationError
 from flexid.estimators.excitation import information_at
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.experiment_design.drive import (
     DOUBT,
     SEGMENT_DURATION,
@@ -19,7 +32,170 @@ from flexid.experiment_design.drive import (
     DriveFile,
 )
 from flexid.experiment_design.excitation_report import DETERMINED_DEVIATION
-from flexid.experiment_design.optimise import Search, deviation
+
+_SAMPLES_PER_RADIAN = 4.0  # of the fastest motion, in the search
+_MAIN_TONE, _DOMINANCE = 0.25, 10.0  # of the first start: times the resonance, and the others
+_TIE = 2.0  # weight of (log U)²
+_NORM = 24.0  # of the smooth stand-in for a largest magnitude
+_NORM_OF_USES = 16.0  # of the smooth stand-in for the largest of several uses
+_NEAR = 0.8  # use of a limit from which on a wrong drive counts as near it
+_FIRST, _SECOND = 25, 20  # iterations of the two searches
+_STEP = 1e-4  # of finite differences, over the typical size of a weight
+_LOST = 100.0  # cost of a motion that diverges
+_SHARPNESS = 4.0  # of the smooth stand-in for the smallest eigenvalue
+_FLOOR = 1e-14  # of an eigenvalue, over the largest one
+
+
+@dataclass(frozen=True, eq=False)
+class Waveform:
+    """Sums of tones at the samples of an experiment that begin and end at rest.
+
+        s(t) = w(t) Σ_k [a_k cos(ω_k t) + b_k sin(ω_k t)],    ω_k = 2π n_k / T,
+
+    with whole numbers n_k spread evenly on a logarithmic scale, and a window w that rises from 0
+    to 1 and falls back along half a cosine: signal and its rate are zero at both ends.
+    """
+
+    angular_frequencies: FloatArray  # (m,): rad/s
+    time: FloatArray  # (n,): s
+    columns: FloatArray  # (n, 2 m): windowed cosines, then windowed sines
+
+    def signal(self, weights: FloatArray) -> FloatArray:
+        """The signal, shape (n,), for weights a_1 … a_m, b_1 … b_m."""
+        return self.columns @ weights
+
+
+def waveform(
+    duration: float, sample_time: float, ramp: float, highest_frequency: float, harmonics: int
+) -> Waveform:
+    """Windowed tones for an experiment."""
+    base = 2.0 * np.pi / duration
+    most = max(harmonics, int(highest_frequency / base))
+    numbers = np.unique(np.rint(np.geomspace(1.0, most, harmonics)).astype(int))
+    spare = [n for n in range(1, most + 1) if n not in numbers][: harmonics - len(numbers)]
+    rates = base * np.sort(np.concatenate((numbers, spare))).astype(np.float64)
+    time = sample_time * np.arange(round(duration / sample_time) + 1, dtype=np.float64)
+    window = 0.5 - 0.5 * np.cos(np.pi * np.clip(np.minimum(time, duration - time) / ramp, 0.0, 1.0))
+    phase = np.outer(time, rates)
+    return Waveform(rates, time, window[:, None] * np.hstack((np.cos(phase), np.sin(phase))))
+
+
+class Search:
+    """The search for the weights of the tones."""
+
+    def __init__(self, drive: Drive, seed: int) -> None:
+        self.drive = drive
+        self.seed = seed  # of the random starts and of the wrong drives
+        wanted = drive.experiment
+        count = max(1, int(1.0 / (_SAMPLES_PER_RADIAN * drive.fastest) / wanted.sample_time))
+        self.coarse, self.fine = (  # tones at the samples of the search, and of the experiment
+            waveform(wanted.duration, step, wanted.ramp, drive.fastest, wanted.harmonics)
+            for step in (count * wanted.sample_time, wanted.sample_time)
+        )
+        self.step = float(self.coarse.time[1])  # s
+        self.nominal = drive.nominal
+        self.cases = tuple(drive.cases(seed))  # drives that are wrong
+
+    @cached_property
+    def _problem(self) -> SegmentedMotion:
+        """The nominal drive's motion over segments of the search, for any command."""
+        step = self.step
+        run = self.nominal.play(self.coarse.signal(self.start(0)), step)
+        # Fewer samples weigh less each by as much as there are fewer.
+        noise = self.drive.sensors.noise * np.sqrt(self.drive.experiment.sample_time / step)
+        return run.motion(self.nominal, noise)[0]
+
+    def cost(self, weights: FloatArray, watched: Sequence[Case]) -> float:
+        """What the search makes small while some wrong drives keep to the limits too."""
+        step = self.step
+        torque = self.coarse.signal(weights)
+        try:
+            run = self.nominal.play(torque, step)
+            segments = replace(self._problem.segments, inputs=run.torque[:, None])
+            point = Point(self.nominal.values, run.states[segments.starts])
+            information = information_at(replace(self._problem, segments=segments), point)
+            runs = [run, *(case.play(torque, step) for case in watched)]
+        except SimulationError:
+            return _LOST
+        uses = np.array([use for one in runs for use in self._smooth_uses(one)])
+        log_use = float(np.log(np.mean(uses**_NORM_OF_USES))) / _NORM_OF_USES
+        return smooth_cost(information.relative) + log_use + _TIE * log_use**2
+
+    def _smooth_uses(self, run: CaseRun) -> list[float]:
+        """Use of each limit, the largest magnitudes replaced by a smooth stand-in."""
+        uses = []
+        for share in run.shares(self.drive.limits).values():
+            magnitudes = np.abs(share)
+            largest = max(float(magnitudes.max()), 1e-300)
+            norm = float(np.mean((magnitudes / largest) ** _NORM)) ** (1.0 / _NORM)
+            uses.append(largest * norm)
+        return uses
+
+    def furthest(self, weights: FloatArray) -> list[Case]:
+        """For each channel the wrong drive that comes furthest, if beyond its limit."""
+        torque = self.coarse.signal(weights)
+        furthest: dict[str, tuple[float, Case]] = {}
+        for case in self.cases:
+            for name, use in case.uses(torque, self.step, self.drive.limits).items():
+                if use > furthest.get(name, (_NEAR, case))[0]:
+                    furthest[name] = (use, case)
+        return list({case.name: case for _, case in furthest.values()}.values())
+
+    def start(self, place: int) -> FloatArray:
+        """Random weights within the limits of the nominal drive; one tone stands out at first."""
+        generator = np.random.default_rng([self.seed, place])
+        rates = self.coarse.angular_frequencies
+        weights = generator.standard_normal(2 * len(rates))
+        if place == 0:
+            main = int(np.argmin(np.abs(np.log(_MAIN_TONE * self.drive.resonance / rates))))
+            weights[len(rates) + main] = _DOMINANCE
+        for _ in range(60):
+            torque = self.coarse.signal(weights)
+            worst = max(self.nominal.uses(torque, self.step, self.drive.limits).values())
+            if worst <= 1.0:
+                break
+            weights *= max(0.9 / worst, 0.3)
+        return weights
+
+    def run(self, starts: int, finished: Callable[[str], None]) -> list[FloatArray]:
+        """Weights found from each start; the caller compares them on the full experiment."""
+        found = []
+        for place in range(starts):
+            weights = self._descend(self.start(place), (), _FIRST)
+            weights = self._descend(weights, self.furthest(weights), _SECOND)
+            found.append(weights)
+            finished(f"search {place + 1} of {starts}")
+        return found
+
+    def _descend(self, weights: FloatArray, watched: Sequence[Case], iterations: int) -> FloatArray:
+        size = float(np.sqrt(np.mean(weights**2)))
+        result = minimize(
+            lambda z: self.cost(size * z, watched),
+            weights / size,
+            method="L-BFGS-B",
+            options={"maxiter": iterations, "maxfun": 10**9, "eps": _STEP},
+        )
+        return size * result.x
+
+
+def deviation(relative_information: FloatArray) -> float:
+    """What optimal design calls E, as a relative standard deviation; smaller is better.
+
+    With M the information about the coefficients' logarithms, 1/√λ is the relative standard
+    deviation along an eigenvector of eigenvalue λ, and 1/√(min λ) that of the worst direction.
+    """
+    lowest = float(np.linalg.eigvalsh(relative_information)[0])
+    return lowest**-0.5 if lowest > 0.0 else float("inf")
+
+
+def smooth_cost(relative_information: FloatArray) -> float:
+    """Logarithm of about that deviation, smooth where eigenvalues cross, finite everywhere."""
+    eigenvalues = np.linalg.eigvalsh(relative_information)
+    eigenvalues = np.maximum(eigenvalues, max(_FLOOR * eigenvalues[-1], 1e-300))
+    logs = np.log(eigenvalues)
+    lowest = logs.min()
+    spread = np.log(np.sum(np.exp(-_SHARPNESS * (logs - lowest)))) / _SHARPNESS
+    return float(0.5 * (spread - lowest))
 
 
 @dataclass(frozen=True)

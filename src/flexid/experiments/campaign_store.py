@@ -1,17 +1,23 @@
-"""The rows of a campaign on disk: a directory of Parquet files that are complete or not there."""
+"""The rows of a campaign on disk, and what they show.
 
-from collections.abc import Iterator
+A campaign is a directory of Parquet files that are complete or not there.
+"""
+
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import polars as pl
 from filelock import FileLock, Timeout
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flexid.errors import CampaignError
+from flexid.experiments.campaign_rows import ERROR, FINISHED, REACHED, STATUS
 from flexid.experiments.variation import MOST_RUNS
+from flexid.experiments.variation import SEED as SAMPLING_SEED
 from flexid.files import check_name, write_atomically
 from flexid.recording.frame import write_parquet
 
@@ -160,3 +166,88 @@ def _refuse_another(found: Manifest, wanted: Manifest, directory: Path) -> None:
     if (found.kind, found.runs, found.inputs) != (wanted.kind, wanted.runs, wanted.inputs):
         reason = f"holds a {FILE} that was changed by hand: give another directory"
         raise CampaignError(str(directory), reason)
+
+
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True)
+class Result:
+    """One result over all finished runs."""
+
+    name: str  # column of the rows
+    finite: int  # finished runs with a finite value
+    missing: int  # and those without, for example runs that never settle
+    # of the finite values in SI units, at QUANTILES; NaN if there are none
+    quantiles: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a campaign shows, finished or not."""
+
+    directory: Path
+    manifest: Manifest
+    done: int  # runs whose rows are there
+    # files that cannot be read; running the campaign again replaces them
+    damaged: tuple[str, ...]
+    statuses: Mapping[str, int]  # how many runs ended how, the most frequent first
+    first_error: str  # text of the first run with the status "error"; empty if there is none
+    results: tuple[Result, ...]
+
+    @property
+    def finished(self) -> int:
+        """Runs that reached their end."""
+        return self.statuses.get(FINISHED, 0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run has its row."""
+        return self.done == self.manifest.runs
+
+
+def summarise(out: str | Path) -> Summary:
+    """Summarise the campaign of a directory, while it runs or later."""
+    store = find_store(Path(out))
+    rows, damaged = _all_rows(store)
+    counts = rows[STATUS].value_counts().sort(by=["count", STATUS], descending=[True, False])
+    errors = rows[ERROR].drop_nulls()
+    finished = rows.filter(pl.col(STATUS) == FINISHED)
+    apart = {"run", *store.manifest.inputs, SAMPLING_SEED, STATUS, ERROR, REACHED}
+    return Summary(
+        store.directory,
+        store.manifest,
+        len(rows),
+        damaged,
+        dict(counts.iter_rows()),
+        errors[0] if len(errors) else "",
+        tuple(_result(n, finished) for n in rows.columns if n not in apart),
+    )
+
+
+def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
+    parts, damaged = [], []
+    for part in store.manifest.parts:
+        rows = store.read(part)
+        if rows is not None:
+            parts.append(rows)
+        elif store.path(part).exists():
+            damaged.append(store.path(part).name)
+    if not parts:
+        raise CampaignError(
+            str(store.directory), "has no rows yet: run the campaign, or wait for its first part"
+        )
+    try:
+        return pl.concat(parts), tuple(damaged)
+    except pl.exceptions.PolarsError:
+        raise CampaignError(
+            str(store.directory),
+            "holds parts that do not belong together: run the campaign in another directory",
+        ) from None
+
+
+def _result(name: str, finished: pl.DataFrame) -> Result:
+    values = finished[name].cast(pl.Float64).to_numpy()
+    finite = values[np.isfinite(values)]
+    quantiles = np.quantile(finite, QUANTILES) if len(finite) else np.full(len(QUANTILES), np.nan)
+    return Result(name, len(finite), len(values) - len(finite), tuple(map(float, quantiles)))

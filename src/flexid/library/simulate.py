@@ -15,7 +15,7 @@ from flexid.library.arguments import entrance, one_thread
 if TYPE_CHECKING:
     import polars as pl
 
-    from flexid.experiments.campaign_summary import Summary
+    from flexid.experiments.campaign_store import Summary
     from flexid.experiments.experiment import Experiment
     from flexid.experiments.measures import Measures
     from flexid.library.arguments import FilePath
@@ -141,7 +141,7 @@ def campaign(
     """
     from flexid.experiments import read_experiment
     from flexid.experiments.campaign_runner import run_campaign
-    from flexid.experiments.campaign_summary import summarise
+    from flexid.experiments.campaign_store import summarise
 
     given = {"experiment": experiment, "out": out, "workers": workers, "scheduler": scheduler}
     chosen = [name for name, value in given.items() if value is not None]

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import Any
 
-from flexid.experiments.campaign_summary import QUANTILES, Summary
+from flexid.experiments.campaign_store import QUANTILES, Summary
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
