@@ -132,9 +132,6 @@ def document(result: Reproduction) -> dict[str, Any]:
         "claims": [_claim_document(claim) for claim in result.claims],
         "theorem1": [_case_document(case) for case in result.cases],
         "attenuation": result.attenuation,
-        "late_tracking_errors": {
-            "1,1,3": {f"{end:g}": error for end, error in result.late_tracking_errors.items()}
-        },
         "provenance": {
             "flexid_version": flexid.__version__,
             "integrator": "Rodas5P",

@@ -6,7 +6,6 @@ settle on the directions that the motion does not excite: the part of p̃(0) ort
 regressors.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,12 +72,6 @@ def peak_torque(exponents: Exponents, k: float) -> float:
     loop = table1_loop(exponents, k)
     run = simulate(loop, 0.02, 1e-3 / k, TOLERANCE)
     return float(np.abs(run.inputs).max())
-
-
-def late_tracking_errors(exponents: Exponents, ends: Sequence[float]) -> dict[float, float]:
-    """Largest tracking error in rad over the 10 s before each time, in a run beyond the paper's."""
-    run = simulate(table1_loop(exponents), max(ends), 2 * _SAMPLE_TIME, _SWEEP_TOLERANCE)
-    return {end: run.largest_tracking_error(end - 10.0, end) for end in ends}
 
 
 def steady_condition(amplitude: float = AMPLITUDE) -> float:

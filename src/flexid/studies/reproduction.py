@@ -23,7 +23,6 @@ from flexid.studies.cases import (
     AttenuationPoint,
     TheoremCase,
     attenuation_point,
-    late_tracking_errors,
     peak_torque,
     steady_condition,
     theorem_case,
@@ -250,8 +249,6 @@ def _of_the_results(
 
 _T = TypeVar("_T")
 
-LATE = (60.0, 120.0)  # ends in s of the longer runs under (1,1,3), whose oscillation grows
-
 # The ringing of (1,1,3) costs steps in proportion to k: above 400 a million and more.
 _SWEEPS: dict[Exponents, float] = {(1, 2, 3): EARLIER_ATTENUATION, (1, 1, 3): 100.0}
 
@@ -263,8 +260,6 @@ class Reproduction:
     readings: dict[str, Reading]  # the four readings of the feedback gains by name
     # tracking and parameter errors over k, by reading
     attenuation: dict[str, list[AttenuationPoint]]
-    # largest tracking error in rad under (1,1,3) over the 10 s before each time in s
-    late_tracking_errors: dict[float, float]
     cases: tuple[TheoremCase, ...]  # Theorem 1 in three cases
     claims: tuple[Claim, ...]  # the paper's claims, decided
 
@@ -293,11 +288,10 @@ def reproduce(finished: Callable[[str], None]) -> Reproduction:
         for e, largest in _SWEEPS.items()
     }
     peaks = {k: peak_torque((1, 2, 3), k) for k in (ATTENUATION, EARLIER_ATTENUATION)}
-    late = done("longer run", late_tracking_errors((1, 1, 3), LATE))
     cases = tuple(done("case of Theorem 1", theorem_case(*case)) for case in CASES)
     other = done("another controller", error_under_pd())
     claims = done("claims", decide_claims(readings, runs, attenuation, peaks, cases, other))
-    return Reproduction(readings, attenuation, late, cases, claims)
+    return Reproduction(readings, attenuation, cases, claims)
 
 
 def error_under_pd() -> float:
