@@ -22,6 +22,7 @@ def folder(tmp_path_factory):
     """A folder with a good file of each kind, and bad ones."""
     folder = tmp_path_factory.mktemp("refused")
     write_experiment(folder / "tiny.toml")
+    write_experiment(folder / "single.toml", campaign="")
     grid = '[campaign]\nkind = "grid"\nvary.observer.link = [1.0, 2.0]\n'
     write_experiment(folder / "damped.toml", grid, DAMPED)
     (folder / "a.json").write_text(to_json(estimate_document(exact(TRUE, "a"))))
@@ -47,6 +48,7 @@ REFUSED = (
     ("campaign --summary out --workers 2", "--workers: does not go with summary"),
     ("campaign tiny.toml --out out --scheduler x --workers 2", "--workers: is for"),
     ("campaign --summary nothing", "nothing holds no campaign"),
+    ("campaign single.toml --out out", "the key 'campaign' is missing"),
     ("campaign damped.toml --out rows", "needs the acceleration"),
     ("compare a.json other.json --out out", "holds no estimate: give an estimate.json"),
     ("compare a.json empty --out out", "give the path of an estimate.json"),
@@ -56,6 +58,9 @@ REFUSED = (
     ("derive model.toml --terms gravity", "terms: belongs"),
     ("derive model.toml --unknown-input-gain", "unknown-input-gain: belongs"),
     ("identify ragged.csv --out out", "ragged.csv: line 3"),
+    ("identify good.csv --known beta1=5 --known motor_inertia=0.2", "follows from what else is"),
+    ("identify good.csv --validation-share 1", "must lie above 0 and up to 0.8, got 1.0"),
+    ("watch good.csv --memory 0.01", "give more than"),
     ("identify good.csv --known motor_inertia", "'motor_inertia' is no name=number"),
     ("identify good.csv --columns nowhere.toml", "nowhere.toml"),
     ("identify good.csv again.csv", "again.csv"),

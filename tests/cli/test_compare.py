@@ -3,12 +3,13 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import flexid as library
 from flexid.arrays import to_json
 from flexid.stored_estimates.estimate_file import estimate_document
-from made_estimates import STIFFER, TRUE, exact
+from made_estimates import STIFFER, TRUE, drawn, exact, with_parameter
 
 
 def stored(folder: Path, estimate) -> Path:
@@ -69,3 +70,15 @@ def test_the_library_takes_whatever_holds_an_estimate(folders):
     assert repr(answer) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
     assert "Changed: joint_stiffness" in answer.summary()
     assert "&lt;" not in answer._repr_html_()
+
+
+def test_what_is_not_determined_is_status_1(flexid, folders, tmp_path):
+    """Assert that a number that one log leaves open is no agreement."""
+    rng = np.random.default_rng(3)
+    infinite = {"std": np.inf, "interval": (-np.inf, np.inf), "verdict": "undetermined"}
+    vague = with_parameter(drawn(rng), "joint_stiffness", reason="nothing on it", **infinite)
+    outcome = flexid("compare", folders["before"], stored(tmp_path / "vague", vague))
+    assert outcome.status == 1
+    said = " ".join(outcome.stdout.split())
+    assert "joint_stiffness: in B nothing on it" in said
+    assert "Not determined in A or in B, and so not compared: joint_stiffness." in said

@@ -255,6 +255,16 @@ def test_what_it_lacks_is_said(units, joint, plain, tmp_path, monkeypatch):
         assert not [path for path in content if path.startswith("binaries")]
 
 
+def test_a_jump_is_smoothed(tmp_path):
+    """Assert that a friction that jumps otherwise than Coulomb's is smoothed as that is."""
+    system = flexid.flexible_joint(("motor_stribeck",), known={"beta1": 4.0})
+    values = {"theta2": 100.0, "alpha1": 400.0, "alpha_stribeck": 0.5}
+    warnings = write_fmu(ExportRequest(system, values), tmp_path)
+    assert any("coulomb_velocity" in w for w in warnings)
+    described = fmpy.read_model_description(str(tmp_path / "plant_fmi3.fmu"))
+    assert "coulomb_velocity" in {v.name for v in described.modelVariables}
+
+
 FAILURES = {
     "a warning and an error": (
         "echo 'model.h:1: warning: hm' >&2; echo 'plant.c:9: error: no such thing' >&2; exit 1",

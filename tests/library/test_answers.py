@@ -95,3 +95,18 @@ def test_a_reproduction(reproduction):
     assert f"of {len(found.claims)} claims" in repr(found)
     assert found.summary()
     assert found.document
+
+
+def test_an_excitation(examples, example_estimate):
+    """Assert that it has the estimate of `identify`, with what confuses each coefficient."""
+    options = {"terms": ["gravity", "motor_viscous"], "hold": "zero", "segment_duration": 2.0}
+    found = flexid.excitation(examples / "flexible_joint.csv", **options)
+    estimate = example_estimate
+    assert found.estimate.coefficients == estimate.coefficients
+    assert {name: c.verdict for name, c in found.coefficients.items()} == {
+        name: c.verdict for name, c in estimate.coefficients.items()
+    }
+    assert found.supports(strict=True)
+    assert found.advice is None
+    assert "5 of 5 coefficients determined" in repr(found)
+    assert "theta2" in found.summary()

@@ -1,5 +1,6 @@
 """A stream that is held against an estimate made before, and against what is known."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from flexid.identification.preparation.alignment import Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.report.terminal import as_text
+from flexid.report.watch import parts
 from flexid.streaming.health import Health
 from flexid.streaming.learner import departures
 from flexid.streaming.options import (
@@ -233,3 +236,11 @@ def test_kinds_are_those_of_identify(result):
     with pytest.raises(SettingError, match="must be auto, flexible, link or rigid, got 'elastic'"):
         wanted_kind({"kind": "elastic"}, None)
     assert wanted_kind({}, replace(result, model="link")) == "link"
+
+
+def test_no_change_is_a_share_of_what_may_be_zero():
+    """Assert that a value beside one whose interval holds zero differs from it in its unit."""
+    reference = {"joint_stiffness": (100.0, 0.1), "gravity_torque": (0.5, 0.6)}
+    text = as_text(parts(watched(stream(), replace(OPTIONS, reference=reference))))
+    assert re.search(r"joint_stiffness .* [+-]\d\.\d %\n", text)
+    assert re.search(r"gravity_torque .* \+4\.\d+ N m\n", text)
