@@ -25,7 +25,7 @@ from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 
 _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
-_MOST_SUBSTEPS = 100.0  # per sample; a model still faster is fitted badly, and then refused
+_MOST_SUBSTEPS = 30.0  # per sample; what is faster than three radians in one is over in no time
 _LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
 _SEEN_SAMPLES = (
     3.0  # times the information of one sample on a velocity; twenty have 2500 times that

@@ -43,7 +43,8 @@ SPRING_SHARE = 0.25  # of the resonance, that is the least rate of a disturbance
 _FEWEST = 200  # samples that are left at least
 _SAME_TIME = 1e-3  # of a sample
 # Steps of integration over the usual ones: a phase of 3e-5 is lost, and a stiffness is less known.
-_INTEGRATION = Steps(coarser=0.4)
+# Of what needs more than nine per sample, with sixteen of these in a period, nothing swings.
+_INTEGRATION = Steps(coarser=0.4, most_substeps=9)
 
 
 def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PERIOD) -> int:
