@@ -99,6 +99,24 @@ def test_currents_give_ratios(folder: Path, flexid: Run):
     assert abs(found["stiffness_over_inertia_2"]["value"] / wanted - 1.0) < 0.01
 
 
+@pytest.mark.parametrize("joints", [(1,), (2,), (1, 2)])
+def test_an_input_that_turns_its_joint_backwards(
+    folder: Path, flexid: Run, tmp_path: Path, joints: tuple[int, ...]
+):
+    """Assert that it is named, of torques and of currents, with the remedy."""
+    for kind, file in (("torque", "run.csv"), ("current", "current.csv")):
+        names = [f"motor_{kind}_{joint}" for joint in joints]
+        unit = "A" if kind == "current" else "N m"
+        columns = tmp_path / f"{kind}.toml"
+        column = '{name} = {{column = "{name}", scale = -1.0, unit = "{unit}"}}\n'
+        columns.write_text("".join(column.format(name=name, unit=unit) for name in names))
+        model = str(folder / "arm.toml")
+        done = flexid("identify", str(folder / file), "--model", model, "--columns", str(columns))
+        assert done.status == 2
+        said = f"{' and '.join(names)}: a positive value turns its joint backwards: scale it by -1"
+        assert said in done.stderr
+
+
 @pytest.mark.parametrize(
     ("command", "options", "words"),
     [

@@ -5,7 +5,7 @@ dry friction that follows from the motion and sticks. Of stiff joints there are 
 most of them at values that no arm has: see `as_physical`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,6 +42,7 @@ _SEGMENT = 5.0  # s: long against what an observer remembers, and work for sever
 _FAR_STEPS, NEAR_STEPS = 6, 3  # of values alone, from afar and from values nearly right
 RIVAL = 30.0  # of twice the negative logarithm of the likelihood, by which another minimum is worse
 _LIKELIER = 5.0  # the same, by which it is better, and its sizes are sought
+_SLIPS = 0.1  # share of the samples, in which a motor that seemed to rest may slip
 _SAME = 0.1  # standard deviations, by which values of one minimum may differ
 
 ArmInBand = FitInBand[ElasticArm]
@@ -205,6 +206,42 @@ def _suited(found: DisturbedFit) -> DisturbedFit:
                 if other.cost < best.cost - UNUSUAL_FALL:
                     found = DisturbedFit(job, other, ())
     return found
+
+
+def creeping(found: DisturbedFit, fixed: Collection[str]) -> DisturbedFit:
+    """The same fit with motors that creep, where that is clearly likelier than that they rest.
+
+    Parameters that are not in `fixed` are sought then. A fit that begins with a friction beyond all
+    torques never learns that a motor moves: it begins with one that lets it slip now and then.
+    """
+    structure = found.job.structure
+    kept = {name: value for name, value in structure.fixed.items() if name in fixed}
+    start = {name: value for name, value in found.values.items() if name not in kept}
+    for joint in structure.joint.resting:
+        start |= _about_to_slip(found, joint)
+    arm = replace(structure.joint, resting=())
+    job = replace(found.job, structure=replace(structure, joint=arm, fixed=kept))
+    with suppress(ConvergenceError):
+        other = job.in_band.fit(start)
+        if other.cost < found.best.cost - UNUSUAL_FALL:
+            return DisturbedFit(job, other, ())
+    return found
+
+
+def _about_to_slip(found: DisturbedFit, joint: int) -> dict[str, float]:
+    """A motor as heavy as what it carries, with a friction that most torques do not overcome."""
+    values, torques = found.values, []
+    for samples in found.job.data.samples:
+        link, motor = samples.positions.T[2 * joint - 2 : 2 * joint]
+        spring = values[f"joint_stiffness_{joint}"] * (link - motor)
+        torques.append(samples.inputs[:, joint - 1] + spring - spring.mean())
+    carried = range(joint, found.job.balance.joints + 1)
+    return {
+        f"motor_inertia_{joint}": sum(abs(values[f"link_inertia_{k}"]) for k in carried),
+        f"motor_coulomb_friction_{joint}": float(
+            np.quantile(np.abs(np.concatenate(torques)), 1.0 - _SLIPS)
+        ),
+    }
 
 
 def _squares(fitted: FittedArm) -> float:

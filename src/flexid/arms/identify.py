@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import flexid
-from flexid.arms.disturbed import fit_disturbed
+from flexid.arms.disturbed import creeping, fit_disturbed
 from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import (
     effect_sizes,
@@ -21,8 +21,9 @@ from flexid.arms.fitting import (
 )
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.result import ArmIdentification, joint_of_name
+from flexid.arms.starts import backward_inputs
 from flexid.arms.unusual import FittedArm, link_delays
-from flexid.errors import ConvergenceError
+from flexid.errors import ConvergenceError, RecordingError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.estimators.excitation import excitation_of_gram
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
@@ -41,6 +42,7 @@ from flexid.models.parameter_kinds import Quotient
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm, JointTerm
 from flexid.recording.caution import Caution, Rank, ranked
+from flexid.recording.channel import INPUTS
 
 _CALIBRATED = "N m"
 _CONFUSED = 0.9  # correlation from which on two parameters are named together
@@ -67,9 +69,28 @@ def identify_arm(
     """Identify an arm from its log."""
     log = read_arm_log(path, arm.joints, columns)
     fixed = fixed_parameters(arm, log.input_units, log.resting)
+    _check_signs(log, arm, fixed)
     model = ElasticArm(planar_arm(arm), log.resting)
-    found = _found(Structure(model, frozenset(), Timing("zero"), fixed), log, progress)
+    held = held_motors(model)
+    structure = Structure(model, frozenset(), Timing("zero"), held | fixed)
+    found = _found(structure, fixed, log, progress)
     return _result(arm, log, found)
+
+
+def _check_signs(log: ArmLog, arm: PlanarArm, fixed: dict[str, float]) -> None:
+    """Raise where an input turns its joint backwards."""
+    resting = [joint - 1 for joint in log.resting]
+    backward = backward_inputs(planar_arm(arm), log.recordings, fixed, resting)
+    if backward:
+        columns = log.provenance["joints"]
+        names = " and ".join(
+            f"{channel}_{place + 1}"
+            for place in backward
+            for channel in INPUTS
+            if channel in columns[place]
+        )
+        reason = "a positive value turns its joint backwards: scale it by -1 in a column map"
+        raise RecordingError(log.source, names, reason)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +107,15 @@ class _Found:
 
 
 def _found(
-    structure: Structure[ElasticArm], log: ArmLog, progress: Callable[[str], None]
+    structure: Structure[ElasticArm],
+    fixed: Mapping[str, float],
+    log: ArmLog,
+    progress: Callable[[str], None],
 ) -> _Found:
-    """The exact fit; where that does not explain the log, the fit with disturbances."""
+    """The exact fit; where that does not explain the log, the fit with disturbances.
+
+    Only parameters in `fixed` keep their values where a motor creeps that seemed to rest.
+    """
     exact = exact_fits(structure, log.data, progress)
     best, reason = None, exact.hopeless
     if not reason:
@@ -99,6 +126,8 @@ def _found(
         progress("what disturbs the arm")
         with suppress(ConvergenceError):
             disturbed = fit_disturbed(exact.structure, log.data, exact.starts)
+            if structure.joint.resting:
+                disturbed = creeping(disturbed, fixed)
             progress("what may be wrong with it")
             doubted, widest = with_doubts(disturbed)
             if not any(doubted.degrees_of_freedom):
@@ -118,8 +147,7 @@ def fixed_parameters(
 ) -> dict[str, float]:
     """Parameters that are not sought to begin with: what is unusual, and what the units say.
 
-    Where no torque is calibrated, torques have the unit of the first joint's input that moves. Of a
-    motor that stands still nothing is known but that its friction, or its brake, holds it.
+    Where no torque is calibrated, torques have the unit of the first joint's input that moves.
     """
     fixed = dict.fromkeys(planar_arm(arm).unusual, 0.0)
     for joint, unit in enumerate(input_units, 1):
@@ -129,9 +157,13 @@ def fixed_parameters(
         fixed[f"torque_constant_{_reference(input_units, resting)}"] = 1.0
     if not arm.has_gravity:  # the first link's moment is felt by gravity alone
         fixed |= {"link_moment_along_1": 0.0, "link_moment_across_1": 0.0}
-    known = planar_arm(arm).coefficients
-    held = {f"{name}_{joint}": value for joint in resting for name, value in _HELD.items()}
-    return fixed | {name: value for name, value in held.items() if name in known}
+    return fixed
+
+
+def held_motors(model: ElasticArm) -> dict[str, float]:
+    """Of a motor that rests nothing is known but that its friction, or its brake, holds it."""
+    held = {f"{name}_{joint}": value for joint in model.resting for name, value in _HELD.items()}
+    return {name: value for name, value in held.items() if name in model.balance.coefficients}
 
 
 def _reference(input_units: tuple[str, ...], resting: tuple[int, ...]) -> int:
@@ -149,7 +181,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
         unit = _unit(term, log, joint)
         if name in fitted.names:
             parameters[name] = _judged(name, unit, found, shares)
-        elif joint in log.resting and term.name in _HELD and unit != "N m/N m":
+        elif joint in structure.joint.resting and term.name in _HELD and unit != "N m/N m":
             unknown = np.nan, np.inf, (-np.inf, np.inf), "undetermined"
             parameters[name] = ParameterEstimate(name, unit, *unknown)
     for joint in range(1, arm.joints + 1):

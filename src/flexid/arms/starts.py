@@ -31,6 +31,7 @@ _LEAST = 1e-3  # of a typical size: what a parameter that cannot be negative beg
 _SLOW = 3.0  # standard deviations of a velocity's noise, up to which it has no direction
 _HARDLY = 1e-6  # of its column, by which least squares is drawn to zero
 _SOFTEST, _REWEIGHTED = 30.0, 3  # of the stiffest spring known; rounds
+_BACKWARDS = 30.0  # standard deviations, of uncorrelated rows: a joint that hardly moves reaches 20
 _FEWEST_EACH = 5  # rows of a balance, in which its motor keeps moving, for each parameter
 
 
@@ -72,6 +73,12 @@ class Filtered:
     def inputs(self) -> list[int]:
         """Place of each joint's input."""
         return self._places("input")
+
+    def beside_the_spring(self, joint: int, free: Sequence[int]) -> list[int]:
+        """Places of what else stands in a motor's balance, of joint 0 and so on: its input too."""
+        spring, source, row = self.springs[joint], self.inputs[joint], 2 * joint + 1
+        used = [k for k in free if k != spring and self.columns[:, row, k].any()]
+        return used if source in used else [*used, source]
 
     def _places(self, place: str) -> list[int]:
         found: dict[int, int] = {}
@@ -138,6 +145,32 @@ def starts(
                 yield _possible(data, values, fixed)
 
 
+def backward_inputs(
+    balance: TorqueBalance,
+    recordings: Sequence[Samples],
+    fixed: dict[str, float],
+    resting: Sequence[int] = (),
+) -> list[int]:
+    """Places of joints whose input winds the spring backwards, beyond doubt.
+
+    `resting` are places of joints whose motors stand still.
+    """
+    fastest = min(1.0 / recording.sample_time for recording in recordings)
+    data = filtered(balance, recordings, min(BANDS[-1], 0.1 * fastest))
+    found = []
+    for joint in set(range(balance.joints)) - {*resting}:
+        used = data.beside_the_spring(joint, _free(data, fixed))
+        left, right = data.columns[:, 2 * joint + 1, used], -data.columns[:, 2 * joint + 1]
+        left = left / np.maximum(np.sqrt(np.sum(left**2, axis=0)), np.finfo(float).tiny)
+        inverse = np.linalg.pinv(left.T @ left)
+        shares = inverse @ left.T @ right[:, data.springs[joint]]
+        rest = right[:, data.springs[joint]] - left @ shares
+        source = used.index(data.inputs[joint])
+        if shares[source] < -_BACKWARDS * np.sqrt(inverse[source, source] * np.mean(rest**2)):
+            found.append(joint)
+    return found
+
+
 def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
     """The spring from the motor's balance, with the deflection on the left; then the links."""
     values = _fixed_values(data, fixed)
@@ -150,8 +183,7 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
             values[spring] = 1.0
             scales.append([spring])
             continue
-        used = [k for k in free if k != spring and columns[:, row, k].any()]
-        used += [source] if source not in used else []
+        used = data.beside_the_spring(joint, free)
         share = _least_squares(columns[:, row, used], -columns[:, row, spring], positive[used])
         if share[used.index(source)] <= 0.0:  # the torque does not wind this spring
             return np.full_like(values, np.nan)

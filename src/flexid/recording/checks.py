@@ -10,7 +10,7 @@ from flexid.errors import RecordingError
 from flexid.recording.caution import Rank
 from flexid.recording.channel import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft
 from flexid.recording.names import first_times
-from flexid.recording.velocities import is_noise, position_noise
+from flexid.recording.velocities import encoder_step, is_noise, position_noise
 
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
 FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm; m/s, as no axis slides
