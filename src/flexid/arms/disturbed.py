@@ -42,6 +42,7 @@ _SEGMENT = 5.0  # s: long against what an observer remembers, and work for sever
 _FAR_STEPS, NEAR_STEPS = 6, 3  # of values alone, from afar and from values nearly right
 RIVAL = 30.0  # of twice the negative logarithm of the likelihood, by which another minimum is worse
 _LIKELIER = 5.0  # the same, by which it is better, and its sizes are sought
+_TRIED = 2  # starts, of the likeliest; further ones hardly lead elsewhere
 _SLIPS = 0.1  # share of the samples, in which a motor that seemed to rest may slip
 _SAME = 0.1  # standard deviations, by which values of one minimum may differ
 
@@ -174,19 +175,24 @@ def fit_disturbed(
 ) -> DisturbedFit:
     """The likeliest of the fits from some starts, with a delay of the inputs if there is one."""
     structure = replace(structure, timing=Timing("zero"))
-    job = Job.of(structure, data, starts[0])
-    ends: list[ArmInBand] = []
+    return _suited(_likeliest(Job.of(structure, data, starts[0]), starts))
 
-    for start in starts:
+
+def _likeliest(job: Job, starts: Sequence[Mapping[str, float]]) -> DisturbedFit:
+    """The likeliest of the fits from the most likely starts, and from where the best led."""
+    possible = [as_physical(job.balance, start) for start in starts]
+    ends: list[ArmInBand] = []
+    for tried, start in enumerate(sorted(possible, key=job.in_band.misfit)):
+        if tried >= _TRIED and ends:
+            break
         with suppress(ConvergenceError):
-            _go_on(job, as_physical(job.balance, start), ends)
-    if ends:
-        with suppress(ConvergenceError):
-            _go_on(job, as_physical(job.balance, ends[0].fitted.by_name), ends)
+            _go_on(job, start, ends)
     if not ends:
         raise no_start()
+    with suppress(ConvergenceError):
+        _go_on(job, as_physical(job.balance, ends[0].fitted.by_name), ends)
     best, *rivals = ends
-    return _suited(DisturbedFit(job, best, tuple(rivals)))
+    return DisturbedFit(job, best, tuple(rivals))
 
 
 def _suited(found: DisturbedFit) -> DisturbedFit:
@@ -208,40 +214,43 @@ def _suited(found: DisturbedFit) -> DisturbedFit:
     return found
 
 
-def creeping(found: DisturbedFit, fixed: Collection[str]) -> DisturbedFit:
-    """The same fit with motors that creep, where that is clearly likelier than that they rest.
+def creeping(
+    found: DisturbedFit, fixed: Collection[str], starts: Sequence[Mapping[str, float]]
+) -> DisturbedFit:
+    """The fit with motors that creep, where that is clearly likelier than that they rest.
 
-    Parameters that are not in `fixed` are sought then. A fit that begins with a friction beyond all
-    torques never learns that a motor moves: it begins with one that lets it slip now and then.
+    Parameters that are not in `fixed` are sought then.
     """
     structure = found.job.structure
     kept = {name: value for name, value in structure.fixed.items() if name in fixed}
-    start = {name: value for name, value in found.values.items() if name not in kept}
-    for joint in structure.joint.resting:
-        start |= _about_to_slip(found, joint)
     arm = replace(structure.joint, resting=())
     job = replace(found.job, structure=replace(structure, joint=arm, fixed=kept))
+    held = {name: value for name, value in structure.fixed.items() if name not in kept}
+    loose = [_about_to_slip(found, {**held, **start}) for start in (found.fitted.by_name, *starts)]
     with suppress(ConvergenceError):
-        other = job.in_band.fit(start)
-        if other.cost < found.best.cost - UNUSUAL_FALL:
-            return DisturbedFit(job, other, ())
+        other = _likeliest(job, loose)
+        if other.best.cost < found.best.cost - UNUSUAL_FALL:
+            return other
     return found
 
 
-def _about_to_slip(found: DisturbedFit, joint: int) -> dict[str, float]:
-    """A motor as heavy as what it carries, with a friction that most torques do not overcome."""
-    values, torques = found.values, []
-    for samples in found.job.data.samples:
-        link, motor = samples.positions.T[2 * joint - 2 : 2 * joint]
-        spring = values[f"joint_stiffness_{joint}"] * (link - motor)
-        torques.append(samples.inputs[:, joint - 1] + spring - spring.mean())
-    carried = range(joint, found.job.balance.joints + 1)
-    return {
-        f"motor_inertia_{joint}": sum(abs(values[f"link_inertia_{k}"]) for k in carried),
-        f"motor_coulomb_friction_{joint}": float(
-            np.quantile(np.abs(np.concatenate(torques)), 1.0 - _SLIPS)
-        ),
-    }
+def _about_to_slip(found: DisturbedFit, start: Mapping[str, float]) -> dict[str, float]:
+    """A start whose resting motors weigh what they carry, and let most torques hold them.
+
+    From a friction beyond all torques a fit never learns that a motor moves.
+    """
+    moved, samples = dict(start), found.job.data.samples
+    for joint in found.job.structure.joint.resting:
+        bent = np.concatenate(
+            [r.positions[:, 2 * joint - 2] - r.positions[:, 2 * joint - 1] for r in samples]
+        )
+        torques = np.concatenate([r.inputs[:, joint - 1] for r in samples])
+        torques = torques + start[f"joint_stiffness_{joint}"] * (bent - bent.mean())
+        carried = range(joint, found.job.balance.joints + 1)
+        moved[f"motor_inertia_{joint}"] = sum(abs(start[f"link_inertia_{k}"]) for k in carried)
+        friction = np.quantile(np.abs(torques), 1.0 - _SLIPS)
+        moved[f"motor_coulomb_friction_{joint}"] = float(friction)
+    return moved
 
 
 def _squares(fitted: FittedArm) -> float:

@@ -68,7 +68,7 @@ class ExactFits:
     """Fits without disturbances over segments of growing length, as far as they are of use."""
 
     asked: Structure[ElasticArm]
-    start: dict[str, float]  # least squares, by name
+    begun: tuple[dict[str, float], ...]  # least squares, by name, those first that leave least
     found: tuple[FittedArm, ...]  # none where no motion leads from there
 
     @property
@@ -86,7 +86,7 @@ class ExactFits:
     @property
     def starts(self) -> tuple[dict[str, float], ...]:
         """Values of least squares, and those over the longest segments, by name."""
-        return (self.start, *(end.by_name for end in self.found[-1:]))
+        return (*self.begun, *(end.by_name for end in self.found[-1:]))
 
     def best(self) -> tuple[FittedArm, Estimate]:
         """The fit over the longest segments that can be trusted, with its covariance."""
@@ -108,7 +108,7 @@ def exact_fits(
     """Fit an arm to recordings, until its residuals say that it lacks something."""
     divisions = lengths(data, min(LONGEST, 0.5 * data.shortest))
     progress("least squares")
-    start, first = begun(structure, data, divisions[0])
+    likely, first = begun(structure, data, divisions[0])
     found = [first] if first else []
     timed = False
     for segments in divisions[1:] if found else ():
@@ -124,7 +124,7 @@ def exact_fits(
         found.append(longer)
         if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found)):
             break
-    return ExactFits(structure, start, tuple(found))
+    return ExactFits(structure, likely, tuple(found))
 
 
 def residual_excess(fitted: FittedArm) -> FloatArray:
@@ -216,23 +216,20 @@ def _holds(one: FittedArm, found: Sequence[FittedArm]) -> bool:
 
 def begun(
     structure: Structure[ElasticArm], data: Data, segments: Segments
-) -> tuple[dict[str, float], FittedArm | None]:
-    """The start that gets closest to the log within a few steps, and where these lead, if they do.
-
-    Without a fit, the start is that which least squares and the motion like best.
-    """
+) -> tuple[tuple[dict[str, float], ...], FittedArm | None]:
+    """Starts, those first that get closest to the log, and where one of them leads, if any does."""
     arm = structure.joint
     resting = [joint - 1 for joint in arm.resting]
     ways = starts(arm.balance, data.samples, dict(structure.fixed), resting)
     few = segments.some(_FIRST_SEGMENTS)  # of all some may diverge from where least squares is
-    likely = by_misfit(structure, data, segments, ways, _BETWEEN)
+    likely = tuple(by_misfit(structure, data, segments, ways, _BETWEEN))
     if not likely:
         raise no_start()
     for start in likely:
         with suppress(ConvergenceError):
             near = fit_segments(structure, data, few, start, None, _BETWEEN)
-            return start, fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
-    return likely[0], None
+            return likely, fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
+    return likely, None
 
 
 def no_start() -> ConvergenceError:

@@ -127,7 +127,7 @@ def _found(
         with suppress(ConvergenceError):
             disturbed = fit_disturbed(exact.structure, log.data, exact.starts)
             if structure.joint.resting:
-                disturbed = creeping(disturbed, fixed)
+                disturbed = creeping(disturbed, fixed, exact.starts)
             progress("what may be wrong with it")
             doubted, widest = with_doubts(disturbed)
             if not any(doubted.degrees_of_freedom):

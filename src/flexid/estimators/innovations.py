@@ -90,6 +90,17 @@ def fit_innovations(
     return found
 
 
+def first_cost(
+    problem: SegmentedMotion,
+    point: Point,
+    directions: FloatArray,  # (n_samples, n_rows)
+    slowest: float,  # in 1/s
+) -> float:
+    """Twice the negative logarithm of the likelihood of a point, with sizes to begin with."""
+    sizes = _first_sizes(problem, slowest)
+    return _Observing.of(problem, point, directions).with_sizes(sizes).cost
+
+
 def predicting(
     problem: SegmentedMotion,
     point: Point,

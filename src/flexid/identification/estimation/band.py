@@ -18,7 +18,7 @@ from scipy.special import erf
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import NEGLIGIBLE, Minimum, minimise
-from flexid.estimators.innovations import STEPS, fit_innovations, predicting
+from flexid.estimators.innovations import STEPS, first_cost, fit_innovations, predicting
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import RESTING, Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
@@ -243,6 +243,10 @@ class InBand(Generic[M]):
             raise ConvergenceError("prediction error", "the disturbed motion diverges")
         fitted = self._fitted(found.problem, found.minimum)
         return FitInBand(fitted, found.sizes, found.cost)
+
+    def misfit(self, start: Mapping[str, float]) -> float:
+        """How little likely a start is, before any fit; see `first_cost`."""
+        return first_cost(*self._problem(start, None), self.directions, self.slowest)
 
     def with_gains_of(
         self, near: Fitted[M], start: Mapping[str, float], iterations: int
