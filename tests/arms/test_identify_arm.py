@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.arms.arm import Arm, Link
-from benchmarks.arms.log import Motion, save, simulate
+from benchmarks.arms.arm import Arm, Link, random_arm
+from benchmarks.arms.log import Motion, random_motion, save, simulate
 
 from flexid.arms.fitting import exact_fits
 from flexid.arms.identify import identify_arm
@@ -83,6 +83,33 @@ def test_a_joint_that_rests(tmp_path: Path, noise: bool):
     for name in ("joint_stiffness_2", "motor_inertia_2"):
         assert found[name].verdict == "undetermined"
         assert found[name].reason == "joint 2 rests: let it move"
+
+
+@pytest.mark.thorough  # 20 s
+def test_a_joint_that_hardly_creeps(tmp_path: Path):
+    """Assert that its motor is fitted as it moves, and that no stiffness is sure and wrong."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    rng = np.random.default_rng([3, 2, True])
+    arm, motion = random_arm(rng, 2, True), random_motion(rng, True)
+    save(simulate(arm, motion, rng), tmp_path / "run.csv")
+    known = PlanarArm(tuple(link.length for link in arm.links), arm.gravity)
+    log = read_arm_log(tmp_path / "run.csv", 2)
+    assert log.resting == (1,)
+    found = identify_arm(tmp_path / "run.csv", known).parameters
+    for joint, link in enumerate(arm.links, 1):
+        lower, upper = found[f"joint_stiffness_{joint}"].interval
+        assert lower < link.stiffness < upper
+    friction = found["motor_coulomb_friction_1"]
+    assert abs(friction.value / arm.links[0].motor_coulomb - 1.0) < 0.2
+
+
+def test_a_fit_whose_steps_do_not_end_knows_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that a fit that is still on its way determines no parameter, and says why."""
+    monkeypatch.setattr("flexid.arms.identify._ENDLESS", 0.0)
+    monkeypatch.setattr("flexid.arms.identify.explains", lambda _: False)
+    found = identify_arm(folder / "run.csv", PlanarArm((0.4, 0.3), (9.81, 0.0))).parameters
+    assert {each.verdict for each in found.values()} == {"undetermined"}
+    assert all(each.reason.startswith("the steps of the fit") for each in found.values())
 
 
 def test_currents_give_ratios(folder: Path, flexid: Run):

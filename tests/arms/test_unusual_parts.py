@@ -34,8 +34,8 @@ def test_each_start_is_tried_over_few_segments_first(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(fitting, "starts", lambda *_: [{"number": n} for n in (1, 2, 3)])
     monkeypatch.setattr(fitting, "by_misfit", lambda *given: given[3])
     monkeypatch.setattr(fitting, "fit_segments", fit_segments)
-    start, fit = fitting.begun(STRUCTURE, arm_data([still]), segments)
-    assert start == {"number": 2}
+    likely, fit = fitting.begun(STRUCTURE, arm_data([still]), segments)
+    assert likely == ({"number": 2}, {"number": 3})
     assert fit is not None
     assert fit.by_name == {"number": 200}
     few = asked[0][0]

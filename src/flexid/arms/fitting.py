@@ -68,7 +68,7 @@ class ExactFits:
     """Fits without disturbances over segments of growing length, as far as they are of use."""
 
     asked: Structure[ElasticArm]
-    begun: tuple[dict[str, float], ...]  # least squares, by name, those first that leave least
+    begun: tuple[dict[str, float], ...]  # least squares by name, the first one led to `found`
     found: tuple[FittedArm, ...]  # none where no motion leads from there
 
     @property
@@ -217,7 +217,10 @@ def _holds(one: FittedArm, found: Sequence[FittedArm]) -> bool:
 def begun(
     structure: Structure[ElasticArm], data: Data, segments: Segments
 ) -> tuple[tuple[dict[str, float], ...], FittedArm | None]:
-    """Starts, those first that get closest to the log, and where one of them leads, if any does."""
+    """Starts, those first that get closest to the log, and where the first one leads.
+
+    Those that lead nowhere are left out, unless all do.
+    """
     arm = structure.joint
     resting = [joint - 1 for joint in arm.resting]
     ways = starts(arm.balance, data.samples, dict(structure.fixed), resting)
@@ -225,10 +228,11 @@ def begun(
     likely = tuple(by_misfit(structure, data, segments, ways, _BETWEEN))
     if not likely:
         raise no_start()
-    for start in likely:
+    for place, start in enumerate(likely):
         with suppress(ConvergenceError):
             near = fit_segments(structure, data, few, start, None, _BETWEEN)
-            return likely, fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
+            first = fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
+            return likely[place:], first
     return likely, None
 
 

@@ -57,6 +57,7 @@ _HELD = {
 }
 """What the motor of a joint that rests is taken to be: whatever its values, friction holds it."""
 _POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia")
+_ENDLESS = 10.0  # standard deviations, of the next step: friction that sticks leaves up to 3
 _NO_TORQUE = 1e-100  # N m, of a balance that nothing is known of
 
 
@@ -271,6 +272,9 @@ def _doubts(
                 ),
             )
         )
+    if found.shares is not None and found.fitted.minimum.last_step > _ENDLESS:
+        said = "the steps of the fit do not end: let the joints swing faster, or log for longer"
+        doubts.append(({*parameters}, Caution(said, Rank.MOTION)))
     for joint in found.fitted.structure.joint.resting:
         # So little motion hardly tells gravity from the spring.
         own = {n for n in parameters if joint_of_name(n) == joint} - {f"link_inertia_{joint}"}
