@@ -10,7 +10,7 @@ from flexid.errors import RecordingError
 from flexid.recording.caution import Rank
 from flexid.recording.channel import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft
 from flexid.recording.names import first_times
-from flexid.recording.velocities import encoder_step, is_noise, position_noise
+from flexid.recording.velocities import is_noise, position_noise
 
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
 FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm; m/s, as no axis slides
@@ -22,7 +22,7 @@ MOST_POWER = 2e4  # W that the drive of a joint gives
 _LARGEST_INPUT = {"A": 500.0, "V": 2000.0}
 _FEWEST_LEVELS, _LEAST_LEVEL = 20, 50.0  # of whole numbers that are a drive's own unit
 _SMALLEST_MOTION = 1e-12  # of the largest value
-_MOST_STILL = 20.0  # times its noise, over which a motor moves that stands still; noise alone: 9
+_MOST_STILL = 20.0  # times its noise, to which a motor may rest (noise alone: 9): its fit decides
 _MOST_WINDING = 0.2  # rad, of the spring of a joint whose motor stands still; else it is unplugged
 _COPIED = 0.01  # of the signal, up to which a copy differs: the derivative of a noisy position does
 _SAME = 0.02  # off 1, up to which a copy's factor is, in SI units or in the file's
