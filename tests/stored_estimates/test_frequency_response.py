@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import flexid
+import made_estimates
 from flexid.errors import SettingError
 from flexid.identification.vocabulary.intervals import quantile
-from flexid.models.flexible_joint import BACKLASH_WIDTH
+from flexid.models.flexible_joint import BACKLASH_WIDTH, BEND_DEFLECTION, SPRING_CENTRE
 from flexid.report.figure import draw
 from flexid.report.response_charts import bode_chart
 from flexid.simulation.free_run import free_run
@@ -92,6 +93,19 @@ def test_of_play_it_is_that_of_the_joint_in_contact():
     motor, _ = two_masses(values, 2 * np.pi * hertz)
     responses = found.frequency_response(frequency=hertz).responses
     np.testing.assert_allclose(responses[1].values, motor, rtol=1e-9)
+
+
+def test_of_a_bent_spring_it_is_that_below_the_bend():
+    """Assert that for small motions a bend counts for nothing, whatever else a shape may have."""
+    bent = made_estimates.exact(made_estimates.TRUE | {"theta_bend": 30.0, "alpha_bend": 100.0}, "")
+    shapes = {BEND_DEFLECTION: 0.02, SPRING_CENTRE: 0.0}
+    choices = replace(bent.choices, terms=(*bent.choices.terms, "bent_spring"), shapes=shapes)
+    hertz = np.geomspace(0.1, 20, 20)
+    motor, _ = two_masses(
+        made_estimates.TRUE | {"theta_damping": 0.0, "alpha_damping": 0.0}, 2 * np.pi * hertz
+    )
+    found = frequency_response(replace(bent, choices=choices), frequency=hertz)
+    np.testing.assert_allclose(found.responses[1].values, motor, rtol=1e-9)
 
 
 def test_gravity_counts_where_the_link_hangs(estimate):

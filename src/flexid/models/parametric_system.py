@@ -237,6 +237,12 @@ class ParametricSystem:
         sought = tuple(name for name in self.constants if name in names)
         return replace(self, constants=constants, nonlinear=(*self.nonlinear, *sought))
 
+    def knowing(self, values: Mapping[str, float]) -> "ParametricSystem":
+        """Return the same system with those of its nonlinear coefficients known: constants."""
+        known = {name: values[name] for name in self.nonlinear if name in values}
+        sought = tuple(name for name in self.nonlinear if name not in known)
+        return replace(self, constants={**self.constants, **known}, nonlinear=sought)
+
     def row_slices(self) -> Iterator[tuple[Row, slice]]:
         """Each row with the place of its coefficients in `coefficients`."""
         start = 0

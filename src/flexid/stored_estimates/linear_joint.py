@@ -116,7 +116,8 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     # So is one that remembers its path, along it, and what play takes off a spring in contact.
     constant = joint_of(result.model).remembered | PLAY
     lasting = {c: value for c, value in values_of(result, 0).items() if c not in constant}
-    system = structure_of(result, lasting, smooth=False).unknowns(()).system
+    structure = structure_of(result, lasting, smooth=False)
+    system = structure.unknowns(()).system.knowing(structure.joint.first)
     given = {name: lasting.get(name, 0.0) for name in system.coefficients}
     lost = np.array([not np.isfinite(value) for value in given.values()])
     found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}
