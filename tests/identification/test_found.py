@@ -81,6 +81,12 @@ CASES = {
         {"cubic_stiffness": 2000.0}, ("cubic_stiffness",), {"cubic_joint_stiffness": 2000.0}
     ),
     "a spring that remembers": Case(HYSTERESIS, ("spring_hysteresis",), MEMORY),
+    "a spring that is asked whether it remembers": Case(
+        HYSTERESIS,
+        ("spring_hysteresis",),
+        MEMORY,
+        Settings(terms=(*PAPER_TERMS, "spring_hysteresis")),
+    ),
     "a torque that saturates": Case(
         {"saturation": 0.1, "peak_torque": 30.0},
         ("torque_saturation",),
@@ -93,6 +99,14 @@ CASES = {
         seconds={3: 12.0},
     ),
     "a ripple": Case(RIPPLE, ("torque_ripple",), RIPPLED, seconds={1: 12.0}, accuracy=2e-4),
+    "a ripple that is asked for": Case(
+        RIPPLE,
+        ("torque_ripple",),
+        RIPPLED,
+        Settings(terms=(*PAPER_TERMS, "torque_ripple")),
+        {1: 12.0},
+        2e-4,
+    ),
     "a bend": Case(BEND, ("bent_spring",), BENT, seconds={2: 12.0}, accuracy=1e-3),
     "a bend of the link alone": Case(
         BEND,
@@ -139,6 +153,8 @@ CASES = {
 THOROUGH = {
     "a bend of known stiffness, and a known inertia",
     "a ripple and a bend",
+    "a spring that is asked whether it remembers",
+    "a ripple that is asked for",
 }
 
 
@@ -186,6 +202,13 @@ def test_a_ripple_far_from_zero_counts_from_where_it_is():
         a, b = near.parameters[name], far.parameters[name]
         assert b.value == pytest.approx(a.value, abs=a.std)
         assert b.std == pytest.approx(a.std, rel=0.2)
+
+
+def test_a_ripple_that_is_asked_for_and_not_there_has_no_size():
+    """Assert that it spoils nothing else."""
+    absent = identify([log(made(1, 12.0))], Settings(terms=(*PAPER_TERMS, "torque_ripple")))
+    assert absent.parameters["torque_ripple"].value < 1e-3
+    assert absent.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
 
 
 @pytest.mark.parametrize(
