@@ -55,7 +55,7 @@ def by_length(monkeypatch):
     def set_up(ends: dict[tuple[str, int], list[float]], late=0.0, finest=FINEST, *, insist=True):
         tried: list[tuple[str, int]] = []
 
-        def fit_by_length(structure, data, way, lengths_fitted, *, insist=True, iterations):
+        def fit_by_length(structure, data, way, lengths_fitted, *, insist=True, **_):
             halvings = len(lengths_fitted) - len(LADDER)
             tried.append((way["start"], halvings))
             excesses = ends.get(tried[-1])

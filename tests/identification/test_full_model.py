@@ -111,19 +111,33 @@ def test_least_squares_starts_no_motion_that_runs_away(late):
     assert start["beta1"] == -fit.by_name["beta1"]
 
 
-@pytest.mark.parametrize(("ends", "kept"), [("++++", 4), ("++x+", 2), ("+xx", 1), ("x+", None)])
-def test_a_climb_ends_where_a_length_cannot_be_fitted(monkeypatch, ends, kept):
-    """Assert that all lengths before are kept, however the fits are asked for.
+@pytest.mark.parametrize(
+    ("ends", "kept"),
+    [
+        ("++++", "++++"),
+        ("++x+", "++"),
+        ("+xx", "+"),
+        ("x+", None),
+        # What explains the log over the longest at once needs no length in between.
+        ("oxxo", "o..o"),
+        ("ooo+", "ooo+"),
+        ("ooox", "ooo"),
+    ],
+)
+def test_which_lengths_are_fitted(monkeypatch, ends, kept):
+    """Assert that those up to a failure are kept, or the first and the last of what explains all.
 
-    For each length: + where it can be fitted, x where it cannot.
+    For each length: o where noise is left, + where more is, x where it cannot be fitted.
     """
     counts = [2 ** (len(ends) - i) for i in range(len(ends))]
 
     def fitted_over(_structure, _data, segments, _start, states, *_, **__):
-        if ends[counts.index(len(segments))] == "x":
+        end = ends[counts.index(len(segments))]
+        if end == "x":
             raise ConvergenceError("prediction error", "nowhere")
         assert states is None or len(states) == len(segments)
-        return made_fit(segments=segments, states=np.zeros((len(segments), 4)))
+        excess = 1.0 if end == "o" else 2.0
+        return made_fit(excess, segments=segments, states=np.zeros((len(segments), 4)))
 
     monkeypatch.setattr(fitting, "fit_segments", fitted_over)
     divisions, nothing = cast(Any, [range(count) for count in counts]), cast(Any, None)
@@ -132,9 +146,10 @@ def test_a_climb_ends_where_a_length_cannot_be_fitted(monkeypatch, ends, kept):
             fit_by_length(nothing, nothing, {}, divisions)
         return
     found = fit_by_length(nothing, nothing, {}, divisions)
-    assert [len(each.problem.segments) for each in found] == counts[:kept]
+    expected = [count for count, end in zip(counts, kept, strict=False) if end != "."]
+    assert [len(each.problem.segments) for each in found] == expected
     rest = fitting.longer_fits(found[0], divisions)
-    assert [len(each.problem.segments) for each in rest] == counts[1:kept]
+    assert [len(each.problem.segments) for each in rest] == expected[1:]
 
 
 def test_fit_to_other_data():

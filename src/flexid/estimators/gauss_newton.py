@@ -70,8 +70,9 @@ def minimise(
     insist: bool = True,
     iterations: int = ITERATIONS,
     enough: float = 0.0,
+    promised: float = np.inf,
 ) -> Minimum:
-    """Least sum of squares near a point."""
+    """Least sum of squares near a point; the first step has to promise a variance."""
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise ConvergenceError(
@@ -83,6 +84,11 @@ def minimise(
     while slow < iterations:
         reduced = problem.solve(equations)
         variance = equations.cost / problem.degrees_of_freedom
+        if taken == 0 and variance - reduced.decrement / problem.degrees_of_freedom > promised:
+            raise ConvergenceError(
+                "prediction error",
+                "the first step leads nowhere near the record: shorten the segments",
+            )
         last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
         if last_step <= tolerance or _is_rounding(reduced, point):
             return Minimum(point, equations, reduced, taken, float(last_step))

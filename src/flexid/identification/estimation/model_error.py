@@ -18,7 +18,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.full_model.fitting import fit_like
+from flexid.identification.full_model.fitting import fit_like, over_shorter
 from flexid.identification.full_model.model import ROUGH, Fitted
 from flexid.identification.structure.gap import PLAY, is_dead_zone
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS
@@ -44,9 +44,9 @@ def model_error(
     """Look for a model error in the residuals of a fit."""
     floor = thresholds.noise_floor(lengths_fitted[0].excess)
     own = _beyond(fitted, floor + explained(fitted), lengths_fitted[0])
-    growth = _growth(fitted, lengths_fitted, floor, explained)
     if own <= 0.0:
-        return ModelError(0.0, growth, 0.0)
+        return ModelError(0.0, 0.0, 0.0)
+    growth = _growth(fitted, lengths_fitted, floor, explained)
     between = (thresholds.white_growth, thresholds.repeated_growth)
     off = abs(growth - _WHITE)
     share = float(np.interp(off, between, (0.0, 1.0))) if np.isfinite(growth) else 1.0
@@ -140,14 +140,10 @@ def _growth(
     explained: Callable[[Fitted], float],
 ) -> float:
     """Power of the segments' length with which the excess grows from the reported one on."""
-    near = [r for r in lengths_fitted if r.duration >= 0.75 * fitted.duration] or list(
-        lengths_fitted[-2:]
-    )
+    near = [r for r in lengths_fitted if r.duration >= 0.75 * fitted.duration]
     if len(near) < 2:
-        near = list(lengths_fitted[-2:])
+        near = [over_shorter(fitted), fitted]
     first, last = near[0], near[min(2, len(near) - 1)]
-    if first is last:
-        return 0.0
     before, after = (
         one_length.excess - floor - explained(one_length) for one_length in (first, last)
     )

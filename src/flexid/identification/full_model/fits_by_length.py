@@ -116,7 +116,7 @@ def fit_full_model(
     progress("the full model")
     short = [s for s in divisions if s.mean_duration <= _SHORT]
     short = short or divisions[:1]
-    found = first_fits(base.with_hold(holds[0]), data, short, insist=not exact)
+    found = first_fits(base.with_hold(holds[0]), data, divisions, short[-1], insist=not exact)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
         found = ending_with(best, found, short)

@@ -27,6 +27,7 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, M, Structure
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 SHORTEST = 0.1
 """Length in s of the segments that a fit begins with: any start is good enough for these."""
@@ -45,6 +46,7 @@ class Steps:
     insist: bool = True  # on convergence
     iterations: int = ITERATIONS  # at most
     enough: float = 0.0  # variance of the residuals, up to which convergence is not insisted on
+    promised: float = np.inf  # the same that the first step has to promise
     coarser: float = 1.0  # steps of integration over the usual ones
     most_substeps: float = np.inf  # of these per sample
 
@@ -56,6 +58,8 @@ class Steps:
 
 USUAL = Steps()
 """Steps that insist on convergence, as short as the motion wants them."""
+
+_AT_ONCE = Steps(0.1, iterations=5, promised=NEARLY_NOISE)
 
 
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
@@ -83,15 +87,12 @@ def fit_by_length(
     states: FloatArray | None = None,  # (n_segments, n_states)
     insist: bool = True,
     iterations: int = ITERATIONS,
+    leads_on: Callable[[Fitted], bool] = lambda _: True,
 ) -> list[Fitted]:
-    """Fit over segments of growing length, each from where the one before it ended.
-
-    They end at the length at which the fit fails. One whose steps do not end is kept where
-    its residuals are nearly those of the noise, and leads on.
-    """
+    """Fit over the first of some divisions, and over longer segments from there."""
     steps = Steps(insist=insist, iterations=iterations, enough=NEARLY_NOISE)
     first = fit_segments(structure, data, divisions[0], start, states, steps)
-    return [first, *longer_fits(first, divisions[1:])]
+    return [first, *longer_fits(first, divisions[1:], leads_on)]
 
 
 def longer_fits(
@@ -101,11 +102,16 @@ def longer_fits(
 ) -> list[Fitted]:
     """Fits from one on, to those divisions whose segments are longer than its own.
 
-    They end at the length at which the fit fails, and with one that does not lead on. One whose
-    steps do not end is kept where its residuals are nearly those of the noise.
+    What explains the log over the longest at once is all that is needed. Otherwise each length
+    begins where the one before it ended. They end at the length at which the fit fails, and with
+    one that does not lead on. One whose steps do not end is kept where its residuals are nearly
+    those of the noise.
     """
+    longer = [each for each in divisions if len(each) < len(first.problem.segments)]
+    if (whole := _explained_over(longer[-1:], first)) is not None:
+        return [whole]
     last, found = first, []
-    for segments in (longer for longer in divisions if len(longer) < len(first.problem.segments)):
+    for segments in longer:
         if not leads_on(last):
             break
         try:
@@ -114,6 +120,19 @@ def longer_fits(
             break
         found.append(last)
     return found
+
+
+def _explained_over(longest: Sequence[Segments], short: Fitted) -> Fitted | None:
+    """A fit over the longest segments from one over short ones, if both leave no more than noise.
+
+    No other minimum explains a log as well, so that nothing is lost by the way there.
+    """
+    if not longest or short.excess > THRESHOLDS.sensor_excess:
+        return None
+    with suppress(ConvergenceError):
+        found = over_longer(short, longest[0], _AT_ONCE)
+        return found if found.excess <= THRESHOLDS.sensor_excess else None
+    return None
 
 
 def led_from(
@@ -139,6 +158,15 @@ def over_longer(fitted: Fitted[M], segments: Segments, steps: Steps) -> Fitted[M
     states = before[:: len(before) // len(segments)]
     start = fitted.by_name
     return fit_segments(fitted.structure, fitted.data, segments, start, states, steps)
+
+
+def over_shorter(fitted: Fitted[M]) -> Fitted[M]:
+    """The same fit over segments of a quarter of the length, as far as these can be had."""
+    segments = fitted.problem.segments
+    for _ in range(2):
+        segments = segments.halved() if segments.can_be_halved else segments
+    steps = Steps(insist=False)
+    return fit_segments(fitted.ended, fitted.data, segments, fitted.by_name, None, steps)
 
 
 def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
@@ -168,19 +196,19 @@ def fit_to(
     """Fit to other data over segments of a length in s, from values that are nearly right.
 
     Returns the fit over segments of that length, in steps that suit these data, and rough fits
-    over segments of growing length, up to four times as long.
+    over others, from the shortest up to four times as long.
     """
     divisions = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
     # Short segments know little of a shape.
     shapes = {name: start.get(name, value) for name, value in structure.joint.first.items()}
     held = replace(structure, fixed={**shapes, **structure.fixed})
     found = fit_by_length(held, data, start, divisions)
-    if len(found) < len(divisions):
+    last = found[-1]
+    if len(last.problem.segments) > len(divisions[-1]):
         raise ConvergenceError(
             "prediction error",
             "what fits short segments does not lead on to longer ones: shorten the segments",
         )
-    last = found[-1]
     states = last.minimum.point.initial_states
     nearly = {**shapes, **last.by_name}
     fitted = in_own_steps(refit(structure, data, nearly, divisions[-1], FINE, states))
@@ -249,11 +277,10 @@ def within_bounds(structure: Structure, data: Data, fit: Callable[[Structure], F
         fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
         return fit(replace(structure, fixed={**structure.fixed, **fixed}))
 
-    unknowns = structure.unknowns(data.groups)
     bounds = {c: b for c, b in structure.bounds.items() if c not in structure.absent}
     if not bounds:
-        return fit_with(unknowns)
-    fitted, at_bound = bounded_fit(fit_with, unknowns, bounds)
+        return fit(structure)
+    fitted, at_bound = bounded_fit(fit_with, structure.unknowns(data.groups), bounds)
     structure = replace(structure, joint=fitted.structure.joint)
     return replace(fitted, structure=structure, at_bound=at_bound)
 
@@ -326,6 +353,7 @@ def fit_segments(
         insist=steps.insist,
         iterations=steps.iterations,
         enough=steps.enough,
+        promised=steps.promised,
     )
     values = dict(zip(problem.names, found.point.values.tolist(), strict=True))
     ended = structure.beginning_at(values)

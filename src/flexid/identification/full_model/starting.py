@@ -13,7 +13,7 @@ length, then lead where all lead that do not fail. What they lead nowhere on is 
 disturbances.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -33,6 +33,7 @@ from flexid.identification.full_model.fitting import (
     motion_at,
 )
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, data_of
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, SQUARES
 from flexid.recording.recording import Recording
 
@@ -57,7 +58,10 @@ _SAME = 0.01  # relative difference of two sums of squares at one minimum
 
 
 def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[str, float]]:
-    """Values that a fit may begin with, the most promising first."""
+    """Values that a fit may begin with, the most promising first.
+
+    If a step from the first leaves no more than noise, it need not be compared with the others.
+    """
     # Which samples a friction is known at shows where it is sought, be it given or not.
     given = {name: value for name, value in structure.fixed.items() if name not in _FRICTIONS}
     sought = replace(structure, fixed=given)
@@ -67,6 +71,12 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
         ways.append(start)
         if moving := _while_moving(fit):
             ways.append(_begun(sought, {**fit.by_name, **moving}))
+    some = segments.some(_COMPARED)
+    problem, point = motion_at(structure, data, some, ways[0], first_states(some))
+    equations = problem.equations(point)
+    promised = equations.cost - problem.solve(equations).decrement
+    if promised <= THRESHOLDS.sensor_excess * problem.degrees_of_freedom:
+        return ways
     return by_misfit(structure, data, segments, ways)
 
 
@@ -221,34 +231,45 @@ def unexplained_link(fit: LeastSquaresFit) -> float:
 
 
 def first_fits(
-    structure: Structure, data: Data, divisions: Sequence[Segments], *, insist: bool = True
+    structure: Structure,
+    data: Data,
+    divisions: Sequence[Segments],
+    compared: Segments | None = None,
+    *,
+    insist: bool = True,
 ) -> list[Fitted]:
-    """Fit over short segments of growing length, from the start that leads to the least residuals.
+    """Fit over segments of growing length, from the start that leads to the least residuals.
 
-    Returns fits from the first of the divisions on, as far as `fit_by_length` leads. Without
-    insisting on a fit whose steps end, the best start's is taken, be it as bad as it may.
+    Returns fits from the first of the divisions on, as far as `fit_by_length` leads: up to those
+    over which starts are compared, unless these explain the log at once. Without insisting on a
+    fit whose steps end, the best start's is taken, be it as bad as it may.
     """
+    last = len(compared or divisions[-1])
+
+    def leads_on(fitted: Fitted) -> bool:
+        return len(fitted.problem.segments) > last
+
     ways = starts(structure, data, divisions[0])[:_STARTS]
     finer = _halved(divisions[0])
     for before in [[], finer] if finer else [[]]:
         best: list[Fitted] = []
         astray: set[str] = set()
-        for found in _tries(structure, data, ways, before, divisions):
+        for found in _tries(structure, data, ways, [*before, *divisions], len(before), leads_on):
             if not found[-1].has_partners:
                 astray |= found[-1].astray
                 continue
             confirmed = len(found) == len(best) and _alike(found, best)
             best = _better(found, best)
-            if confirmed or len(best) == len(divisions):
+            if confirmed or not leads_on(best[-1]):
                 break
         if best:
             return best
         if astray:  # the log tells so little of these delays that they lead out of it
-            return first_fits(structure.without(astray), data, divisions, insist=insist)
+            rest = data, divisions, compared
+            return first_fits(structure.without(astray), *rest, insist=insist)
     if not insist:
-        return fit_by_length(
-            structure, data, ways[0], divisions, insist=False, iterations=FIRST_ITERATIONS
-        )
+        steps = {"insist": False, "iterations": FIRST_ITERATIONS}
+        return fit_by_length(structure, data, ways[0], divisions, **steps, leads_on=leads_on)
     raise no_start()
 
 
@@ -275,11 +296,11 @@ def _tries(
     structure: Structure,
     data: Data,
     ways: Sequence[Mapping[str, float]],
-    before: Sequence[Segments],
-    divisions: Sequence[Segments],
+    climbed: Sequence[Segments],
+    before: int,
+    leads_on: Callable[[Fitted], bool],
 ) -> Iterator[list[Fitted]]:
-    """Fits from one start after the other, by way of other segments, that reach the divisions."""
-    climbed = [*before, *divisions]
+    """Fits from one start after the other that come beyond the first of the segments."""
     stuck: list[Fitted] = []  # of what leads not even there
     first = in_part(climbed[0])
     for way in ways:
@@ -287,10 +308,11 @@ def _tries(
             if first is not climbed[0]:
                 some = fit_by_length(structure, data, way, [first], iterations=FIRST_ITERATIONS)
                 way = some[0].by_name
-            found = fit_by_length(structure, data, way, climbed, iterations=FIRST_ITERATIONS)
+            steps = {"iterations": FIRST_ITERATIONS, "leads_on": leads_on}
+            found = fit_by_length(structure, data, way, climbed, **steps)
         except ConvergenceError:
             continue
-        reached = found[len(before) :]
+        reached = [f for f in found if len(f.problem.segments) <= len(climbed[before])]
         if reached:
             yield reached
         elif stuck and len(found) == len(stuck) and _alike(found, stuck):
