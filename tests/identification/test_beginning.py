@@ -28,6 +28,10 @@ class _Segments:
     def lengths(self) -> np.ndarray:
         return np.full(self.count, 20 if self.count < self.finest else 19)
 
+    @property
+    def mean_duration(self) -> float:
+        return 0.4 / self.count
+
     def halved(self) -> "_Segments":
         return _Segments(2 * self.count, self.finest)
 

@@ -19,9 +19,9 @@ from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate
-from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.recording import Log
 from flexid.symmetric import eigen
 
@@ -151,8 +151,7 @@ def advise(result: Identification) -> Advice | None:
 
 def _resonance(result: Identification) -> float | None:
     """Of link and motor against each other; of the link alone where its motor is driven."""
-    springs = [c.value for n, c in result.coefficients.items() if n in ("theta2", "alpha1")]
-    return float(np.sqrt(sum(springs))) if springs else None
+    return resonance({n: c.value for n, c in result.coefficients.items()}) or None
 
 
 def _longer(result: Identification, lacking: Sequence[CoefficientEstimate]) -> float | None:

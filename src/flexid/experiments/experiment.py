@@ -28,6 +28,7 @@ from flexid.experiments.tables import (
     Tables,
 )
 from flexid.experiments.variation import Variation, read_variation
+from flexid.models.flexible_joint import POSITIVE
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import JOINT_PARAMETERS, joint_coefficients
 from flexid.paper.laws import Controller, pd_gravity, robust_law
@@ -39,7 +40,6 @@ from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 Values = Mapping[str, float]
 
 _INERTIAS = ("link_inertia", "motor_inertia")
-_POSITIVE = ("theta2", "alpha1", "beta1")  # without spring or inertia it is no flexible joint
 
 
 def coefficient_values(
@@ -247,7 +247,7 @@ def _loop(
     known = model.known if isinstance(model, JointModel) else system.constants
     names = (*system.coefficients, *known)
     values = coefficient_values("plant", tables.plant, names, joint, refuse, needed=names)
-    for name in _POSITIVE if joint else ():
+    for name in sorted(POSITIVE) if joint else ():
         if not values.get(name, 1.0) > 0.0:
             source = _source(name, tables.plant)
             raise refuse(f"plant.{source}", f"is {tables.plant[source]:g}: give a positive number")

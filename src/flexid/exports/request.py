@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
 from flexid.estimators.state_variable_filter import check_filter_rate
-from flexid.models.flexible_joint import CONSTANT_UNITS, SQUARES
+from flexid.models.flexible_joint import CONSTANT_UNITS, POSITIVE, SQUARES
 from flexid.models.motion import JointType, unit_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import SMOOTHING, declared_row
@@ -111,7 +111,6 @@ def impossible(name: str, value: str, why: str) -> SettingError:
 
 
 def _check_possible(result: "Identification") -> None:
-    from flexid.identification.vocabulary.intervals import POSITIVE
 
     for name, found in result.coefficients.items():
         if name in POSITIVE and found.value <= 0.0:

@@ -98,8 +98,33 @@ DISSIPATIVE = frozenset(
 )
 """Frictions and dampings, which no drive has negative."""
 
+SPRING = _COMPLIANCE.coefficients
+"""Coefficients of the joint spring, in the rows of link and motor."""
+
+POSITIVE = frozenset({*SPRING, "beta1"})
+"""Coefficients that no spring and no inertia has negative or zero."""
+
 HARDENING = frozenset(TERMS["cubic_stiffness"].coefficients)
 """Coefficients of a spring that hardens or softens."""
+
+DAMPING = frozenset(TERMS["joint_damping"].coefficients)
+"""Coefficients of the damping of the spring."""
+
+
+def resonance(coefficients: Mapping[str, float]) -> float:
+    """Angular frequency in rad/s of the joint on its spring, as far as coefficients say."""
+    return float(sum(abs(coefficients.get(name, 0.0)) for name in SPRING)) ** 0.5
+
+
+def coefficients_of(term: str) -> tuple[str, ...]:
+    """Coefficients of a term, and of the one that it becomes in the rigid joint."""
+    return (*TERMS[term].coefficients, *_RIGID.get(DECLARED["terms"][term].get("rigid"), ()))
+
+
+DRY_FRICTIONS = frozenset(
+    c for term in ("link_coulomb", "motor_coulomb") for c in coefficients_of(term)
+)
+"""Coefficients of Coulomb frictions, which depend on the direction alone."""
 
 ANGULAR_TERMS = frozenset(name for name, one in _EVERY.items() if one.get("angular"))
 """Terms that repeat with the angle of a link, which one that slides does not have."""

@@ -11,6 +11,7 @@ Gravity that has a sine and a cosine is the exception: an amplitude and an angle
 """
 
 from collections.abc import Collection, Mapping
+from math import pi
 from typing import Any, Literal
 
 from flexid.models.parameter_kinds import (
@@ -39,6 +40,9 @@ _TABLES: Mapping[str, tuple[PhysicalParameter, ...]] = {
     for name, table in DECLARED["parameters"].items()
 }
 
+ANGLES = frozenset(p.name for table in _TABLES.values() for p in table if isinstance(p, ZeroAngle))
+"""Parameters of which a difference is taken round the circle, and no percentage makes sense."""
+
 PARAMETER_NAMES = tuple(dict.fromkeys(p.name for table in _TABLES.values() for p in table))
 """Names of all physical parameters, of whichever joint and input."""
 
@@ -60,6 +64,20 @@ def physical_parameters(
     # Of two entries with one name the later one heeds more coefficients, and takes the place.
     found = {p.name: p for p in table if set(p.coefficients) <= set(coefficients)}
     return tuple(found.values())
+
+
+def difference(name: str, a: float, b: float) -> float:
+    """B's value minus A's, of an angle the shorter way round.
+
+    Examples
+    --------
+    >>> round(difference("gravity_angle", 3.1, -3.1), 3)
+    0.083
+    >>> difference("gravity_torque", 3.0, -3.0)
+    -6.0
+    """
+    value = b - a
+    return (value + pi) % (2.0 * pi) - pi if name in ANGLES else value
 
 
 TERM_PARAMETERS: Mapping[str, str] = {

@@ -18,7 +18,7 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.motion import unit_of
-from flexid.models.parameter_kinds import ANGLES
+from flexid.models.physical import ANGLES
 from flexid.report.chart import Chart
 from flexid.report.page import Answer, Command, Presenter, Tone, logs_of
 from flexid.report.terminal import (

@@ -8,7 +8,7 @@ from rich.console import Group
 from rich.text import Text
 
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.models.parameter_kinds import ANGLES, difference
+from flexid.models.physical import ANGLES, difference
 from flexid.report.identification import PARAMETERS, estimates_table, negligible_line
 from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, laid_out, numbers

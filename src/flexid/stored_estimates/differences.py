@@ -33,7 +33,7 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.parameter_kinds import ANGLES, difference
+from flexid.models.physical import ANGLES, difference
 from flexid.stored_estimates.estimate_origins import Sharing
 
 Outcome = Literal[

@@ -29,6 +29,7 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.structure.gap import PLAY
 from flexid.identification.vocabulary.evidence import slopes_of
 from flexid.identification.vocabulary.intervals import quantile
+from flexid.models.flexible_joint import coefficients_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.sampled import plain_model
 from flexid.stored_estimates.structure import structure_of, values_of
@@ -143,7 +144,8 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
 
 def _hanging(coefficients: Mapping[str, float]) -> float:
     """The angle at which gravity has no torque."""
-    for sine, cosine in (("theta1", "theta_cosine"), ("gamma1", "gamma_cosine")):
+    both = map(coefficients_of, ("gravity", "gravity_cosine"))
+    for sine, cosine in zip(*both, strict=True):
         if coefficients.get(cosine):
             return -atan2(coefficients[cosine], coefficients.get(sine, 0.0))
     return 0.0

@@ -24,9 +24,10 @@ from flexid.identification.judgement.estimates import coefficient_estimates, par
 from flexid.identification.preparation.stated import Stated
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
-from flexid.identification.vocabulary.intervals import POSITIVE, quantile
+from flexid.identification.vocabulary.intervals import quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.parameter_kinds import ANGLES, difference
+from flexid.models.flexible_joint import POSITIVE
+from flexid.models.physical import ANGLES, difference
 from flexid.recording.recording import Hold
 from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.options import RATES, WatchOptions

@@ -29,8 +29,8 @@ from flexid.models.flexible_joint import (
     flexible_joint,
 )
 from flexid.models.motion import JointType
-from flexid.models.parameter_kinds import ANGLES
 from flexid.models.parametric_system import ParametricSystem
+from flexid.models.physical import ANGLES
 from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row_alone
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.channel import INPUTS, Channel

@@ -55,10 +55,8 @@ from flexid.identification.vocabulary.evidence import (
     Validation,
     balance_of,
 )
+from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.caution import Caution, Rank
-
-SPRINGS = frozenset({"theta2", "alpha1", "beta1"})
-"""What is not known without the spring: of the motor, as the link may be part of it, all."""
 
 PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
 UNEXPLAINED = 0.1  # of a balance's acceleration: with less, its spring is there all the same
@@ -77,8 +75,8 @@ class Answer:
     widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
     # why some coefficient is not known, whatever its interval says
     doubts: tuple[Caution, ...] = ()
-    # which these are: those of the spring, in one balance or in both
-    doubted: frozenset[str] = SPRINGS
+    # which these are, in one balance or in both: of the motor, as the link may be part of it, all
+    doubted: frozenset[str] = POSITIVE
     prediction: str = ""  # how well the spring predicts the deflection
 
 
@@ -201,10 +199,10 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
     if skewed or predicted >= PREDICTED:
         return replace(found, doubts=skewed)
     shares = {} if found.disturbances is None else found.disturbances.shares
-    doubted = {c for c in SPRINGS if shares.get(balance_of(c), 1.0) > UNEXPLAINED}
+    doubted = {c for c in POSITIVE if shares.get(balance_of(c), 1.0) > UNEXPLAINED}
     if not doubted:
         return found
-    what = "joint" if doubted == SPRINGS else balance_of(min(doubted))
+    what = "joint" if doubted == POSITIVE else balance_of(min(doubted))
     doubt = weak_spring(f"this {what}", f"{period:.2g} s, a period", share, _whole_drive(job))
     return replace(found, doubts=(doubt,), doubted=frozenset(doubted))
 
@@ -224,8 +222,7 @@ def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
     It begins from the state that fits the period before: what acts besides the spring shifts a
     state that has to fit many.
     """
-    springs = [abs(fitted.by_name.get(name, 0.0)) for name in ("theta2", "alpha1")]
-    period = 2.0 * np.pi / np.sqrt(max(sum(springs), np.finfo(float).tiny))
+    period = 2.0 * np.pi / max(resonance(fitted.by_name), np.finfo(float).tiny)
     whole, starts = job.whole, job.recordings.starts
     period = float(np.clip(period, 5.0 * whole.samples[0].sample_time, 0.1 * whole.duration))
     found = validate(fitted, whole, starts, horizons=(period,), warm_up=period).horizons

@@ -26,6 +26,7 @@ from flexid.estimators.steady_gains import Sizes
 from flexid.identification.full_model.fitting import USUAL, Steps, motion_at, within_bounds
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, sensor_noise
 from flexid.identification.structure.validation import Follower, from_fitted_states
+from flexid.models.flexible_joint import SPRING, resonance
 from flexid.recording.velocities import position_noise
 
 PER_PERIOD = 16.0
@@ -50,10 +51,8 @@ _INTEGRATION = Steps(coarser=0.4, most_substeps=9)
 def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PERIOD) -> int:
     """Every how many samples of a log describe the joint."""
     sample_time = max(samples.sample_time for samples in data.samples)
-    springs = [abs(start[name]) for name in ("theta2", "alpha1") if name in start]
-    if springs:
-        fastest = float(np.sqrt(sum(springs)))
-    else:
+    fastest = resonance(start)
+    if start.keys().isdisjoint(SPRING):
         fastest = _fastest(data) * _RIGID_PER_PERIOD / PER_PERIOD
     if fastest <= 0.0:
         return 1

@@ -17,7 +17,7 @@ from flexid.estimators.channel_timing import INPUT
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import balance_of
-from flexid.models.flexible_joint import DISSIPATIVE
+from flexid.models import flexible_joint as declared
 
 CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is known better
 _FURTHER_MODES = 0.003  # of a link's inertia: by its next bending mode it looks heavier
@@ -35,9 +35,10 @@ _LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like th
 # on motors whose share was 0.05 to 0.1 and 0.1 to 0.2, among them those with other reasons.
 LIKE_THE_ACCELERATION = 1.0
 
-_LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
-_SPRINGS = frozenset({"theta2", "alpha1"})
-_VISCOUS = frozenset({"alpha2", "gamma_viscous"})
+_LINK_GRAVITY = frozenset(
+    c for term in ("gravity", "gravity_cosine") for c in declared.TERMS[term].link
+)
+_VISCOUS = declared.coefficients_of("motor_viscous")
 
 
 class Repeat(NamedTuple):
@@ -126,7 +127,7 @@ def gauge_scale(doubted: Doubted) -> FloatArray:
     """
     if doubted.by_gauge is None:
         return np.zeros((len(doubted.fitted.names), 0))
-    springs = np.array([name in _SPRINGS for name in doubted.fitted.names])
+    springs = np.array([name in declared.SPRING for name in doubted.fitted.names])
     least = np.where(springs, np.abs(doubted.fitted.values), 0.0)
     change = 100.0 * doubted.by_gauge
     grown = np.where(np.signbit(change), -1.0, 1.0) * np.maximum(np.abs(change), least)
@@ -156,10 +157,9 @@ def lag(doubted: Doubted) -> FloatArray:
     """
     if doubted.by_lag is not None:
         return doubted.by_lag[:, None]
-    values = doubted.fitted.by_name
-    resonance_square = sum(abs(values.get(name, 0.0)) for name in _SPRINGS)
     mean_square = 0.5 * 0.2  # of (τ / delay)², half of which are 0
-    lost = min(0.5 * resonance_square * doubted.longest_lag**2 * np.sqrt(mean_square), 1.0)
+    phase = declared.resonance(doubted.fitted.by_name) * doubted.longest_lag
+    lost = min(0.5 * phase**2 * np.sqrt(mean_square), 1.0)
     return doubted.diagonal(lambda name, value: lost * value * (name == "beta1"))
 
 
@@ -173,7 +173,7 @@ def play(doubted: Doubted) -> FloatArray:
     """A spring with play looks softer than it is, and often like one that hardens."""
     # Anything between none and all of it: a uniform distribution.
     share = doubted.by_play / np.sqrt(3.0)
-    springs = np.array([name in _SPRINGS for name in doubted.fitted.names])
+    springs = np.array([name in declared.SPRING for name in doubted.fitted.names])
     return share * np.where(springs, doubted.fitted.values, 0.0)[:, None]
 
 
@@ -191,7 +191,7 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
     def deviation(name: str, _: float) -> float:
         size = doubted.sizes.get(name, 0.0)  # a delay has none
         share = doubted.shares[balance_of(name)] if size else 0.0
-        friction = name.partition("[")[0] in DISSIPATIVE
+        friction = name.partition("[")[0] in declared.DISSIPATIVE
         return like_a_term(share, friction=friction) * share / size if size else 0.0
 
     return doubted.diagonal(deviation)

@@ -9,14 +9,19 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.estimators.excitation import Excitation, excitation_of_gram
 from flexid.estimators.rowwise import RowFit
+from flexid.models import flexible_joint as declared
 from flexid.symmetric import eigen
 
 # By the spring, which acts on both rows, with how it is curved and damped.
-_COUPLED = {"theta2", "alpha1", "beta1"} | {
-    f"{row}_{law}" for row in ("theta", "alpha") for law in ("cubic", "damping")
-}
-_STANDING = ("theta2", "alpha1", "theta_cosine", "gamma_cosine")  # which a constant takes part of
-_OFFSETS = ("theta_offset", "alpha_offset")
+_COUPLED = declared.POSITIVE | declared.HARDENING | declared.DAMPING
+_STANDING = (
+    *declared.SPRING,
+    *declared.coefficients_of("gravity_cosine"),
+)  # which a constant takes part of
+_OFFSETS = (
+    *declared.TERMS["link_offset"].coefficients,
+    *declared.TERMS["motor_offset"].coefficients,
+)
 _SCATTER = 3.0  # standard deviations of a mean square, by which noise may exceed its own
 _PART = 0.1  # of a direction, from which on a coefficient counts as part of it
 _LEAST_MOTION = (

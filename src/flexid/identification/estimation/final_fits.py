@@ -32,6 +32,7 @@ from flexid.identification.structure.shapes import settled
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.models.flexible_joint import coefficients_of
 from flexid.recording.velocities import with_velocities
 
 _NOISE_SEED = 1  # of what is added to see how much of a regressor is noise
@@ -99,7 +100,7 @@ class FinalFits:
         if not self.reported.converged:
             return {*self.reported.names}
         structure, full = self.choice.structure, self.choice.full
-        gravity = frozenset({"theta1", "gamma1"} - full.absent)
+        gravity = frozenset(coefficients_of("gravity")) - full.absent
         heavy = replace(structure, absent=structure.absent - gravity)
         noisier = self._timely.with_noise(_NOISE_SEED)
         independent = max(1.0, self.filter_rate * noisier.duration)

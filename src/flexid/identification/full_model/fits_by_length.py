@@ -27,7 +27,7 @@ from flexid.identification.full_model.fitting import (
     with_steps_refined,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
-from flexid.identification.full_model.starting import FIRST_ITERATIONS, first_fits
+from flexid.identification.full_model.starting import FIRST_ITERATIONS, first_fits, short
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import HYSTERESIS_GRIP
@@ -40,7 +40,6 @@ TURNING = 0.5
 # that is stiff for its load 16, and both are right; EMPS without its pulses has 10⁹, and is not.
 _RIGID_EXCESS = 100.0
 _HARDLY_MORE = 1.5  # times what noise explains: the held-out end may bring it below that
-_SHORT = 0.5  # s of segments up to which any hold will do
 # Of the grip that suits the motion, to begin with.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
@@ -114,14 +113,12 @@ def fit_full_model(
     """
     divisions = lengths(data, *durations)
     progress("the full model")
-    short = [s for s in divisions if s.mean_duration <= _SHORT]
-    short = short or divisions[:1]
-    found = first_fits(base.with_hold(holds[0]), data, divisions, short[-1], insist=not exact)
+    found = first_fits(base.with_hold(holds[0]), data, divisions, insist=not exact)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
-        found = ending_with(best, found, short)
+        found = ending_with(best, found, divisions)
     progress("the full model over longer segments")
-    if len(found[-1].problem.segments) == len(short[-1]):
+    if len(found[-1].problem.segments) == len(short(divisions)[-1]):
         found = found + _longer(found[-1], divisions, thresholds, exact=exact)
     if len(holds) > 1:
         progress("how the input runs between its samples")

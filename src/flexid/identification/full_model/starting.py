@@ -34,17 +34,14 @@ from flexid.identification.full_model.fitting import (
 )
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, data_of
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, SQUARES
+from flexid.models import flexible_joint as declared
 from flexid.recording.recording import Recording
 
 RATES = (20.0, 60.0, 7.0, 200.0)
 """Of the filters of least squares, in 1/s."""
 
-_SPRINGS = ("theta2", "alpha1", "beta1")
-_FRICTIONS = ("theta_coulomb", "alpha_coulomb", "gamma_coulomb")
 _DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
 _FEWEST_EACH = 10  # samples for each coefficient
-_DAMPINGS = ("alpha_damping", "theta_damping")
 _COMPARED = 50  # segments over which starts are compared
 _FILTER_RATE = 20.0  # 1/s, of least squares that shows what each term does to its row
 _PASSED = 1.0 / 3.0  # of the resonance, from which on such a filter hides none of a joint's motion
@@ -54,6 +51,7 @@ FIRST_ITERATIONS = 8
 _HALVINGS = 2  # of the shortest segments, if these are too long to begin with
 _FEWEST_HALVED = 10  # samples of what only leads to a start: twice its initial state
 _STARTS = 3  # that are tried
+_SHORT = 0.5  # s
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 
 
@@ -63,7 +61,7 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
     If a step from the first leaves no more than noise, it need not be compared with the others.
     """
     # Which samples a friction is known at shows where it is sought, be it given or not.
-    given = {name: value for name, value in structure.fixed.items() if name not in _FRICTIONS}
+    given = {c: value for c, value in structure.fixed.items() if c not in declared.DRY_FRICTIONS}
     sought = replace(structure, fixed=given)
     ways = []
     for rate in RATES:
@@ -123,7 +121,7 @@ def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
     """
     found: dict[str, float] = {}
     for row in fit.rows:
-        frictions = [place for place, name in enumerate(row.coefficients) if name in _FRICTIONS]
+        frictions = [i for i, c in enumerate(row.coefficients) if c in declared.DRY_FRICTIONS]
         moving = np.all(np.abs(row.regressors[frictions]) >= _DIRECTED, axis=0)
         few = np.count_nonzero(moving) < _FEWEST_EACH * len(row.coefficients)
         if few or moving.all():
@@ -156,17 +154,19 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
     found = {}
     for name, value in values.items():
         base = name.partition("[")[0]
-        if base in _DAMPINGS:
+        if base in declared.DAMPING:
             found[name] = 0.0
-        elif base in DISSIPATIVE | HARDENING:
+        elif base in declared.DISSIPATIVE | declared.HARDENING:
             found[name] = max(value, 0.0)
-        elif base in _SPRINGS:
+        elif base in declared.POSITIVE:
             found[name] = abs(value)
         else:
             found[name] = value
-    if {*HARDENING, "theta2", "alpha1"} <= found.keys() and values["theta2"] > 0.0:
-        # One spring acts on both rows, and the link's, of positions alone, knows its shape best.
-        found["alpha_cubic"] = found["theta_cubic"] * found["alpha1"] / found["theta2"]
+    # One spring acts on both rows, and the link's, of positions alone, knows its shape best.
+    for name in declared.HARDENING & declared.TIES.keys() & found.keys():
+        motor, by_link, by_motor = declared.TIES[name]
+        if {motor, by_link, by_motor} <= found.keys() and values[by_link] > 0.0:
+            found[motor] = found[name] * found[by_motor] / found[by_link]
     return found
 
 
@@ -174,9 +174,8 @@ def suited_rate(fitted: Fitted, asked: float | Literal["auto"] = "auto") -> floa
     """Rate in 1/s of a filter that passes the motion of a joint as fitted, unless one is asked."""
     if asked != "auto":
         return asked
-    springs = sum(abs(fitted.by_name.get(name, 0.0)) for name in ("theta2", "alpha1"))
     fastest = FASTEST / max(samples.sample_time for samples in fitted.data.samples)
-    return min(max(_FILTER_RATE, _PASSED * springs**0.5), fastest)
+    return min(max(_FILTER_RATE, _PASSED * declared.resonance(fitted.by_name)), fastest)
 
 
 def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
@@ -185,7 +184,7 @@ def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
     smooth = joint.smooth
     absent = structure.absent
     given = {c: v for c, v in structure.fixed.items() if c in smooth.coefficients}
-    off = {c: 0.0 for c in smooth.coefficients if c in absent | SQUARES}
+    off = {c: 0.0 for c in smooth.coefficients if c in absent | declared.SQUARES}
     # Where the source of a tie is off, so is what follows from it.
     off |= {
         c: 0.0
@@ -211,7 +210,7 @@ def turned_round(
     ]
     as_it_is, other = (unexplained_link(fit) for fit in fits)
     springs = fits[1].by_name
-    positive = all(springs.get(name, 1.0) > 0.0 for name in ("theta2", "alpha1"))
+    positive = all(springs.get(name, 1.0) > 0.0 for name in declared.SPRING)
     return positive and other < share * as_it_is
 
 
@@ -231,20 +230,15 @@ def unexplained_link(fit: LeastSquaresFit) -> float:
 
 
 def first_fits(
-    structure: Structure,
-    data: Data,
-    divisions: Sequence[Segments],
-    compared: Segments | None = None,
-    *,
-    insist: bool = True,
+    structure: Structure, data: Data, divisions: Sequence[Segments], *, insist: bool = True
 ) -> list[Fitted]:
     """Fit over segments of growing length, from the start that leads to the least residuals.
 
-    Returns fits from the first of the divisions on, as far as `fit_by_length` leads: up to those
-    over which starts are compared, unless these explain the log at once. Without insisting on a
-    fit whose steps end, the best start's is taken, be it as bad as it may.
+    Returns fits from the first of the divisions on, as far as `fit_by_length` leads: through the
+    short ones, or to the longest if the model explains these at once. Without insisting on a fit
+    whose steps end, the best start's is taken, be it as bad as it may.
     """
-    last = len(compared or divisions[-1])
+    last = len(short(divisions)[-1])
 
     def leads_on(fitted: Fitted) -> bool:
         return len(fitted.problem.segments) > last
@@ -265,12 +259,16 @@ def first_fits(
         if best:
             return best
         if astray:  # the log tells so little of these delays that they lead out of it
-            rest = data, divisions, compared
-            return first_fits(structure.without(astray), *rest, insist=insist)
+            return first_fits(structure.without(astray), data, divisions, insist=insist)
     if not insist:
         steps = {"insist": False, "iterations": FIRST_ITERATIONS}
         return fit_by_length(structure, data, ways[0], divisions, **steps, leads_on=leads_on)
     raise no_start()
+
+
+def short(divisions: Sequence[Segments]) -> Sequence[Segments]:
+    """Those over which starts are compared, and any hold will do."""
+    return [each for each in divisions if each.mean_duration <= _SHORT] or divisions[:1]
 
 
 def no_start() -> ConvergenceError:

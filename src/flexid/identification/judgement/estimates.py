@@ -24,9 +24,9 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
     balance_of,
 )
-from flexid.identification.vocabulary.intervals import POSITIVE, interval, propagated
+from flexid.identification.vocabulary.intervals import interval, propagated
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import CONSTANT_UNITS
+from flexid.models.flexible_joint import CONSTANT_UNITS, POSITIVE
 from flexid.models.parameter_kinds import PhysicalParameter, Product
 
 Judged = tuple[Verdict, str]

@@ -42,7 +42,6 @@ from flexid.recording.wraps import TURN
 Kind = Literal["flexible", "link", "rigid"]
 
 _MOTOR = 1  # of both sides
-_OFFSET_TERMS = ("link_offset", "motor_offset", "offset")
 
 # Widths of shapes, relative to the root mean square of what they depend on: a quarter and four
 # times as wide describe nearly the same friction, since the log is fitted with the amplitude.
@@ -214,9 +213,9 @@ class Joint:
         given = {c: v for c, v in fixed.items() if c in system.coefficients}
         offsets = [
             c
-            for t in _OFFSET_TERMS
-            for c in self.terms.get(t, ())
-            if c not in fixed and c not in absent
+            for row in system.rows
+            for c, regressor in row.regressors.items()
+            if regressor == "1" and c not in fixed and c not in absent
         ]
         return Unknowns(system, {**off, **given}, tuple(offsets), tuple(groups), ties)
 

@@ -22,8 +22,8 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError, did_you_mean
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.flexible_joint import POSITIVE
 from flexid.models.parameter_kinds import PhysicalParameter, Product
 from flexid.symmetric import pseudo_inverse
 

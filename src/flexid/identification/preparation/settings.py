@@ -10,8 +10,7 @@ from flexid.errors import SettingError, did_you_mean
 from flexid.estimators.segments import FEWEST_SAMPLES
 from flexid.estimators.state_variable_filter import check_filter_rate
 from flexid.identification.preparation.joint import Joint, Kind
-from flexid.identification.vocabulary.intervals import POSITIVE
-from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS
+from flexid.models.flexible_joint import COEFFICIENT_UNITS, POSITIVE, SHAPE_TERMS, TERMS
 from flexid.models.physical import PARAMETER_NAMES
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
 from flexid.recording.checks import FASTEST_JOINT

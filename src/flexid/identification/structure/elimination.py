@@ -25,12 +25,12 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE
+from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, coefficients_of
 
 _TAKEN = 0.5  # share of what exceeds the noise from which on unusual terms explain most of it
 _NO_WORSE = 1.01  # ratio of excesses: with more terms residuals are no larger, but for rough steps
 _ROUNDS = 2  # of taking away and fitting over longer segments
-CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
+CORE = POSITIVE.union(coefficients_of("gravity"))
 """Inertias, stiffness and gravity."""
 
 

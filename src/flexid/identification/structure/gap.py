@@ -36,15 +36,23 @@ from flexid.identification.full_model.starting import (
     FIRST_ITERATIONS,
     RATES,
     least_squares_start,
+    short,
     unexplained_link,
 )
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import BACKLASH_WIDTH, HARDENING, SPRING_CENTRE
+from flexid.models.flexible_joint import (
+    BACKLASH_WIDTH,
+    HARDENING,
+    SHAPE_TERMS,
+    SPRING,
+    SPRING_CENTRE,
+)
 
-_GAPS = (("alpha_backlash", "alpha1"), ("theta_backlash", "theta2"))  # and the spring's stiffness
-PLAY = frozenset(play for play, _ in _GAPS)
+# And the spring's stiffness, the motor's first.
+_GAPS = (*zip(SHAPE_TERMS["backlash"].coefficients, SPRING, strict=True),)[::-1]
+PLAY = frozenset(SHAPE_TERMS["backlash"].coefficients)
 """Coefficients of play."""
 
 LIKELIER = 0.9
@@ -60,7 +68,6 @@ _MOST_WIDTHS = 15  # in least squares: from a tenth to within a hundredth takes 
 _NEAR = 0.01  # of the width, up to which it is that of its gap
 _NEARER = 0.5  # of what was between width and gap
 _PROMISED = 0.5  # of a row's residuals in least squares that play has to explain, to be tried
-_SHORT = 0.5  # s of segments over which a start is tried
 # Of the link's acceleration, that one with play leaves at most: where no spring moves the link, as
 # in a clamped or a pushed one, any play is as likely.
 _A_SPRING = 0.5
@@ -275,12 +282,12 @@ def fit_with_play(
     progress("play of the joint")
     structure = replace(full, absent=full.absent - play)
     floor = thresholds.noise_floor(by_length.found[0].excess)
-    short = [s for s in by_length.divisions if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
-    short = short or list(by_length.divisions[:1])
     best: list[Fitted] = []
     for own, start in _starts(structure, full, data):
         try:
-            found = fit_by_length(own, data, start, short, iterations=FIRST_ITERATIONS)
+            found = fit_by_length(
+                own, data, start, short(by_length.divisions), iterations=FIRST_ITERATIONS
+            )
         except ConvergenceError:
             continue
         if not best or (len(found), -found[-1].excess) > (len(best), -best[-1].excess):

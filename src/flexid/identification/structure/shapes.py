@@ -21,6 +21,7 @@ from flexid.models.flexible_joint import (
     RIPPLE_NUMBER,
     SHAPE_TERMS,
     SOUGHT_CONSTANTS,
+    SPRING,
     SPRING_CENTRE,
     STRIBECK_VELOCITY,
 )
@@ -41,7 +42,7 @@ _VELOCITIES, _NEXT_VELOCITY = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64),
 # Bends, of the deflection's standard deviation; counted from its mean, which a preload moves.
 _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
 _LEAST_DEFLECTION = 0.2  # the same: a bend at less passes for friction
-_SPRINGS = (("theta2", "theta_bend"), ("alpha1", "alpha_bend"))  # below the bend, and what joins
+_BENDS = (*SHAPE_TERMS["bent_spring"].link, *SHAPE_TERMS["bent_spring"].motor)
 _SLACK = 0.01  # of the stiffness beyond the bend: of what is so soft below it nothing is known
 
 
@@ -181,7 +182,7 @@ BEND = SoughtShape(
 def is_slack(fitted: Fitted) -> bool:
     """Whether a bent spring has hardly any stiffness below its bend, as one with play has."""
     values = {**fitted.structure.fixed, **fitted.by_name}
-    springs = [(values.get(below), values.get(more)) for below, more in _SPRINGS]
+    springs = zip(map(values.get, SPRING), map(values.get, _BENDS), strict=True)
     known = [(below, more) for below, more in springs if below is not None and more is not None]
     return bool(known) and all(below <= _SLACK * (below + more) for below, more in known)
 

@@ -18,15 +18,13 @@ from scipy.special import stdtrit
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.identification.vocabulary.estimate import Estimate
+from flexid.models.flexible_joint import POSITIVE
 from flexid.models.parameter_kinds import PhysicalParameter
 
 Interval = tuple[float, float]
 
 CONFIDENCE = 0.95
 """Nominal coverage of every interval, where no other level is asked for."""
-
-POSITIVE = frozenset({"theta2", "alpha1", "beta1"})
-"""Coefficients that no spring and no inertia has negative or zero."""
 
 _ROUNDING = 1e-6  # of the largest share, below which a degree is none
 
