@@ -234,7 +234,7 @@ def made_fit(
         equations=SimpleNamespace(cost=cost), point=SimpleNamespace(initial_states=states)
     )
     usual = {"duration": 1.0, "structure": WITHOUT, "by_name": {}, "data": None}
-    problem = SimpleNamespace(segments=segments)
+    problem = SimpleNamespace(segments=segments, degrees_of_freedom=1000)
     return SimpleNamespace(excess=excess, minimum=minimum, problem=problem, **{**usual, **more})
 
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.full_model.fitting import fit_like, over_shorter
+from flexid.identification.full_model.fitting import beyond_noise, fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted
 from flexid.identification.structure.gap import PLAY, is_dead_zone
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS
@@ -28,7 +28,6 @@ from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING
 
 _WHITE = 3.0  # power of time with which the variance of a motion under white noise grows
-_CHANCE = 3.0  # standard deviations of a sum of squares
 
 
 def _nothing(_: Fitted) -> float:
@@ -43,7 +42,7 @@ def model_error(
 ) -> ModelError:
     """Look for a model error in the residuals of a fit."""
     floor = thresholds.noise_floor(lengths_fitted[0].excess)
-    own = _beyond(fitted, floor + explained(fitted), lengths_fitted[0])
+    own = beyond_noise(fitted, floor + explained(fitted), lengths_fitted[0])
     if own <= 0.0:
         return ModelError(0.0, 0.0, 0.0)
     growth = _growth(fitted, lengths_fitted, floor, explained)
@@ -125,14 +124,6 @@ def _moved_without(fitted: Fitted, terms: Collection[str]) -> FloatArray:
     return np.array([found[name] for name in fitted.names]) - fitted.values
 
 
-def _beyond(fitted: Fitted, floor: float, shortest: Fitted) -> float:
-    """Weighted sum of squares beyond what noise explains, and beyond chance."""
-    freedom = fitted.problem.degrees_of_freedom
-    # Longer segments leave the noise that shorter ones took for initial states.
-    states = shortest.minimum.point.initial_states.size
-    return freedom * (fitted.excess - floor) - _CHANCE * float(np.sqrt(2.0 * states))
-
-
 def _growth(
     fitted: Fitted,
     lengths_fitted: Sequence[Fitted],
@@ -142,8 +133,10 @@ def _growth(
     """Power of the segments' length with which the excess grows from the reported one on."""
     near = [r for r in lengths_fitted if r.duration >= 0.75 * fitted.duration]
     if len(near) < 2:
-        near = [over_shorter(fitted), fitted]
+        near = list(lengths_fitted[-2:])
     first, last = near[0], near[min(2, len(near) - 1)]
+    if first is last:
+        return 0.0
     before, after = (
         one_length.excess - floor - explained(one_length) for one_length in (first, last)
     )

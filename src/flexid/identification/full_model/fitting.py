@@ -35,6 +35,7 @@ SHORTEST = 0.1
 LONGEST = 10.0
 """Length in s beyond which segments hold hardly more information."""
 
+_CHANCE = 3.0  # standard deviations of a sum of squares
 _ENOUGH = 10_000  # samples, in which what explains most of a log shows
 
 
@@ -123,7 +124,7 @@ def longer_fits(
 
 
 def _explained_over(longest: Sequence[Segments], short: Fitted) -> Fitted | None:
-    """A fit over the longest segments from one over short ones, if both leave no more than noise.
+    """A fit over the longest segments from one over short ones, if it leaves no more than they do.
 
     No other minimum explains a log as well, so that nothing is lost by the way there.
     """
@@ -131,8 +132,17 @@ def _explained_over(longest: Sequence[Segments], short: Fitted) -> Fitted | None
         return None
     with suppress(ConvergenceError):
         found = over_longer(short, longest[0], _AT_ONCE)
-        return found if found.excess <= THRESHOLDS.sensor_excess else None
+        floor = THRESHOLDS.noise_floor(short.excess)
+        return found if beyond_noise(found, floor, short) <= 0.0 else None
     return None
+
+
+def beyond_noise(fitted: Fitted, floor: float, shortest: Fitted) -> float:
+    """Weighted sum of squares beyond what noise explains, and beyond chance."""
+    freedom = fitted.problem.degrees_of_freedom
+    # Longer segments leave the noise that shorter ones took for initial states.
+    states = shortest.minimum.point.initial_states.size
+    return freedom * (fitted.excess - floor) - _CHANCE * float(np.sqrt(2.0 * states))
 
 
 def led_from(
@@ -158,15 +168,6 @@ def over_longer(fitted: Fitted[M], segments: Segments, steps: Steps) -> Fitted[M
     states = before[:: len(before) // len(segments)]
     start = fitted.by_name
     return fit_segments(fitted.structure, fitted.data, segments, start, states, steps)
-
-
-def over_shorter(fitted: Fitted[M]) -> Fitted[M]:
-    """The same fit over segments of a quarter of the length, as far as these can be had."""
-    segments = fitted.problem.segments
-    for _ in range(2):
-        segments = segments.halved() if segments.can_be_halved else segments
-    steps = Steps(insist=False)
-    return fit_segments(fitted.ended, fitted.data, segments, fitted.by_name, None, steps)
 
 
 def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
