@@ -43,6 +43,7 @@ from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm, JointTerm
 from flexid.recording.caution import Caution, Rank, ranked
 from flexid.recording.channel import INPUTS
+from flexid.recording.velocities import is_noise
 
 _CALIBRATED = "N m"
 _CONFUSED = 0.9  # correlation from which on two parameters are named together
@@ -127,7 +128,8 @@ def _found(
         progress("what disturbs the arm")
         with suppress(ConvergenceError):
             disturbed = fit_disturbed(exact.structure, log.data, exact.starts)
-            if structure.joint.resting:
+            still = (r.positions[:, 2 * joint - 1] for r in log.recordings for joint in log.resting)
+            if not all(map(is_noise, still)):
                 disturbed = creeping(disturbed, fixed, exact.starts)
             progress("what may be wrong with it")
             doubted, widest = with_doubts(disturbed)
