@@ -115,12 +115,12 @@ def _synchronise(path: Path) -> None:
         os.close(handle)
 
 
-def write_document(path: Path, text: str, setting: str = "path") -> None:
+def write_document(path: Path, text: str) -> None:
     """Write a text file that appears whole or not at all; a `SettingError` if it cannot."""
     try:
         write_atomically(path, lambda place: place.write_text(text, encoding="utf-8"))
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        raise _not_written(setting, path, error) from None
+        raise _not_written("path", path, error) from None
 
 
 def _not_written(setting: str, path: Path, error: OSError | ValueError) -> SettingError:

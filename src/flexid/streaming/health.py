@@ -97,21 +97,21 @@ class Judgement(NamedTuple):
     reason: str
 
 
-def contradicts(recent: Recent, limits: Limits = LIMITS) -> bool:
+def contradicts(recent: Recent) -> bool:
     """Whether a row's latest motion contradicts what was learnt of it."""
     larger = max(1.0, recent.power / recent.usual_power) if recent.usual_power > 0.0 else 1.0
-    allowed = limits.slack * recent.power + limits.unusual * recent.usual_error * larger
+    allowed = LIMITS.slack * recent.power + LIMITS.unusual * recent.usual_error * larger
     return recent.error > allowed
 
 
-def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
+def judge(evidence: Evidence) -> Judgement:
     """Judge an estimation."""
     if evidence.is_stuck:
         return Judgement(
             Health.SENSOR_FAULT,
             "an encoder stands still while the other one moves: check its plug and its coupling",
         )
-    if evidence.bad_share > limits.bad_share:
+    if evidence.bad_share > LIMITS.bad_share:
         return Judgement(
             Health.SENSOR_FAULT,
             f"{100 * evidence.bad_share:.0f} % of the latest samples cannot be used, most of them "
@@ -125,10 +125,10 @@ def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
             f"the signs of torque and positions",
         )
     widest = max(evidence.widths, key=_relative_width)
-    narrow = evidence.determined and _relative_width(widest) <= limits.width
+    narrow = evidence.determined and _relative_width(widest) <= LIMITS.width
     if evidence.changed and not narrow:
         return Judgement(Health.INCONSISTENT, evidence.changed)
-    patient = evidence.settled > limits.patience
+    patient = evidence.settled > LIMITS.patience
     if not evidence.determined:
         if not patient:
             return Judgement(Health.CONVERGING, "too few samples so far to determine anything")
@@ -138,7 +138,7 @@ def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
             f"the motion so far does not separate {confused}: move more, or differently",
         )
     apart = max(evidence.widths, key=_relative_disagreement)
-    if patient and _relative_disagreement(apart) > limits.disagreement:
+    if patient and _relative_disagreement(apart) > LIMITS.disagreement:
         return Judgement(
             Health.INCONSISTENT,
             f"slow and fast motion disagree on {apart.name} by "
