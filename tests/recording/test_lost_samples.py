@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.recording.outliers import counted_anew, counted_on, lost_samples
+from flexid.recording.outliers import _usual, counted_anew, counted_on, lost_samples
 
 STEP = 0.01
 
@@ -60,6 +60,16 @@ def test_what_happens_only_where_a_motion_turns_is_no_loss(shift: int, found: bo
     turns = np.flatnonzero(np.diff(np.sign(np.diff(motion(0.0)[1]))))
     lost = lost_of(without(motion(1e-5), turns[2:-2] + shift)[0])
     assert np.count_nonzero(lost) == found * len(turns[2:-2])
+
+
+def test_an_error_that_is_usual_nearby_shows_less():
+    """Assert that squares count by what they are nearby, where a chirp is at its fastest."""
+    squares = np.random.default_rng(3).chisquare(2, 2400)
+    squares[2000:] *= 4.0
+    found = _usual(squares)
+    assert found[:2000] == pytest.approx(np.ones(2000), rel=0.4)
+    assert found[2000:] == pytest.approx(np.full(400, 4.0), rel=0.4)
+    assert found.min() == 1.0  # a calm stretch shows no more
 
 
 def test_repeated_samples_are_no_lost_ones():

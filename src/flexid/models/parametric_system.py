@@ -232,13 +232,25 @@ class ParametricSystem:
         return changed
 
     def seeking(self, names: Collection[str]) -> "ParametricSystem":
-        """Return the same system with some of its constants unknown: nonlinear coefficients."""
+        """Return the same system with some of its constants unknown: nonlinear coefficients.
+
+        Parameters
+        ----------
+        names : collection of str
+            Names of constants; those that it has not are of no account.
+        """
         constants = {name: v for name, v in self.constants.items() if name not in names}
         sought = tuple(name for name in self.constants if name in names)
         return replace(self, constants=constants, nonlinear=(*self.nonlinear, *sought))
 
     def knowing(self, values: Mapping[str, float]) -> "ParametricSystem":
-        """Return the same system with those of its nonlinear coefficients known: constants."""
+        """Return the same system with some of its nonlinear coefficients known: constants.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Values by name; those that it has not are of no account.
+        """
         known = {name: values[name] for name in self.nonlinear if name in values}
         sought = tuple(name for name in self.nonlinear if name not in known)
         return replace(self, constants={**self.constants, **known}, nonlinear=sought)

@@ -38,6 +38,7 @@ _LEAST_SPEED = 0.3  # of the usual one, where samples are lost: they are lost at
 _LEAST_EXPLAINED = 0.75  # of the places, where samples were lost and nothing else happened
 _LEFT_OVER = 0.05  # of an error's square that a loss leaves at most, beyond what is by chance
 _BY_CHANCE = 10.0  # square of an error over its variance
+_NEARBY = 200  # steps, of which few are over lost samples
 _PASSES = 8  # over the log: a place hides those next to it
 _TRIMS, _TRIMMED = 4, 5.0  # rounds of learning without steps that are off by so many deviations
 _FEWEST_WINDOWS = 60  # for each channel: several times as many as there are weights
@@ -173,7 +174,9 @@ def _likeliest(
     tested = np.flatnonzero((firsts >= _NEAR) & (firsts < len(steps) - _NEAR) & (lost == 0))
     plain = _Interpolator.learnt(steps, whole, 0)
     off = plain.squares(*_around(steps, firsts[tested], 0))
-    tested = tested[off > 2.0 * _CLEAR]  # the others are likely as they are
+    usual = _usual(off)
+    unlikely = off > 2.0 * _CLEAR * usual  # the others are likely as they are
+    tested, usual = tested[unlikely], usual[unlikely]
     number, ratio = np.zeros_like(lost), np.full(len(lost), -np.inf)
     if len(tested):
         neighbours, own = _around(steps, firsts[tested], 0)
@@ -183,8 +186,18 @@ def _likeliest(
         ratios = plain.surprise(neighbours, own) - np.array(found)
         best = np.argmax(ratios, axis=0)
         number[tested] = np.array([-1, *range(1, _MOST_LOST + 1)])[best]
-        ratio[tested] = ratios[best, np.arange(len(best))]
+        ratio[tested] = ratios[best, np.arange(len(best))] / usual
     return number, ratio
+
+
+def _usual(squares: FloatArray) -> FloatArray:
+    """How much larger squares of errors usually are nearby than in the log, or 1, shape (m,).
+
+    What the log speaks for is less right where a motion is at its fastest.
+    """
+    parts = np.array_split(squares, max(1, len(squares) // _NEARBY))
+    each = [np.full(len(part), max(1.0, np.median(part) / np.median(squares))) for part in parts]
+    return np.concatenate(each)
 
 
 def _explained(positions: FloatArray, lost: NDArray[np.int64]) -> NDArray[np.bool_]:
