@@ -66,7 +66,7 @@ def test_an_error_that_is_usual_nearby_shows_less():
     """Assert that squares count by what they are nearby, where a chirp is at its fastest."""
     squares = np.random.default_rng(3).chisquare(2, 2400)
     squares[2000:] *= 4.0
-    found = _usual(squares)
+    found = _usual(squares, 2)
     assert found[:2000] == pytest.approx(np.ones(2000), rel=0.4)
     assert found[2000:] == pytest.approx(np.full(400, 4.0), rel=0.4)
     assert found.min() == 1.0  # a calm stretch shows no more

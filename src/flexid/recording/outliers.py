@@ -174,7 +174,7 @@ def _likeliest(
     tested = np.flatnonzero((firsts >= _NEAR) & (firsts < len(steps) - _NEAR) & (lost == 0))
     plain = _Interpolator.learnt(steps, whole, 0)
     off = plain.squares(*_around(steps, firsts[tested], 0))
-    usual = _usual(off)
+    usual = _usual(off, steps.shape[1])
     unlikely = off > 2.0 * _CLEAR * usual  # the others are likely as they are
     tested, usual = tested[unlikely], usual[unlikely]
     number, ratio = np.zeros_like(lost), np.full(len(lost), -np.inf)
@@ -190,14 +190,17 @@ def _likeliest(
     return number, ratio
 
 
-def _usual(squares: FloatArray) -> FloatArray:
-    """How much larger squares of errors usually are nearby than in the log, or 1, shape (m,).
+def _usual(squares: FloatArray, channels: int) -> FloatArray:
+    """How much larger squares of errors usually are nearby than by chance, or 1, shape (m,).
 
     What the log speaks for is less right where a motion is at its fastest.
     """
+    by_chance = channels * (1.0 - 2.0 / (9.0 * channels)) ** 3  # median of their sum
     parts = np.array_split(squares, max(1, len(squares) // _NEARBY))
-    each = [np.full(len(part), max(1.0, np.median(part) / np.median(squares))) for part in parts]
-    return np.concatenate(each)
+    each = [
+        np.full(len(part), max(1.0, np.median(part) / by_chance)) for part in parts if len(part)
+    ]
+    return np.concatenate(each) if each else np.ones(0)
 
 
 def _explained(positions: FloatArray, lost: NDArray[np.int64]) -> NDArray[np.bool_]:
