@@ -204,10 +204,18 @@ def test_a_ripple_far_from_zero_counts_from_where_it_is():
         assert b.std == pytest.approx(a.std, rel=0.2)
 
 
-def test_a_ripple_that_is_asked_for_and_not_there_has_no_size():
-    """Assert that it spoils nothing else."""
-    absent = identify([log(made(1, 12.0))], Settings(terms=(*PAPER_TERMS, "torque_ripple")))
-    assert absent.parameters["torque_ripple"].value < 1e-3
+@pytest.mark.parametrize(
+    ("term", "size", "constant", "largest"),
+    [
+        ("torque_ripple", "torque_ripple", "ripple_number", 1e-3),
+        ("bent_spring", "bend_stiffness", "bend_deflection", 0.1),
+    ],
+)
+def test_a_shape_that_is_asked_for_and_not_there_has_no_size(term, size, constant, largest):
+    """Assert that it is known to be small, that its constant is not known, and the rest is."""
+    absent = identify([log(made(1, 12.0))], Settings(terms=(*PAPER_TERMS, term)))
+    assert np.abs(absent.parameters[size].interval).max() < largest
+    assert absent.parameters[constant].verdict == "undetermined"
     assert absent.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
 
 

@@ -62,7 +62,7 @@ def test_a_constant_goes_where_the_sum_of_squares_is_least(
         found = fitted(recording, *terms, widths={shape.constant: away * truth})
         assert found.minimum.equations.cost < exact.minimum.equations.cost
         assert shape.of(found.structure) == pytest.approx(truth, rel=accuracy)
-        value, deviation, _ = sought_constants(found.fit)[shape.constant]
+        value, deviation, _ = sought_constants(found.fit, found.structure)[shape.constant]
         assert value == shape.of(found.structure)
         assert abs(value - truth) < 4.0 * deviation < 0.2 * truth
 
@@ -128,7 +128,7 @@ def test_a_constant_is_sought_where_the_coefficients_are_given():
     width, given = {"bend_deflection": 0.995 * 0.3}, {"alpha_bend": 40.0 / 0.3}
     found = fitted(made(3, **BENT), "bent_spring", widths=width, fixed=given)
     assert BEND.of(found.structure) == pytest.approx(0.3, rel=5e-4)
-    _, deviation, _ = sought_constants(found.fit)["bend_deflection"]
+    _, deviation, _ = sought_constants(found.fit, found.structure)["bend_deflection"]
     assert 0.0 < deviation < 0.01 * 0.3
 
 

@@ -188,7 +188,7 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     )
     coefficients = {name: c.because(*_widest(c, found)) for name, c in coefficients.items()}
     parameters = {name: p.because(*_widest(p, found)) for name, p in parameters.items()}
-    constants = sought_constants(joined.estimate)
+    constants = sought_constants(joined.estimate, reported.structure)
     parameters |= constant_estimates(job.joint, constants, thresholds)
     against = contradicted[0] if contradicted else "" if reported.converged else _ENDLESS
     if against:  # nothing that rests on it is known

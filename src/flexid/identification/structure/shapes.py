@@ -199,9 +199,15 @@ def settled(fitted: Fitted) -> Fitted:
     return as_wide_as_its_gap(about_its_own_centre(fitted))
 
 
-def sought_constants(estimate: Estimate) -> dict[str, tuple[float, float, float]]:
-    """Value, standard deviation and degrees of freedom of each constant that was sought."""
-    found = {}
+def sought_constants(
+    estimate: Estimate, structure: Structure
+) -> dict[str, tuple[float, float, float]]:
+    """Value, standard deviation and degrees of freedom of each constant that was sought.
+
+    Of one that was held nothing is known.
+    """
+    held = SOUGHT_CONSTANTS & structure.fixed.keys()
+    found = {name: (structure.fixed[name], np.inf, 0.0) for name in sorted(held)}
     for place, name in enumerate(estimate.names):
         if name in SOUGHT_CONSTANTS:
             value, std = float(estimate.values[place]), float(estimate.deviations[place])

@@ -89,7 +89,11 @@ def fit_with_shape(
 def fit_requested_shape(
     shape: SoughtShape, by_length: FitsByLength, progress: Progress, thresholds: Thresholds
 ) -> FitsByLength:
-    """Fit a joint with a term more whatever it explains, since somebody asked for it."""
+    """Fit a joint with a term more whatever it explains, since somebody asked for it.
+
+    A log that hardly shows the term says nothing of its constant, which then stays: from where the
+    motion does not reach, it would let the coefficients be anything.
+    """
     progress(shape.words)
     before = turning(by_length.found, thresholds) or by_length.found[-1]
     promising = [*_promising(shape, before, by_length.found[-1].structure)]
@@ -97,7 +101,10 @@ def fit_requested_shape(
         raise ConvergenceError(
             "prediction error", f"nothing moves that would show {shape.words}: drop the term"
         )
-    _, structure = max(promising, key=itemgetter(0))
+    promise, structure = max(promising, key=itemgetter(0))
+    if promise < thresholds.shape_promise:
+        held = {shape.constant: shape.of(structure)}
+        structure = replace(structure, fixed={**structure.fixed, **held})
     (first,) = fit_by_length(structure, before.data, before.by_name, [before.problem.segments])
     return _fit_longer(first, by_length, thresholds)
 
