@@ -132,10 +132,16 @@ def test_a_product_of_determined_values_has_a_width_of_its_own():
 
 
 def test_constants_of_shapes_are_judged_by_their_width():
-    """Assert value, interval, unit and verdict of a constant."""
-    found = constant_estimates(
-        flexible(), {"stribeck_velocity": (0.15, 0.01, 50.0), "bend_deflection": (0.3, 0.1, 50.0)}
-    )
+    """Assert value, interval, unit and verdict of a constant, and that one is part of the fit."""
+    constants = {
+        "stribeck_velocity": (0.15, 0.01, 50.0),
+        "bend_deflection": (0.3, 0.1, 50.0),
+        "ripple_number": (7.0, np.inf, 0.0),  # held
+    }
+    found = constant_estimates(flexible(), constants)
+    slopes = [dict(each.slopes) for each in found.values()]
+    assert slopes == [{"stribeck_velocity": 1.0}, {"bend_deflection": 1.0}, {}]
+    assert found["ripple_number"].verdict == "undetermined"
     velocity, bend = found["stribeck_velocity"], found["bend_deflection"]
     half = 0.01 * float(t.ppf(0.975, 50.0))
     assert velocity.interval == pytest.approx((0.15 - half, 0.15 + half))

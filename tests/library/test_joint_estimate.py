@@ -50,11 +50,14 @@ def test_the_covariance_is_that_of_all_values(estimate):
 
 
 def test_what_the_log_leaves_free_has_an_infinite_variance(estimate):
-    """Assert that an infinite variance stays one, alone."""
+    """Assert that an infinite variance stays one, alone; also of what was held, not fitted."""
     lost = estimate.result.fit.without_knowledge_of({"theta1"})
-    poor = flexid.JointEstimate(replace(estimate.result, fit=lost))
+    held = replace(estimate.parameters["joint_stiffness"], name="bend", std=np.inf, slopes={})
+    parameters = {**estimate.parameters, "bend": held}
+    poor = flexid.JointEstimate(replace(estimate.result, fit=lost, parameters=parameters))
     variance = dict(zip(poor.names, np.diag(poor.covariance), strict=True))
-    assert {name for name, v in variance.items() if np.isinf(v)} == {"theta1", "gravity_torque"}
+    free = {name for name, v in variance.items() if np.isinf(v)}
+    assert free == {"theta1", "gravity_torque", "bend"}
 
 
 def test_values_as_a_frame(estimate):

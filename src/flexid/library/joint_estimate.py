@@ -157,6 +157,7 @@ class JointEstimate(Answer):
         known = np.where(free[:, None] | free, 0.0, fit.covariance)
         covariance = slopes @ known @ slopes.T
         lost = (slopes[:, free] != 0.0).any(axis=1)
+        lost |= [not np.isfinite(value.std) for value in self._every.values()]
         covariance[lost, :] = covariance[:, lost] = 0.0
         covariance[lost, lost] = np.inf
         return covariance

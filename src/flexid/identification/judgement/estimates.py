@@ -260,11 +260,11 @@ def constant_estimates(
     """Constants of shapes, from value, standard deviation and degrees of freedom of each."""
     estimates = {}
     for name, (value, std, freedom) in constants.items():
-        ends = interval(value, std, freedom)
-        judged = verdict(value, ends, thresholds=thresholds)
-        estimates[name] = ParameterEstimate(
-            name, joint.unit_of(CONSTANT_UNITS[name], ""), value, std, ends, *judged, freedom
-        )
+        unit = joint.unit_of(CONSTANT_UNITS[name], "")
+        known = name, unit, value, std, freedom, np.inf, thresholds
+        found = judged_value(ParameterEstimate, *known)
+        # One that was held is not among what was fitted.
+        estimates[name] = found if np.isfinite(std) else replace(found, slopes={})
     return estimates
 
 
