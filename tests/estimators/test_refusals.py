@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from noisy_joint import TRUTH, joint_samples
 
-from flexid.errors import SettingError
+from flexid.errors import ModelError, SettingError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.online import packed
 from flexid.estimators.prediction_error import prediction_error
@@ -21,6 +21,8 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.paper.parametric_observer import parametric_observer
 
 JOINT = flexible_joint()
+BENT = flexible_joint(("bent_spring",)).seeking({"bend_deflection"})
+MEMORY = flexible_joint(("spring_hysteresis",))
 OFFSET = flexible_joint(("gravity", "motor_viscous", "link_offset"))
 DAMPED = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
 FRICTION = flexible_joint(("gravity", "motor_coulomb"))
@@ -93,3 +95,17 @@ def test_what_is_refused(call: Callable[..., Any], arguments: dict[str, Any], fr
 def test_filters_that_suit(rate: float):
     """Assert that rates just within the limits are taken."""
     check_filter_rate(rate, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("system", "name"), [(BENT, "bend_deflection"), (MEMORY, "hysteresis_grip")]
+)
+@pytest.mark.parametrize(
+    "estimator",
+    [least_squares, lambda system: recursive_least_squares(system, 1e-3)],
+    ids=["least squares", "recursive"],
+)
+def test_least_squares_of_what_is_not_linear_is_refused(estimator, system, name):
+    """Assert that the coefficient is named in which the model is not linear."""
+    with pytest.raises(ModelError, match=f"is not linear in {name}"):
+        estimator(system)

@@ -22,6 +22,7 @@ from flexid.derivation.source import (
     unpack,
 )
 from flexid.derivation.symbolic import SymbolicRow, SymbolicSystem, derivative, symbolic_system
+from flexid.errors import ModelError
 from flexid.models.parametric_system import ParametricSystem
 
 
@@ -205,7 +206,13 @@ def compiled_signals(system: ParametricSystem) -> str:
 
 
 def _signal_parts(symbolic: SymbolicSystem) -> list[RegressorParts]:
-    """The three parts of each signal."""
+    """The three parts of each signal; a `ModelError` where a coefficient multiplies none."""
+    for coefficient in symbolic.coefficients[len(symbolic.linear) :]:
+        raise ModelError(
+            symbolic.system.name,
+            f"is not linear in {coefficient}, which the prediction error alone seeks: make it a "
+            f"constant, or leave its term out",
+        )
     expressions = [r for row in symbolic.rows for r in row.regressor]
     expressions += [row.known for row in symbolic.rows]
     return [split_regressor(expression, symbolic) for expression in expressions]

@@ -139,6 +139,7 @@ class ParametricSystem:
         object.__setattr__(self, "rows", tuple(self.rows))
         object.__setattr__(self, "inputs", tuple(self.inputs))
         object.__setattr__(self, "memories", tuple(self.memories))
+        object.__setattr__(self, "nonlinear", tuple(self.nonlinear))
         object.__setattr__(self, "constants", {c: float(v) for c, v in self.constants.items()})
         if not self.rows:
             raise ModelError(self.name, "has no rows: declare at least one")
