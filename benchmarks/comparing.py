@@ -28,7 +28,7 @@ from flexid.arrays import to_json
 from flexid.errors import FlexidError
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.recording.read import read_log
 from flexid.stored_estimates.comparison import Comparison, compare_estimates
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate

@@ -7,13 +7,11 @@ import numpy as np
 
 from flexid.arrays import to_json
 from flexid.estimators.excitation import excitation_of_gram
-from flexid.identification.judgement.compliance import Compliance
-from flexid.identification.judgement.estimates import verdict
-from flexid.identification.preparation.alignment import Alignment, Delay
-from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.judgement import Compliance, verdict
+from flexid.identification.preparation.recordings import Alignment, Delay
+from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary import evidence
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.intervals import interval, propagated
+from flexid.identification.vocabulary.estimate import Estimate, interval, propagated
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
 from flexid.stored_estimates.estimate_file import estimate_document

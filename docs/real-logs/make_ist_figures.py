@@ -20,7 +20,7 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.recordings import prepare
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.identification.structure.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.figure import BLUE, GREY, ORANGE, STYLE, draw, new_figure, save

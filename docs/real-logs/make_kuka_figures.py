@@ -13,9 +13,9 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.identification.identify import identify
-from flexid.identification.preparation.alignment import Alignment, Delay, aligned
+from flexid.identification.preparation.recordings import Alignment, Delay, aligned
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.figure import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save
 from flexid.report.identification import format_fits

@@ -29,7 +29,7 @@ from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
 from flexid.identification.full_model.model import Structure
-from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.planar_arm import planar_arm
 

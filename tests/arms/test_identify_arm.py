@@ -18,7 +18,7 @@ from flexid.arms.identify import identify_arm
 from flexid.arms.log import read_arm_log
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.model import Structure
-from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.preparation.joint import ElasticArm
 from flexid.library.identify import identify
 from flexid.models.planar_arm import PlanarArm, planar_arm
 

@@ -10,11 +10,11 @@ from test_disturbed_arm import disturbed, recording
 from two_links import ARM
 
 from flexid.arms.disturbed import DisturbedFit, Job
+from flexid.arms.doubts import likely_changes, rig_errors
 from flexid.arms.log import arm_data
-from flexid.arms.rig_errors import likely_changes, rig_errors
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.preparation.joint import ElasticArm
 from flexid.models.planar_arm import planar_arm
 
 

@@ -10,9 +10,8 @@ import pytest
 from test_disturbed_arm import CURVED, STRUCTURE, moved
 
 import flexid.arms.fitting as fitting
-from flexid.arms.fitting import begun
+from flexid.arms.fitting import FittedArm, begun, promises, unusual_parts
 from flexid.arms.log import arm_data
-from flexid.arms.unusual import FittedArm, promises, unusual_parts
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.samples import Samples

@@ -9,8 +9,8 @@ from scipy.signal import lfilter
 from scipy.stats import t
 from segment_bound import cramer_rao_bound, segment_derivatives
 
+import flexid.estimators.segments as sharing
 from flexid.errors import ConvergenceError
-from flexid.estimators import threads
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import Samples
@@ -121,7 +121,7 @@ def test_threads_change_no_digit(monkeypatch: pytest.MonkeyPatch):
     start = filtered_least_squares([samples], JOINT)
     fits = []
     for count in (1, 2, 5):
-        monkeypatch.setattr(threads, "cores", lambda count=count: count)
+        monkeypatch.setattr(sharing, "cores", lambda count=count: count)
         fits.append(prediction_error([samples], JOINT, start))
     for other in fits[1:]:
         np.testing.assert_array_equal(other.values, fits[0].values)

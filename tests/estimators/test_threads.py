@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from flexid.estimators import threads
-from flexid.estimators.threads import in_threads
+import flexid.estimators.segments as sharing
+from flexid.estimators.segments import in_threads
 
 
 @pytest.mark.parametrize("lengths", [[30_000], [20] * 3, [1_000] * 37, [50_000, 20, 20, 9_000]])
@@ -15,7 +15,7 @@ def test_every_segment_is_done_once(
     monkeypatch: pytest.MonkeyPatch, lengths: list[int], cores: int
 ):
     """Assert that the ranges cover all segments, none of them twice."""
-    monkeypatch.setattr(threads, "cores", lambda: cores)
+    monkeypatch.setattr(sharing, "cores", lambda: cores)
     done = np.zeros(len(lengths), dtype=int)
 
     def run(first: int, stop: int) -> None:
@@ -27,7 +27,7 @@ def test_every_segment_is_done_once(
 
 def test_long_records_have_several_threads(monkeypatch: pytest.MonkeyPatch):
     """Assert that two cores run at the same time: each waits for the other."""
-    monkeypatch.setattr(threads, "cores", lambda: 2)
+    monkeypatch.setattr(sharing, "cores", lambda: 2)
     together = threading.Barrier(2, timeout=30.0)
 
     def run(_first: int, _stop: int) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from flexid.identification.preparation.alignment import Alignment, Delay, aligned
+from flexid.identification.preparation.recordings import Alignment, Delay, aligned
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Recording
 from flexid.simulation.free_run import free_run

@@ -11,7 +11,7 @@ from benchmarks.trials.realistic.drive import Plant, simulate
 
 from flexid.identification.full_model.amplifier import IDEAL, Amplifier, _is_crossed
 from flexid.identification.identify import identify
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.recording.recording import Log, Recording
 
 PLANT = Plant(1.0, 0.3, 100.0, motor_viscous=0.2, back_emf=1.0, coulomb=0.3, friction_width=1e-2)

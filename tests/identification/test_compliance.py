@@ -11,7 +11,7 @@ from made_joint import COEFFICIENTS, PAPER, data, made
 
 import flexid.identification.estimation.answers as answers
 from flexid.identification.full_model.fitting import fit_to
-from flexid.identification.judgement.compliance import of_joint, of_link_alone
+from flexid.identification.judgement import of_joint, of_link_alone
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Validation, Verdict

@@ -15,7 +15,7 @@ from flexid.errors import SettingError
 from flexid.exports.request import request_of_identification
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.linear_joint import linear_joint

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
+import flexid.identification.vocabulary.estimate as intervals
 from flexid.errors import SettingError
-from flexid.identification.vocabulary import intervals
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.parameter_kinds import PhysicalParameter

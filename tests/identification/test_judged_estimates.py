@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import t
 
 from flexid.estimators.unknowns import Unknowns
-from flexid.identification.judgement.estimates import (
+from flexid.identification.judgement import (
     coefficient_estimates,
     constant_estimates,
     parameter_estimates,

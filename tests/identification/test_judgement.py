@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from flexid.identification.judgement.estimates import verdict
+from flexid.identification.judgement import verdict
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds, table
 
 

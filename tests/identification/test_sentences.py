@@ -5,10 +5,9 @@ import pickle
 import numpy as np
 import pytest
 
-from flexid.identification.judgement.estimates import widest
-from flexid.identification.preparation.alignment import Delay
-from flexid.identification.result.identification import _delay
-from flexid.identification.result.warnings import model_warnings, validation_warnings
+from flexid.identification.judgement import widest
+from flexid.identification.preparation.recordings import Delay
+from flexid.identification.result import _delay, model_warnings, validation_warnings
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Disturbances, ModelError
 from flexid.recording.caution import Caution, Rank, cautions, ranked
 

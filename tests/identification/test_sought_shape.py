@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_joint import fitted, log, made, over, turned
 
-import flexid.identification.structure.sought_shape as sought_shape
+import flexid.identification.structure.shapes as shapes
 from flexid.errors import ConvergenceError, SettingError
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fits_by_length import FitsByLength, leaves_more
@@ -19,11 +19,12 @@ from flexid.identification.structure.shapes import (
     BEND,
     RIPPLE,
     STRIBECK,
+    SoughtShape,
+    fit_with_shape,
     is_slack,
     numbers,
     sought_constants,
 )
-from flexid.identification.structure.sought_shape import SoughtShape, fit_with_shape
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
@@ -76,9 +77,9 @@ def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
         asked.append(STRIBECK.of(structure))
         return -abs(np.log(asked[-1] / velocity))
 
-    monkeypatch.setattr(sought_shape, "_promised", promised)
+    monkeypatch.setattr(shapes, "_promised", promised)
     plain = fitted(made(4, 4.0))
-    (_, best), *_ = sought_shape._promising(STRIBECK, plain, plain.structure)
+    (_, best), *_ = shapes._promising(STRIBECK, plain, plain.structure)
     assert STRIBECK.of(best) == pytest.approx(velocity, rel=0.15)
     assert len(asked) == len(STRIBECK.candidates(plain.structure, plain.data)) + 2 * 5
 
@@ -90,10 +91,10 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     taken = abs(first.by_name["alpha_coulomb"]) * first.data.samples[0].sample_time
     assert STRIBECK.least(first) == pytest.approx(taken)
     asked = []
-    monkeypatch.setattr(sought_shape, "_promised", lambda _, own: asked.append(own) or len(asked))
-    monkeypatch.setattr(sought_shape, "sampled", lambda fit: fit)
-    monkeypatch.setattr(sought_shape, "explained_by", lambda *_: first)
-    monkeypatch.setattr(sought_shape, "_fit_longer", lambda *_: by_length)
+    monkeypatch.setattr(shapes, "_promised", lambda _, own: asked.append(own) or len(asked))
+    monkeypatch.setattr(shapes, "sampled", lambda fit: fit)
+    monkeypatch.setattr(shapes, "explained_by", lambda *_: first)
+    monkeypatch.setattr(shapes, "_fit_longer", lambda *_: by_length)
     by_length = FitsByLength((first,), (first.problem.segments,), True, ("cubic",), "")
     for least, follows in ((0.23, False), (0.14, True)):  # it is 0.15
         asked.clear()
@@ -226,10 +227,10 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
 
     before = over(SAME, 9.0)
     by_length = FitsByLength((before,), cast(Any, (range(SAME),)), True, ("cubic",), "")
-    monkeypatch.setattr(sought_shape, "_promised", lambda _, s: promises[shape.of(s)])
-    monkeypatch.setattr(sought_shape, "sampled", lambda fit: fit)
-    monkeypatch.setattr(sought_shape, "explained_by", explained_by)
-    monkeypatch.setattr(sought_shape, "_fit_longer", lambda *_: by_length)
+    monkeypatch.setattr(shapes, "_promised", lambda _, s: promises[shape.of(s)])
+    monkeypatch.setattr(shapes, "sampled", lambda fit: fit)
+    monkeypatch.setattr(shapes, "explained_by", explained_by)
+    monkeypatch.setattr(shapes, "_fit_longer", lambda *_: by_length)
     rivals = [over(*chosen)] if chosen else []
     found = fit_with_shape(shape, by_length, before, rivals, lambda _: None, THRESHOLDS)
     assert tried == begun
@@ -263,7 +264,7 @@ def test_where_nothing_moves_nothing_is_sought(shape):
     still = replace(plain, data=data)
     by_length = FitsByLength((still,), (still.problem.segments,), True, ("cubic",), "")
     with pytest.raises(ConvergenceError, match=shape.words):
-        sought_shape.fit_requested_shape(shape, by_length, lambda _: None, THRESHOLDS)
+        shapes.fit_requested_shape(shape, by_length, lambda _: None, THRESHOLDS)
 
 
 def test_many_turns_need_no_more_memory():

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.vocabulary.intervals import interval
+from flexid.identification.vocabulary.estimate import interval
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Recording
 

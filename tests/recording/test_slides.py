@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from joint_log import read_columns, said
 
-from flexid.recording.wraps import without_wraps
+from flexid.recording.series import without_wraps
 from flexid.streaming.guard import Guard
 
 TIME = 0.002 * np.arange(2000.0)

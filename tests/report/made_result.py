@@ -3,8 +3,8 @@
 import numpy as np
 
 from flexid.estimators.excitation import excitation_of_gram
-from flexid.identification.preparation.alignment import Alignment, Delay
-from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.preparation.recordings import Alignment, Delay
+from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary import evidence
 from flexid.identification.vocabulary.estimate import Estimate
 

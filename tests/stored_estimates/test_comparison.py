@@ -8,14 +8,13 @@ import pytest
 from scipy.stats import chi2, ttest_ind
 
 from flexid.errors import SettingError
-from flexid.identification.judgement.estimates import verdict
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.judgement import verdict
+from flexid.identification.vocabulary.estimate import Estimate, interval, logarithmic_interval
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     ModelError,
     ParameterEstimate,
 )
-from flexid.identification.vocabulary.intervals import interval, logarithmic_interval
 from flexid.stored_estimates.comparison import compare_estimates, holm
 from flexid.stored_estimates.differences import hotelling
 from made_estimates import TRUE, drawn, estimate_of, exact, wishart, with_parameter

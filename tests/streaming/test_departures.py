@@ -10,9 +10,9 @@ from moving_joint import OPTIONS, H, stream, watched
 import flexid
 from flexid.errors import SettingError
 from flexid.identification.full_model.amplifier import Amplifier
-from flexid.identification.preparation.alignment import Delay
 from flexid.identification.preparation.joint import Kind
-from flexid.identification.result.identification import Identification
+from flexid.identification.preparation.recordings import Delay
+from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.report.terminal import as_text
 from flexid.report.watch import parts

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexid.arrays import FloatArray
-from flexid.recording.wraps import without_wraps
+from flexid.recording.series import without_wraps
 from flexid.streaming.guard import Counts, Guard
 
 H = 0.01

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from moving_joint import LINK, MOTOR, NOISE, H, stream, watched
 
-from flexid.identification.judgement.estimates import verdict
+from flexid.identification.judgement import verdict
 from flexid.streaming.health import Evidence, Health, Recent, Width, contradicts, judge
 from flexid.streaming.options import WatchOptions
 

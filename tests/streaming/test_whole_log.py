@@ -12,7 +12,7 @@ from flexid.errors import RecordingError, SettingError
 from flexid.estimators.samples import samples_of_recording
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.read import read_log
 from flexid.recording.shift import later

@@ -12,8 +12,16 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.arms.fitting import COARSER, before_the_end, estimate_of, no_start
-from flexid.arms.unusual import UNUSUAL_FALL, FittedArm, promises, unusual_parts
+from flexid.arms.fitting import (
+    COARSER,
+    UNUSUAL_FALL,
+    FittedArm,
+    before_the_end,
+    estimate_of,
+    no_start,
+    promises,
+    unusual_parts,
+)
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.balance_motion import balance_columns
@@ -29,7 +37,7 @@ from flexid.identification.estimation.band import (
 )
 from flexid.identification.full_model.fitting import Steps, lengths, motion_at
 from flexid.identification.full_model.model import Data, Structure, encoder_noise, sensor_noise
-from flexid.identification.preparation.arm import ElasticArm
+from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.structure.validation import HORIZONS, validate_with
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import Validation

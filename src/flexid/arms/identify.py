@@ -11,10 +11,12 @@ import flexid
 from flexid.arms.disturbed import creeping, fit_disturbed
 from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import (
+    FittedArm,
     effect_sizes,
     exact_fits,
     explains,
     has_ended,
+    link_delays,
     no_start,
     predicted,
     residual_excess,
@@ -22,15 +24,14 @@ from flexid.arms.fitting import (
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.result import ArmIdentification, joint_of_name
 from flexid.arms.starts import backward_inputs
-from flexid.arms.unusual import FittedArm, link_delays
 from flexid.errors import ConvergenceError, RecordingError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.estimators.excitation import excitation_of_gram
 from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
 from flexid.identification.full_model.model import Structure
-from flexid.identification.judgement.estimates import judged_function, judged_value
-from flexid.identification.preparation.arm import ElasticArm
-from flexid.identification.result.warnings import model_warnings, validation_warnings
+from flexid.identification.judgement import judged_function, judged_value
+from flexid.identification.preparation.joint import ElasticArm
+from flexid.identification.result import model_warnings, validation_warnings
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     Disturbances,

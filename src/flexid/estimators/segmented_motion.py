@@ -18,8 +18,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT, ChannelTiming, Timing
 from flexid.estimators.cluster_covariance import Clusters, block_duration
 from flexid.estimators.normal_equations import Reduced, solve_arrow
-from flexid.estimators.segments import Segments, first_states
-from flexid.estimators.threads import in_threads
+from flexid.estimators.segments import Segments, first_states, in_threads
 from flexid.estimators.unknowns import Unknowns
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem

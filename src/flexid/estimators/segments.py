@@ -1,8 +1,11 @@
-"""Recordings of motion cut into segments, each of which starts again from a state of its own."""
+"""Recordings cut into segments, each with a state of its own to start from; threads share them."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import pairwise
+from threading import Thread
 from typing import NamedTuple
 
 import numpy as np
@@ -217,3 +220,45 @@ class _Cubic(NamedTuple):
 def _cubic(n: int) -> _Cubic:
     powers = np.vander(np.arange(n, dtype=np.float64), 4, increasing=True)
     return _Cubic(powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64))
+
+
+_FEWEST_SAMPLES = 5_000  # of a thread: below, starting it costs as much as it saves
+_SHARES = 4  # of each thread, so that none waits long for another
+
+
+def in_threads(
+    run: Callable[[int, int], None],
+    lengths: NDArray[np.int64],  # (n_segments,)
+) -> None:
+    """Call a function for ranges of segments, on all cores if there is enough to do."""
+    reached = np.cumsum(lengths)
+    total = int(reached[-1])
+    threads = min(cores(), total // _FEWEST_SAMPLES, len(lengths))
+    if threads < 2:
+        run(0, len(lengths))
+        return
+    shares = total * np.arange(1, _SHARES * threads) / (_SHARES * threads)
+    edges = sorted({0, *np.searchsorted(reached, shares).tolist(), len(lengths)})
+    left = iter(list(pairwise(edges)))  # all threads take from it what comes next
+    failed: list[Exception] = []
+
+    def work() -> None:
+        try:
+            for first, stop in left:
+                run(first, stop)
+        except Exception as error:
+            failed.append(error)
+
+    helpers = [Thread(target=work) for _ in range(threads - 1)]
+    for helper in helpers:
+        helper.start()
+    work()
+    for helper in helpers:
+        helper.join()
+    if failed:
+        raise failed[0]
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -14,12 +14,12 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.estimators.excitation import Excitation
 from flexid.identification.identify import identify
-from flexid.identification.judgement.estimates import verdict
+from flexid.identification.judgement import verdict
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
+from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate
-from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.recording import Log

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
     from flexid.estimators.samples import Samples
     from flexid.identification.preparation.joint import Joint
-    from flexid.identification.result.identification import Identification
+    from flexid.identification.result import Identification
     from flexid.recording.recording import Hold
 
 

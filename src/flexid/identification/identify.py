@@ -17,30 +17,35 @@ from flexid.identification.estimation.knowledge import contradictions, with_prio
 from flexid.identification.full_model.amplifier import IDEAL, amplifier_of
 from flexid.identification.full_model.model import LINK
 from flexid.identification.full_model.starting import turned_round
-from flexid.identification.judgement.compliance import of_joint, of_link_alone, one_encoder
-from flexid.identification.judgement.estimates import (
+from flexid.identification.judgement import (
     coefficient_estimates,
     constant_estimates,
+    of_joint,
+    of_link_alone,
+    one_encoder,
     parameter_estimates,
     widest,
 )
-from flexid.identification.preparation.alignment import Alignment, Delay
-from flexid.identification.preparation.recordings import prepare
+from flexid.identification.preparation.recordings import Alignment, Delay, prepare
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.result.identification import Choices, Identification, provenance, summary
-from flexid.identification.result.warnings import (
+from flexid.identification.result import (
+    Choices,
+    Identification,
     amplifier_warnings,
     compliance_warnings,
     deflection_warnings,
     model_warnings,
+    provenance,
     sign_warnings,
+    summary,
     validation_warnings,
 )
 from flexid.identification.structure.elimination import Choice
 from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt, skew
 from flexid.identification.structure.shapes import sought_constants
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary import Progress, silent
+from flexid.identification.vocabulary.estimate import Estimate, interval
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
@@ -49,8 +54,6 @@ from flexid.identification.vocabulary.evidence import (
     Validation,
     ValueEstimate,
 )
-from flexid.identification.vocabulary.intervals import interval
-from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.motion import unit_of
 from flexid.models.parameter_kinds import Directional

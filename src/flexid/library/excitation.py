@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import SettingError
-from flexid.identification.vocabulary.progress import Progress, silent
+from flexid.identification.vocabulary import Progress, silent
 from flexid.library.answer import Answer
 from flexid.library.arguments import entrance, joint_settings, one_thread, options_of
 from flexid.library.identify import estimated, identify

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import SettingError, did_you_mean
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
+from flexid.identification.vocabulary.estimate import CONFIDENCE, checked_level
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Disturbances,
@@ -21,7 +22,6 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
     slopes_of,
 )
-from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
 from flexid.library.answer import Answer
 from flexid.library.arguments import entrance
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
     from flexid.estimators.excitation import Excitation
-    from flexid.identification.result.identification import Identification
+    from flexid.identification.result import Identification
     from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
     from flexid.library.arguments import FilePath, Known, Terms
     from flexid.library.joint_estimate import JointEstimate

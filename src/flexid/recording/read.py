@@ -21,11 +21,10 @@ from flexid.recording.sampling import (
     keep_common,
     to_grid,
 )
-from flexid.recording.series import table_of_file
+from flexid.recording.series import table_of_file, unwrap
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.table import Table
 from flexid.recording.velocities import is_used
-from flexid.recording.wraps import unwrap
 
 if TYPE_CHECKING:
     from flexid.recording.recipes import MapSource

@@ -8,7 +8,7 @@ from typing import Any
 from rich.text import Text
 
 from flexid.estimators.excitation import Excitation
-from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     ModelError,

@@ -6,7 +6,7 @@ from math import isfinite
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.models.motion import unit_of
 from flexid.recording.recording import Log

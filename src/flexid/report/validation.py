@@ -6,7 +6,7 @@ from math import inf, isfinite, isinf, isnan
 from typing import Any
 
 from flexid.arrays import plain
-from flexid.identification.judgement.compliance import WEAK_FIT
+from flexid.identification.judgement import WEAK_FIT
 from flexid.identification.structure.validation import HORIZONS
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.models.motion import unit_of

@@ -13,9 +13,9 @@ import numpy as np
 import flexid
 from flexid.arms.result import ArmIdentification
 from flexid.errors import SettingError
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
+from flexid.identification.vocabulary.estimate import CONFIDENCE
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.identification.vocabulary.intervals import CONFIDENCE
 from flexid.stored_estimates.differences import (
     COMPARED,
     Difference,

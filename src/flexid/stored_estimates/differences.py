@@ -29,9 +29,8 @@ import numpy as np
 from scipy.special import fdtrc, stdtr
 
 from flexid.arrays import FloatArray
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.estimate import Estimate, quantile
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.identification.vocabulary.intervals import quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.physical import ANGLES, difference
 from flexid.stored_estimates.estimate_origins import Sharing

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
     from flexid.arms.result import ArmIdentification
-    from flexid.identification.result.identification import Identification
+    from flexid.identification.result import Identification
 
 FORMAT_VERSION = 1
 """Of the files that this version writes, and the newest that it reads."""
@@ -149,7 +149,7 @@ def _schema(*, of_arm: bool) -> "TypeAdapter[Any]":
     from pydantic import TypeAdapter
 
     from flexid.arms.result import ArmIdentification
-    from flexid.identification.result.identification import Identification
+    from flexid.identification.result import Identification
 
     return TypeAdapter(ArmIdentification if of_arm else Identification)
 

@@ -5,7 +5,7 @@ from functools import cache
 from typing import Any, Literal, NamedTuple
 
 from flexid.arms.result import ArmIdentification
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.identification.result.identification import Identification
-from flexid.identification.vocabulary.intervals import (
+from flexid.identification.result import Identification
+from flexid.identification.vocabulary.estimate import (
     CONFIDENCE,
     Interval,
     checked_level,

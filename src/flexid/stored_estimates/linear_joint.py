@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.identification.preparation.joint import Kind, joint_of
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.identification.structure.gap import PLAY
+from flexid.identification.vocabulary.estimate import quantile
 from flexid.identification.vocabulary.evidence import slopes_of
-from flexid.identification.vocabulary.intervals import quantile
 from flexid.models.flexible_joint import coefficients_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.sampled import plain_model

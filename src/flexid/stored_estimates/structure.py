@@ -9,7 +9,7 @@ from flexid.errors import SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.model import LINK, Structure
 from flexid.identification.preparation.joint import Joint, joint_of
-from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.result import Choices, Identification
 from flexid.models.flexible_joint import WIDTHS
 
 _SAME = 1e-6  # relative difference of a tied coefficient to what it follows from that is rounding

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 import flexid
+from flexid.arms.fitting import DELAY
 from flexid.arms.log import ArmLog, arm_data, read_arm_log
 from flexid.arms.result import ArmIdentification
-from flexid.arms.unusual import DELAY
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
@@ -19,15 +19,14 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure, data_of
-from flexid.identification.preparation.arm import ElasticArm
-from flexid.identification.preparation.joint import Joint, Kind
+from flexid.identification.preparation.joint import ElasticArm, Joint, Kind
 from flexid.identification.preparation.recordings import (
     Source,
     check_alike,
     check_distinct,
     traits,
 )
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.identification.structure.validation import Channels, validate_with
 from flexid.identification.vocabulary.evidence import Validation, ValueEstimate
 from flexid.models.motion import JointType

@@ -7,7 +7,7 @@ from typing import Any
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.recording.recipes import MapSource
 from flexid.streaming.incoming import (
     HEAD_LINES,

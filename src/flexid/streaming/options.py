@@ -18,7 +18,7 @@ from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import traits
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import Stated, stated
-from flexid.identification.result.identification import Identification
+from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.flexible_joint import (
     ANGULAR_TERMS,
@@ -35,7 +35,7 @@ from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.channel import INPUTS, Channel
 from flexid.recording.sampling import check_sample_time
-from flexid.recording.wraps import TURN
+from flexid.recording.series import TURN
 from flexid.toml_file import refuse_arm_file
 
 LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word

@@ -17,22 +17,23 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.files import sha256, shown
 from flexid.identification.identify import identify
-from flexid.identification.judgement.estimates import widest
+from flexid.identification.judgement import widest
 from flexid.identification.preparation.joint import joint_of
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import stated
-from flexid.identification.result.identification import Choices, Identification, summary
-from flexid.identification.result.warnings import (
+from flexid.identification.result import (
+    Choices,
+    Identification,
     amplifier_warnings,
     compliance_warnings,
     model_warnings,
     sign_warnings,
+    summary,
     validation_warnings,
 )
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary import Progress, silent
+from flexid.identification.vocabulary.estimate import Estimate, quantile
 from flexid.identification.vocabulary.evidence import CoefficientEstimate
-from flexid.identification.vocabulary.intervals import quantile
-from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.models.flexible_joint import SHAPE_TERMS
 from flexid.models.terms import SMOOTHING
 from flexid.readers.formats import PARQUET

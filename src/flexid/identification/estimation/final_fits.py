@@ -23,8 +23,7 @@ from flexid.identification.full_model.fits_by_length import hold_covariance
 from flexid.identification.full_model.fitting import expanded, fit_like, fit_to, lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
 from flexid.identification.full_model.starting import first_fits, least_squares_start, suited_rate
-from flexid.identification.preparation.alignment import Alignment, Delay, aligned
-from flexid.identification.preparation.recordings import SplitRecordings
+from flexid.identification.preparation.recordings import Alignment, Delay, SplitRecordings, aligned
 from flexid.identification.structure.elimination import Choice
 from flexid.identification.structure.gap import with_free_width
 from flexid.identification.structure.link_delay import confused_covariance

@@ -28,7 +28,7 @@ from flexid.identification.full_model.fitting import (
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import FIRST_ITERATIONS, first_fits, short
-from flexid.identification.vocabulary.progress import Progress
+from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import HYSTERESIS_GRIP
 from flexid.recording.recording import Hold

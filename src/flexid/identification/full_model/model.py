@@ -20,8 +20,7 @@ from flexid.estimators.prediction_error import described
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Unknowns
-from flexid.identification.preparation.arm import ElasticArm
-from flexid.identification.preparation.joint import Joint
+from flexid.identification.preparation.joint import ElasticArm, Joint
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.recording.recording import Hold, Recording
 from flexid.recording.slow_motion import scales_apart

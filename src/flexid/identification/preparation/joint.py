@@ -1,8 +1,8 @@
-"""The models that a log is held against: the flexible joint, its link alone, the rigid joint.
+"""The models that a log is held against: a joint, flexible, its link alone or rigid, and an arm.
 
-Each is compiled twice with every term there is: as most drives are, and with terms for what a drive
-may have beside. A term that is off is a coefficient fixed at 0, so that terms can be tried and
-dropped without a kernel of their own.
+Each joint is compiled twice with every term there is: as most drives are, and with terms for what a
+drive may have beside. A term that is off is a coefficient fixed at 0, so that terms can be tried
+and dropped without a kernel of their own.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.estimators.balance_motion import balance_motion, balance_unknowns
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples, samples_of_recording
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
@@ -36,8 +37,9 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import physical_parameters
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint, row_alone
 from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING, with_dry_friction
+from flexid.models.torque_balance import TorqueBalance
 from flexid.recording.recording import Recording
-from flexid.recording.wraps import TURN
+from flexid.recording.series import TURN
 
 Kind = Literal["flexible", "link", "rigid"]
 
@@ -338,3 +340,44 @@ def _velocities(recording: Samples) -> FloatArray:
 
 def _root_mean_square(parts: Sequence[FloatArray]) -> float:
     return float(np.sqrt(sum(float(x @ x) for x in parts) / sum(map(len, parts))))
+
+
+@dataclass(frozen=True)
+class ElasticArm:
+    """An arm with all its terms."""
+
+    balance: TorqueBalance
+    resting: tuple[int, ...] = ()  # joints whose motors stand still
+    terms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # none can be left out
+    ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+    nonlinear: Mapping[str, str] = field(default_factory=dict)
+    first: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of both positions of each joint, and of its deflection."""
+        kinds = ("link_position", "motor_position", "deflection")
+        joints = range(1, self.balance.joints + 1)
+        return tuple(f"{kind}_{joint}" for joint in joints for kind in kinds)
+
+    def channels_of(self, positions: FloatArray, inputs: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Channels, shape (n, 3 n_joints), in rad."""
+        links, motors = positions[:, ::2], positions[:, 1::2]
+        return np.stack((links, motors, links - motors), axis=2).reshape(len(positions), -1)
+
+    def unknowns(
+        self,
+        absent: Collection[str],
+        fixed: Mapping[str, float],
+        groups: Sequence[int] = (),  # noqa: ARG002
+    ) -> Unknowns:
+        """What is sought where some parameters have a value."""
+        return balance_unknowns(self.balance, {**dict.fromkeys(absent, 0.0), **fixed})
+
+    def with_widths(self, widths: Mapping[str, float]) -> "ElasticArm":  # noqa: ARG002
+        """The same: its terms have no constants."""
+        return self
+
+    def motion(self, segments: Segments, timing: Timing, unknowns: Unknowns) -> SegmentedMotion:
+        """Its motion over segments."""
+        return balance_motion(self.balance, segments, timing, unknowns)

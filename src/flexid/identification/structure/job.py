@@ -21,15 +21,17 @@ from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.elimination import Choice, choose_structure
 from flexid.identification.structure.gap import about_its_centre, fit_with_play
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
-from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS, is_slack
-from flexid.identification.structure.sought_shape import (
+from flexid.identification.structure.shapes import (
+    SOUGHT,
+    SOUGHT_COEFFICIENTS,
     SoughtShape,
     fit_requested_shape,
     fit_with_shape,
+    is_slack,
 )
 from flexid.identification.structure.validation import misprediction, validate
+from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import Validation
-from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.recording import Hold, Recording
 

@@ -16,8 +16,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
 from flexid.identification.full_model.model import Data, Fitted, M
-from flexid.identification.preparation.arm import ElasticArm
-from flexid.identification.preparation.joint import Joint
+from flexid.identification.preparation.joint import ElasticArm, Joint
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.symmetric import pseudo_inverse
 

@@ -7,7 +7,7 @@ from typing import Literal, Self
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.vocabulary.intervals import checked_level, interval, logarithmic_interval
+from flexid.identification.vocabulary.estimate import checked_level, interval, logarithmic_interval
 
 Verdict = Literal["determined", "weak", "undetermined"]
 
