@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -140,6 +141,7 @@ def test_which_lengths_are_fitted(monkeypatch, ends, kept):
         return made_fit(excess, segments=segments, states=np.zeros((len(segments), 4)))
 
     monkeypatch.setattr(fitting, "fit_segments", fitted_over)
+    monkeypatch.setattr(fitting, "_is_known", lambda _: True)
     divisions, nothing = cast(Any, [range(count) for count in counts]), cast(Any, None)
     if kept is None:
         with pytest.raises(ConvergenceError):
@@ -231,3 +233,19 @@ def test_terms_of_a_structure():
     assert less.absent == {"theta_offset", "theta1", "alpha_backlash", "theta_backlash"}
     assert less.timing == Timing("zero", {}, (model.LINK,))
     assert not {"gravity", "link_offset", "backlash"} & {*less.terms}
+
+
+@pytest.mark.parametrize(
+    ("deviation", "free", "known"),
+    [(0.049, False, True), (0.051, False, False), (0.01, True, False)],
+)
+def test_only_a_core_that_is_known_needs_no_ladder(deviation: float, free: bool, known: bool):
+    """Assert that inertias and stiffness decide, gravity does not, and that none may be open."""
+    reduced = SimpleNamespace(free=np.array([False, free]))
+    short = SimpleNamespace(
+        names=("theta1", "alpha1"),
+        values=np.array([1.0, -1.0]),
+        unit_deviations=np.array([9.0, deviation]),
+        minimum=SimpleNamespace(reduced=reduced),
+    )
+    assert fitting._is_known(cast(Any, short)) == known

@@ -28,6 +28,7 @@ from flexid.estimators.segments import Segments, divide
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, M, Structure
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.flexible_joint import POSITIVE
 
 SHORTEST = 0.1
 """Length in s of the segments that a fit begins with: any start is good enough for these."""
@@ -36,6 +37,9 @@ LONGEST = 10.0
 """Length in s beyond which segments hold hardly more information."""
 
 _CHANCE = 3.0  # standard deviations of a sum of squares
+# Standard deviations. Where two slow sines seen by coarse encoders left three to seven, a minimum
+# with a motor's inertia 40 % off explained the log as well.
+_KNOWN = 20.0
 _ENOUGH = 10_000  # samples, in which what explains most of a log shows
 
 
@@ -126,15 +130,23 @@ def longer_fits(
 def _explained_over(longest: Sequence[Segments], short: Fitted) -> Fitted | None:
     """A fit over the longest segments from one over short ones, if it leaves no more than they do.
 
-    No other minimum explains a log as well, so that nothing is lost by the way there.
+    Where these know inertias and stiffness, no other minimum explains the log as well, so that
+    nothing is lost by the way there. Where they hardly do, several may.
     """
-    if not longest or short.excess > THRESHOLDS.sensor_excess:
+    if not longest or short.excess > THRESHOLDS.sensor_excess or not _is_known(short):
         return None
     with suppress(ConvergenceError):
         found = over_longer(short, longest[0], _AT_ONCE)
         floor = THRESHOLDS.noise_floor(short.excess)
         return found if beyond_noise(found, floor, short) <= 0.0 else None
     return None
+
+
+def _is_known(fitted: Fitted) -> bool:
+    """Whether a fit knows inertias and stiffness."""
+    core = np.array([name in POSITIVE for name in fitted.names], dtype=np.bool_)
+    known = np.abs(fitted.values) > _KNOWN * fitted.unit_deviations
+    return bool(np.all(known[core] & ~fitted.minimum.reduced.free[core]))
 
 
 def beyond_noise(fitted: Fitted, floor: float, shortest: Fitted) -> float:
