@@ -42,7 +42,7 @@ from flexid.identification.structure.link_delay import is_damping, shifted, skew
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import flexible_joint
+from flexid.models.flexible_joint import SHAPE_TERMS, SPRING, TERMS, flexible_joint
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of taking terms away
@@ -50,7 +50,11 @@ _ROUNDS = 3  # of taking terms away
 # as much, and those of two short ones that had lost a friction or the spring 2.1 and 4.5 times.
 _NO_MORE = 1.5
 # What a spring does to the link, and the same to the motor.
-_OF_LINK = {"theta2": "alpha1", "theta_cubic": "alpha_cubic", "theta_backlash": "alpha_backlash"}
+_OF_LINK = {SPRING[0]: SPRING[1]} | {
+    link: motor
+    for term in (TERMS["cubic_stiffness"], SHAPE_TERMS["backlash"])
+    for link, motor in zip(term.link, term.motor, strict=True)
+}
 # Share by which play makes the spring stiffer: with less it is no more than an encoder's steps.
 _LEAST_STIFFER = 0.02
 _WIDTHS = 5  # of play, until it is as wide as its gap
