@@ -360,7 +360,11 @@ class ElasticArm:
         joints = range(1, self.balance.joints + 1)
         return tuple(f"{kind}_{joint}" for joint in joints for kind in kinds)
 
-    def channels_of(self, positions: FloatArray, inputs: FloatArray) -> FloatArray:  # noqa: ARG002
+    def channels_of(
+        self,
+        positions: FloatArray,
+        inputs: FloatArray,  # noqa: ARG002 - as a joint's, whose link may have its motor there
+    ) -> FloatArray:
         """Channels, shape (n, 3 n_joints), in rad."""
         links, motors = positions[:, ::2], positions[:, 1::2]
         return np.stack((links, motors, links - motors), axis=2).reshape(len(positions), -1)
@@ -369,12 +373,15 @@ class ElasticArm:
         self,
         absent: Collection[str],
         fixed: Mapping[str, float],
-        groups: Sequence[int] = (),  # noqa: ARG002
+        groups: Sequence[int] = (),  # noqa: ARG002 - as a joint's, whose offsets differ by log
     ) -> Unknowns:
         """What is sought where some parameters have a value."""
         return balance_unknowns(self.balance, {**dict.fromkeys(absent, 0.0), **fixed})
 
-    def with_widths(self, widths: Mapping[str, float]) -> "ElasticArm":  # noqa: ARG002
+    def with_widths(
+        self,
+        widths: Mapping[str, float],  # noqa: ARG002 - as a joint's
+    ) -> "ElasticArm":
         """The same: its terms have no constants."""
         return self
 

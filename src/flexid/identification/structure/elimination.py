@@ -84,6 +84,7 @@ def choose_structure(
     if asked.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
     structure, evidence = _leanest(wider, kept, thresholds)
+    fitted_as = best.structure  # a fit's own structure begins where the fit ended
     for _ in range(_ROUNDS):
         # What is left may be fitted over longer segments, and these show more.
         leaner = fit_like(structure, wider)
@@ -92,14 +93,14 @@ def choose_structure(
         found = [leaner, *by_length.longer(leaner, thresholds)]
         longer = best_length(found) if by_length.free_length else found[-1]
         if longer is leaner:
-            best = leaner
+            best, fitted_as = leaner, structure
             break
         wider = fit_like(wider.structure, longer, ROUGH) or wider
-        best = longer
+        best, fitted_as = longer, structure
         if len(wider.problem.segments) != len(longer.problem.segments):
             break  # the wider model does not follow; what it said of shorter segments stands
         structure, evidence = _leanest(wider, kept, thresholds)
-    fitted = best if best.structure is structure else fit_like(structure, best)
+    fitted = best if fitted_as is structure else fit_like(structure, best)
     while fitted is not None:
         # Far from where it was expanded a quadratic form is none; the leaner fit has its own.
         leaner, own = eliminate(fitted, kept, thresholds)
