@@ -1,4 +1,4 @@
-"""What is found in made logs that show it, and what is said where the model lacks a term."""
+"""What is found in logs that are not flexid's, and what is said where the model lacks a term."""
 
 import json
 from collections.abc import Mapping
@@ -8,18 +8,26 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, TRUTH, log, made, turned
+from benchmarks.arms.arm import Arm, Link
+from benchmarks.arms.log import Motion, simulate
+from made_joint import COEFFICIENTS, JOINT, TRUTH, data, log, made, recording, turned
 
 from flexid.arrays import to_json
 from flexid.errors import SettingError
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.unknowns import Unknowns
 from flexid.exports.request import request_of_identification
+from flexid.identification.full_model.model import Structure
+from flexid.identification.full_model.starting import smooth_unknowns
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import Identification
-from flexid.models.flexible_joint import PAPER_TERMS
+from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.linear_joint import linear_joint
+from flexid.stored_estimates.structure import structure_of, values_of
 from flexid.stored_estimates.validate_estimate import validate_estimate
+from flexid.streaming.options import StreamChannels, options_of_stream
 
 LINK_TRUTH = {"joint_stiffness_per_link_inertia": 100.0, "gravity_torque_per_link_inertia": 5.0}
 PAPER = Settings(terms=PAPER_TERMS)
@@ -159,7 +167,7 @@ THOROUGH = {
 
 
 @cache
-def identified(name: str) -> Identification:
+def identified_case(name: str) -> Identification:
     """What the logs of a case give."""
     case = CASES[name]
     logs = [log(made(seed, duration, **case.acts)) for seed, duration in case.seconds.items()]
@@ -171,7 +179,7 @@ def identified(name: str) -> Identification:
 )
 def test_what_a_log_shows_is_found(name):
     """Assert that terms, hold and values are right, and hardly surer than they are."""
-    case, found = CASES[name], identified(name)
+    case, found = CASES[name], identified_case(name)
     alone = found.model == "link"
     terms = ("gravity",) if alone else PAPER_TERMS
     assert found.choices.terms == (*terms, *case.terms)
@@ -193,7 +201,7 @@ def test_what_a_log_shows_is_found(name):
 
 def test_a_ripple_far_from_zero_counts_from_where_it_is():
     """Assert that thirty turns away nothing is less known, and that the angle says whence."""
-    near = identified("a ripple")
+    near = identified_case("a ripple")
     far = identify([log(turned(made(1, 12.0, **RIPPLE), -30))])
     origin = -30.0 * 2.0 * np.pi
     assert far.choices.shapes["ripple_origin"] == pytest.approx(origin)
@@ -237,10 +245,102 @@ def test_what_a_missing_term_spoils_is_covered_or_doubted(acts):
 
 def test_what_becomes_of_an_estimate_with_hysteresis():
     """Assert that stored it predicts another log, and that nothing linear or exported has it."""
-    found = identified("a spring that remembers")
+    found = identified_case("a spring that remembers")
     document = json.loads(to_json(estimate_document(found)))
     answer = validate_estimate(read_estimate(document), [log(made(2, **HYSTERESIS))])
     assert min(answer.fit_percent.values()) > 99.0
     assert "hysteresis_grip" not in linear_joint(found).names
     with pytest.raises(SettingError, match="identify with --terms gravity,motor_viscous"):
         request_of_identification(found)
+
+
+ECCENTRICITY, ECCENTRIC_PHASE = 0.02, 0.6  # rad
+CHANNELS = StreamChannels("flexible", "N m", False, ())
+
+
+@pytest.fixture(scope="module")
+def geared():
+    """Return a motion with such a gear."""
+    return made(3, 12.0, eccentricity=ECCENTRICITY, eccentricity_phase=ECCENTRIC_PHASE)
+
+
+@pytest.fixture(scope="module")
+def gear(geared):
+    """Return what is identified of it, told nothing."""
+    return identify([log(geared)])
+
+
+def test_what_follows_is_reported_as_it_follows(gear):
+    """Assert that a coefficient that is a square is one, and that its model is built of it."""
+    values = {name: c.value for name, c in gear.coefficients.items()}
+    for name, (a, b, d) in TIES.items():
+        if name in values:
+            assert values[name] == pytest.approx(values[a] * values[b] / values[d], rel=1e-9)
+    assert values.keys() >= SQUARES
+    again = structure_of(gear, values_of(gear, 0))
+    assert set(again.unknowns(()).names) == {c for c in values if c not in TIES}
+
+
+def test_least_squares_seeks_no_square(geared):
+    """Assert that columns which nothing but a square tells apart are not sought."""
+    joint = JOINT.scaled(data(geared).samples).with_shapes_in_least_squares
+    structure = Structure(joint, frozenset(), Timing("cubic"))
+    unknowns = smooth_unknowns(structure, (0,))
+    assert not SQUARES & {*unknowns.names}
+    assert {"alpha_ecc_sine", "alpha_ecc_cosine"} <= {*unknowns.names}
+
+
+def test_what_is_exported_knows_the_squares(gear):
+    """Assert that an exported estimator has them in its known part, with the estimate's values.
+
+    None is made of what has no value, and what an estimate knows of a term goes with the term.
+    """
+    source = request_of_identification(gear)
+    assert not SQUARES & {*source.system.coefficients}
+    assert source.system.constants.keys() >= SQUARES
+    assert Unknowns(source.system).names == source.system.coefficients
+    assert not options_of_stream({"terms": PAPER_TERMS}, gear, CHANNELS, 2e-3).given
+    none = replace(gear.coefficients["alpha_ecc_product"], value=np.nan)
+    coefficients = gear.coefficients | {"alpha_ecc_product": none}
+    with pytest.raises(SettingError, match="alpha_ecc_product"):
+        request_of_identification(replace(gear, coefficients=coefficients))
+
+
+ENGINE_LINK = Link(0.5, 2.0, 0.25, 0.0, 0.875, 100.0, 0.4, 0.3, 0.2, 0.5, 0.0, 0.0)
+ENGINE_TRUTH = {
+    "gravity_torque": 2.0 * 0.25 * 9.81,
+    "link_inertia": 0.875 + 2.0 * 0.25**2,
+    "joint_stiffness": 100.0,
+    "joint_damping": 0.4,
+    "motor_inertia": 0.3,
+    "motor_viscous_friction": 0.2,
+    "motor_coulomb_friction": 0.5,
+}
+
+
+def identified_engine(seed):
+    """Thirty seconds with 14-bit encoders and a held torque."""
+    made = simulate(
+        Arm((ENGINE_LINK,), (9.81, 0.0)),
+        Motion(30.0, bits=14, noise=0.0),
+        np.random.default_rng(seed),
+    )
+    columns = (column[:, 0].copy() for column in (made.link, made.motor, made.torque))
+    return identify([log(recording(made.time, *columns))])
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(10, marks=pytest.mark.thorough)])
+def test_every_parameter_is_determined(seed):
+    """Assert that all, dry friction too, is within three thousandths, and the truth inside.
+
+    Friction needs no velocity, and a held torque without delay is seen.
+    """
+    result = identified_engine(seed)
+    for name, value in ENGINE_TRUTH.items():
+        assert result.parameters[name].value == pytest.approx(value, rel=0.003), name
+        lower, upper = result.parameters[name].interval
+        assert result.parameters[name].verdict == "determined"
+        assert lower <= value <= upper, name
+    assert result.choices.coulomb_velocity is None
+    assert result.choices.hold == "zero"
+    assert abs(result.choices.alignment.input_delay.value) < 1e-5

@@ -1,15 +1,27 @@
-"""The verdict on a number: where each of its rules begins and ends."""
+"""Verdicts: where each rule begins and ends, and what they make of an estimate."""
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
-from flexid.identification.judgement import verdict
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.judgement import (
+    coefficient_estimates,
+    constant_estimates,
+    parameter_estimates,
+    verdict,
+)
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds, table
+from flexid.models.flexible_joint import PAPER_TERMS
 
 
-def judged(half: float, value: float = 10.0, effect: float = np.inf) -> str:
+def verdict_on(half: float, value: float = 10.0, effect: float = np.inf) -> str:
     """Verdict on a value whose interval reaches so far to either side."""
     return verdict(value, (value - half, value + half), effect)[0]
 
@@ -42,7 +54,7 @@ def test_width_decides(value, half, expected, words):
 @pytest.mark.parametrize("value", [0.0, 1e-6])
 def test_what_does_nothing_is_determined(value, effect, expected):
     """Assert that a number is known to be small if it moves its row by less than a 25th."""
-    assert judged(1.0, value, effect) == expected
+    assert verdict_on(1.0, value, effect) == expected
 
 
 def test_what_else_counts():
@@ -51,8 +63,8 @@ def test_what_else_counts():
     An interval that is longer above is judged by half its whole width; one without an end says that
     there is no information.
     """
-    assert judged(1.9, effect=1.0) == "determined"
-    assert judged(1e-12, 0.0) == "undetermined"
+    assert verdict_on(1.9, effect=1.0) == "determined"
+    assert verdict_on(1e-12, 0.0) == "undetermined"
     assert verdict(10.0, (9.0, 12.9))[0] == "determined"
     assert verdict(10.0, (9.0, 13.1))[0] == "weak"
     for ends in ((-np.inf, np.inf), (0.0, np.inf)):
@@ -78,3 +90,137 @@ def test_table_lists_every_threshold():
     assert [row[0] for row in rows] == [f.name for f in fields(Thresholds)]
     assert {row[0]: row[1] for row in rows}["weak_width"] == 0.7
     assert all(unit and reason for _, _, unit, reason in rows)
+
+
+JOINT = flexible()
+UNKNOWNS, DAMPED = (
+    JOINT.unknowns(JOINT.optional - {c for t in terms for c in JOINT.terms[t]}, {})
+    for terms in (PAPER_TERMS, (*PAPER_TERMS, "joint_damping"))
+)
+VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.7, "beta1": 0.3}
+LINK, MOTOR = {"theta1", "theta2"}, {"alpha1", "alpha2", "beta1"}
+HALF = 0.005 * float(t.ppf(0.975, 50.0))
+"""Half the interval of a value that is known to 0.5 %, over the value."""
+
+Judged = tuple[dict[str, CoefficientEstimate], dict[str, ParameterEstimate]]
+
+
+def judged(
+    values: Mapping[str, float],
+    deviations: Mapping[str, float] | None = None,
+    fixed: Mapping[str, tuple[float, str]] | None = None,
+    sizes: Mapping[str, float] | None = None,
+    exact: Mapping[str, tuple[float, str]] | None = None,
+    unknowns: Unknowns = UNKNOWNS,
+) -> Judged:
+    """Coefficients and parameters of a drive that is known to 0.5 % where nothing else is said."""
+    found = np.array([*values.values()])
+    spread = [(deviations or {}).get(name, 0.005 * abs(v)) for name, v in values.items()]
+    estimate = Estimate(tuple(values), found, np.diag(np.square(spread)), (50.0,) * len(values))
+    coefficients = coefficient_estimates(estimate, JOINT, unknowns, sizes or {}, fixed or {}, "N m")
+    return coefficients, parameter_estimates(
+        JOINT, estimate, unknowns, coefficients, "N m", exact=exact
+    )
+
+
+@pytest.mark.parametrize(
+    ("negative", "own", "other"),
+    [("alpha1", MOTOR, LINK), ("beta1", MOTOR, LINK), ("theta2", LINK, MOTOR)],
+)
+def test_the_other_row_stands_for_itself(negative, own, other):
+    """Assert that a row with a negative spring or inertia is undetermined, and the other not."""
+    found, _ = judged({**VALUES, negative: -VALUES[negative]})
+    assert {found[name].verdict for name in own} == {"undetermined"}
+    assert {found[name].verdict for name in other} == {"determined"}
+
+
+@pytest.mark.parametrize("theta2", [-100.0, -1e-3])
+def test_a_negative_stiffness_leaves_the_motor_s_parameters_alone(theta2):
+    """Assert that nothing that rests on the link is determined, and all that is the motor's is.
+
+    A stiffness that the log leaves free says nothing of the rest, be it negative.
+    """
+    found = {**(both := judged({**VALUES, "theta2": theta2}))[0], **both[1]}
+    determined = {name for name, each in found.items() if each.verdict == "determined"}
+    assert determined == MOTOR | {"joint_stiffness", "motor_inertia", "motor_viscous_friction"}
+    free, parameters = judged({**VALUES, "theta2": theta2}, {"theta2": np.inf})
+    assert {free[name].verdict for name in MOTOR} == {"determined"}
+    assert (free["theta2"].verdict, parameters["motor_inertia"].verdict) == (
+        "undetermined", "determined",
+    )  # fmt: skip
+
+
+def test_coefficients_and_parameters_by_hand():
+    """Assert values, intervals and slopes of what was estimated, and of what follows from it.
+
+    A delay among the unknowns is no coefficient.
+    """
+    coefficients, parameters = judged({"input_delay": 0.0, **VALUES})
+    assert {*coefficients} == {*VALUES}
+    for name, value in VALUES.items():
+        found = coefficients[name]
+        assert found.slopes == {name: 1.0}
+        assert found.verdict == "determined"
+        assert found.interval == pytest.approx((value * (1.0 - HALF), value * (1.0 + HALF)))
+    stiffness = parameters["joint_stiffness"]  # alpha1 over beta1, which err independently
+    assert stiffness.value == pytest.approx(1000.0)
+    assert stiffness.std == pytest.approx(1000.0 * 0.005 * 2.0**0.5)
+    assert stiffness.slopes == pytest.approx({"alpha1": 1.0 / 0.3, "beta1": -1000.0 / 0.3})
+
+
+def test_what_is_given_has_no_width_and_says_so():
+    """Assert that a fixed coefficient, and a parameter that rests on nothing else, are given."""
+    free = {name: value for name, value in VALUES.items() if name != "beta1"}
+    coefficients, parameters = judged(free, fixed={"beta1": (0.3, "given")})
+    for found in (coefficients["beta1"], parameters["motor_inertia"]):
+        assert (found.std, found.verdict, found.reason) == (0.0, "determined", "given")
+        assert found.interval == (found.value, found.value)
+    assert parameters["joint_stiffness"].reason == ""
+    _, parameters = judged(VALUES, exact={"motor_inertia": (3.0, "known")})
+    inertia = parameters["motor_inertia"]
+    assert (inertia.value, inertia.std, inertia.reason) == (3.0, 0.0, "known")
+    assert {"joint_stiffness", "link_inertia", "motor_viscous_friction"} <= {*parameters}
+
+
+@pytest.mark.parametrize(("effect", "expected"), [(0.039, "determined"), (0.041, "undetermined")])
+def test_what_hardly_moves_its_row_is_determined(effect, expected):
+    """Assert that half an interval about zero counts by its effect, in what follows from it too."""
+    half = float(t.ppf(0.975, 50.0)) * 0.1
+    coefficients, parameters = judged(
+        VALUES | {"alpha2": 0.01}, {"alpha2": 0.1}, sizes={"alpha2": effect / half}
+    )
+    assert coefficients["alpha2"].verdict == expected
+    assert parameters["motor_viscous_friction"].verdict == expected
+    assert bool(parameters["motor_viscous_friction"].reason) == (expected != "determined")
+    damping, sizes = {"alpha_damping": 0.01}, {"alpha_damping": effect / half}
+    found, _ = judged(VALUES | damping, {"alpha_damping": 0.1}, sizes=sizes, unknowns=DAMPED)
+    assert found["alpha_damping"].verdict == found["theta_damping"].verdict == expected
+
+
+def test_a_product_of_determined_values_has_a_width_of_its_own():
+    """Assert that a stiffness of two values known to 16 % is not known to 20 %."""
+    both = {"alpha1": 0.08 * VALUES["alpha1"], "beta1": 0.08 * VALUES["beta1"]}
+    coefficients, parameters = judged(VALUES, both)
+    assert {coefficients[name].verdict for name in both} == {"determined"}
+    assert parameters["joint_stiffness"].verdict == "weak"
+    assert parameters["motor_inertia"].verdict == "determined"
+
+
+def test_constants_of_shapes_are_judged_by_their_width():
+    """Assert value, interval, unit and verdict of a constant, and that one is part of the fit."""
+    constants = {
+        "stribeck_velocity": (0.15, 0.01, 50.0),
+        "bend_deflection": (0.3, 0.1, 50.0),
+        "ripple_number": (7.0, np.inf, 0.0),  # held
+    }
+    found = constant_estimates(flexible(), constants)
+    slopes = [dict(each.slopes) for each in found.values()]
+    assert slopes == [{"stribeck_velocity": 1.0}, {"bend_deflection": 1.0}, {}]
+    assert found["ripple_number"].verdict == "undetermined"
+    velocity, bend = found["stribeck_velocity"], found["bend_deflection"]
+    half = 0.01 * float(t.ppf(0.975, 50.0))
+    assert velocity.interval == pytest.approx((0.15 - half, 0.15 + half))
+    assert (velocity.unit, velocity.verdict, velocity.degrees_of_freedom) == (
+        "rad/s", "determined", 50.0,
+    )  # fmt: skip
+    assert (bend.unit, bend.verdict) == ("rad", "weak")

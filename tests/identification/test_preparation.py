@@ -1,14 +1,120 @@
-"""Logs become recordings with held-out ends."""
+"""What a user may set, and how logs become recordings on one clock with held-out ends."""
 
 from dataclasses import replace
+from functools import cache
+from math import inf, nan
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from flexid.errors import RecordingError, SettingError
-from flexid.identification.preparation.recordings import SplitRecordings, prepare
+from flexid.identification.preparation.joint import flexible, rigid
+from flexid.identification.preparation.recordings import (
+    Alignment,
+    Delay,
+    SplitRecordings,
+    aligned,
+    prepare,
+)
+from flexid.identification.preparation.settings import Settings, check_against, check_for
+from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import FEWEST_TO_IDENTIFY
+from flexid.simulation.free_run import free_run
+from made_estimates import TRUE
+
+REFUSED_SETTINGS = {
+    "unknown model": ({"model": "elastic"}, "flexible"),
+    "unknown term": ({"terms": ("gravity", "turbulence")}, "turbulence"),
+    "unknown coefficient": ({"known": {"stiffness": 3.0}}, "stiffness"),
+    "inertia of zero": ({"known": {"motor_inertia": 0.0}}, "no possible value"),
+    "gain of zero": ({"known": {"beta1": 0.0}}, "above zero"),
+    "value that is none": ({"known": {"theta2": nan}}, "no possible value"),
+    "negative deviation": (
+        {"known": {"theta2": 1.0}, "known_deviations": {"theta2": -1.0}},
+        "no standard deviation",
+    ),
+    "tiny inertia": ({"known": {"motor_inertia": 1e-320}}, "no possible value"),
+    "huge stiffness": ({"known": {"joint_stiffness": 1e200}}, "no possible value"),
+    "spring of zero": ({"known": {"joint_stiffness": 0.0}}, "above zero"),
+    "huge deviation": (
+        {"known": {"theta2": 1.0}, "known_deviations": {"theta2": 1e200}},
+        "no standard deviation",
+    ),
+    "huge bound": ({"bounds": {"alpha2": (1e308, inf)}}, "no possible value"),
+    "bounds below zero": ({"bounds": {"link_inertia": (-2.0, -1.0)}}, "above zero"),
+    "bounds of nothing": ({"bounds": {"stiffness": (0.0, 1.0)}}, "no parameter or coefficient"),
+    "bounds the wrong way": ({"bounds": {"alpha2": (2.0, 1.0)}}, "not below"),
+    "bound that is none": ({"bounds": {"alpha2": (nan, 1.0)}}, "not below"),
+    "unknown hold": ({"hold": "first"}, "'first' is none of"),
+    "coulomb velocity of zero": ({"coulomb_velocity": 0.0}, "coulomb_velocity"),
+    "coulomb velocity of next to nothing": ({"coulomb_velocity": 1e-300}, "outside 1e-06 to 100"),
+    "huge coulomb velocity": ({"coulomb_velocity": 101.0}, "outside 1e-06 to 100 rad/s"),
+    "negative filter rate": ({"filter_rate": -3.0}, "filter_rate"),
+    "infinite segments": ({"segment_duration": inf}, "segment_duration"),
+    "word for a number": ({"segment_duration": "long"}, "segment_duration"),
+    "infinite input delay": ({"input_delay": inf}, "input_delay"),
+    "link delay that is none": ({"link_delay": nan}, "link_delay"),
+    "nothing to validate on": ({"validation_share": 0.0}, "validation_share"),
+    "nothing to fit": ({"validation_share": 0.9}, "validation_share"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_SETTINGS)
+def test_what_cannot_be_used_is_refused(case):
+    """Assert that a setting without a meaning is refused with its name or value."""
+    settings, words = REFUSED_SETTINGS[case]
+    with pytest.raises(SettingError, match=words):
+        Settings(**settings)
+
+
+OTHER_TERMS = {
+    "rigid term": (flexible, {"terms": ("viscous",)}, "no term of the flexible joint"),
+    "flexible term": (rigid, {"terms": ("motor_viscous",)}, "no term of the rigid joint"),
+    "inertia of the motor alone": (rigid, {"known": {"motor_inertia": 0.3}}, "motor and link"),
+}
+
+
+@pytest.mark.parametrize("case", OTHER_TERMS)
+def test_what_the_joint_does_not_have_is_refused(case):
+    """Assert that a setting that would go unheeded in this joint is refused."""
+    joint, settings, words = OTHER_TERMS[case]
+    with pytest.raises(SettingError, match=words):
+        check_for(joint(), Settings(**settings))
+
+
+@pytest.mark.parametrize("term", ["backlash", "torque_saturation", "motor_stribeck"])
+def test_terms_beyond_the_usual_ones_may_be_named(term):
+    """Assert that a flexible joint takes them, and that a rigid one does not."""
+    settings = Settings(terms=("gravity", term))
+    check_for(flexible(), settings)
+    with pytest.raises(SettingError, match="no term of the rigid joint"):
+        check_for(rigid(), settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"segment_duration": 1e-9}, "less than 20 samples"),
+        ({"filter_rate": 501.0}, "does not suit samples every 0.001 s"),
+        ({"input_delay": 5.0}, "a tenth of the log"),
+        ({"link_delay": -1e3}, "a tenth of the log"),
+    ],
+)
+def test_what_a_log_gives_no_meaning_to_is_refused(settings, words):
+    """Assert that segments, filters and delays that the samples cannot show are refused."""
+    with pytest.raises(SettingError, match=words):
+        check_against(Settings(**settings), 1e-3, 20.0)
+
+
+def test_what_a_log_can_show_is_taken():
+    """Assert that numbers at the edge of what the samples show pass."""
+    usable = Settings(segment_duration=30.0, filter_rate=499.0, input_delay=2.0, link_delay=-2.0)
+    check_against(usable, 1e-3, 20.0)
+    assert usable.given_delay == 2.0
+    assert Settings().given_delay == 0.0
+
 
 SHARE = 1 / 3
 
@@ -129,3 +235,81 @@ def test_fitted_velocities_do_not_know_of_held_out_positions():
     )
     np.testing.assert_array_equal(one.link_velocity, other.link_velocity)
     np.testing.assert_array_equal(one.motor_velocity, other.motor_velocity)
+
+
+SAMPLE_TIME = 2e-3
+FINE = 4  # steps of the simulation in a sample
+TONES = ((1.1, 8.0), (3.7, 8.0), (8.3, 6.0), (14.0, 5.0), (23.0, 5.0))  # rad/s, N m
+
+
+def torque(time):
+    """Return the torque of five tones, in N m."""
+    return sum(amplitude * np.sin(frequency * time) for frequency, amplitude in TONES)
+
+
+@cache
+def motion():
+    """Time at the samples, and both positions as functions of time, over 6 s."""
+    fine = SAMPLE_TIME / FINE * np.arange(6 * 500 * FINE)
+    x = free_run(flexible_joint(), TRUE, np.zeros(4), torque(fine), SAMPLE_TIME / FINE)
+    return fine[::FINE], *(make_interp_spline(fine, x[:, column], k=5) for column in (0, 2))
+
+
+def late_log(link_delay=0.0, input_delay=0.0, by_deflection=False):
+    """A log of a link encoder, or a deflection, and a torque that are late."""
+    time, link, motor = motion()
+    late = time - link_delay
+    seen = motor(time) + link(late) - motor(late) if by_deflection else link(late)
+    acting = np.asarray(torque(time + input_delay), dtype=np.float64)
+    whole = Recording(SAMPLE_TIME, 0.0, seen, motor(time), acting, "N m")
+    return replace(whole, link_from_deflection=by_deflection).window(50, len(time) - 50)
+
+
+def delays(input_delay=0.0, link_delay=0.0):
+    """An alignment with these delays."""
+    input_, link = (Delay(d, 0.0, (d, d), "given") for d in (input_delay, link_delay))
+    return Alignment("linear", input_, link, "")
+
+
+def expected(moved):
+    """What the log in time holds over the same stretch."""
+    right = late_log()
+    first = round((moved.start_time - right.start_time) / SAMPLE_TIME)
+    return right.window(first, first + len(moved))
+
+
+@pytest.mark.parametrize("by_deflection", [False, True])
+@pytest.mark.parametrize(("link_delay", "input_delay"), [(1.3e-3, 0.7e-3), (-3.1e-3, -4.4e-3)])
+def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
+    """Assert that the aligned recording is the log that would have been in time."""
+    recording = late_log(link_delay, input_delay, by_deflection)
+    moved = aligned(recording, delays(input_delay, link_delay))
+    right = expected(moved)
+    assert len(moved) > len(recording) - 40
+    assert moved.motor_position == pytest.approx(right.motor_position, abs=1e-12)
+    assert moved.link_position == pytest.approx(right.link_position, abs=1e-7)
+    assert moved.input == pytest.approx(right.input, abs=3e-2)
+
+
+@pytest.mark.parametrize("encoders", [1, 2])
+def test_input_late_by_samples_keeps_its_values(encoders):
+    """Assert that a torque three samples late is that of three samples before, to the bit.
+
+    A rigid log's input is moved though there is no link encoder. Without delays nothing is touched.
+    """
+    recording = late_log() if encoders == 2 else replace(late_log(), link_position=None)
+    assert aligned(recording, delays()) is recording
+    moved = aligned(recording, delays(input_delay=3 * SAMPLE_TIME))
+    assert moved.start_time == pytest.approx(recording.start_time + 3 * SAMPLE_TIME)
+    np.testing.assert_array_equal(moved.needed_input, recording.needed_input[:-3])
+    assert (moved.link_position is None) == (encoders == 1)
+
+
+def test_velocities_move_with_their_positions():
+    """Assert that a logged link velocity is moved as far as the link's position."""
+    recording = late_log(link_delay=1e-3)
+    speed = np.gradient(recording.needed_link_position, SAMPLE_TIME)
+    moved = aligned(replace(recording, link_velocity=speed), delays(link_delay=1e-3))
+    derived = np.gradient(moved.needed_link_position, SAMPLE_TIME)
+    assert moved.link_velocity is not None
+    assert moved.link_velocity[5:-5] == pytest.approx(derived[5:-5], abs=1e-4)
