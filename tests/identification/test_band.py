@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import fftconvolve, firwin, savgol_filter
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import RESTING
@@ -96,35 +95,6 @@ def test_a_held_input_is_the_mean_of_before_and_after():
         assert found[:, 0] == pytest.approx(middle(ramp[::factor, None])[:, 0] - late, abs=1e-6)
 
 
-@pytest.mark.parametrize("n", [5, 101, 5000])
-def test_slopes_and_low_pass_are_those_of_scipy(n):
-    """Assert that what is written out here, for SciPy's package is slow to load, is the same."""
-    walk = np.cumsum(np.random.default_rng(7).standard_normal((n, 2)), axis=0)
-    window = min(31, (n - 1) | 1)
-    expected = np.asarray(savgol_filter(walk[:, 0], window, 2, deriv=1))
-    np.testing.assert_allclose(band._slope(walk[:, 0], window // 2), expected, rtol=0.0, atol=1e-12)
-    found = band._convolved(walk, 2)
-    fir = np.asarray(firwin(2 * min(band._REACH * 2, n - 1) + 1, band._EDGE / 2))
-    reach = (len(fir) - 1) // 2
-    before = 2.0 * walk[:1] - walk[reach:0:-1]
-    after = 2.0 * walk[-1:] - walk[-2 : -reach - 2 : -1]
-    whole = np.vstack((before, walk, after))
-    expected = fftconvolve(whole, fir[:, None], "valid", axes=0)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10)
-
-
-def test_thinned_noise_is_that_of_the_mean():
-    """Assert that white noise is weakened by the low-pass as by its share of the band.
-
-    The share is 0.8 / factor; the estimate of a noise from 2 000 samples is good to a tenth.
-    """
-    rng = np.random.default_rng(3)
-    data = log_of(1e-3 * rng.standard_normal(40_000), 1000.0)
-    found = band.thinned(data, 19, held=False)
-    assert found.samples[0].sample_time == pytest.approx(0.019)
-    assert found.samples[0].positions.std() == pytest.approx(1e-3 * np.sqrt(0.8 / 19), rel=0.1)
-
-
 def test_directions_follow_motion_and_not_noise():
     """Assert that fast motion has one direction, by its sign, and that those of noise cancel.
 
@@ -161,22 +131,6 @@ def test_a_row_rests_where_it_is_slow(noise):
     assert within.sum() > 80
     assert found[within].all()
     assert not found[np.convolve(~fast, np.ones(3), "same") > 2.5].any()
-
-
-def test_directions_of_a_sine_are_means_over_intervals():
-    """Assert that each interval has the mean sign of the velocity that it sees."""
-    rate, factor, frequency = 1000.0, 10, 2.0
-    data = log_of(sine(frequency, rate), rate)
-    fine = np.sign(np.cos(frequency * np.arange(20000) / rate))
-    expected = fine.reshape(-1, factor).mean(axis=1)
-    found = band.directions(data.samples, factor)[:, 0]
-    found = np.where(found == RESTING, expected, found)
-    turned = np.convolve(np.abs(expected) < 1.0, np.ones(41), "same") > 0.0
-    turned[1:] |= np.convolve(np.diff(expected) != 0.0, np.ones(41), "same") > 0.0
-    clear = ~turned
-    assert clear.mean() > 0.5
-    assert found[clear] == pytest.approx(expected[clear], abs=0.02)
-    assert np.cumsum(found - expected)[::50] == pytest.approx(0.0, abs=1.0)
 
 
 @pytest.mark.parametrize(("rigid", "share"), [(True, 1.0), (False, 0.25)])

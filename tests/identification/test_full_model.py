@@ -20,13 +20,12 @@ from made_joint import (
     made_fit,
     structure,
 )
-from scipy.stats import t
 
 import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.estimators.gauss_newton import MOST, refinement
+from flexid.estimators.gauss_newton import refinement
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model import fits_by_length, model
 from flexid.identification.full_model.fitting import (
@@ -76,26 +75,6 @@ def test_lengths_double():
         assert len(short) == 2 * len(long)
     assert divisions[-1].starts[0] == 15  # 30 ms
     assert divisions[-1].lengths.sum() == 6000 - 30
-
-
-def test_delays_and_coefficients_are_found_together(late):
-    """Assert that from least squares all is found within its 99.9 % interval, to 0.1 per cent."""
-    sought = replace(PAPER, timing=Timing("cubic", sought=(INPUT, model.LINK)))
-    start, _ = least_squares_start(sought, late, 20.0)
-    found = fit_by_length(sought, late, start, lengths(late))
-    assert [fitted.duration for fitted in found] == sorted(fitted.duration for fitted in found)
-    states, segments = found[-1].minimum.point.initial_states, found[-1].problem.segments
-    last = refit(sought, late, found[-1].by_name, segments, model.FINE, states)
-    truth = np.array([*COEFFICIENTS.values(), 1.3e-3, 0.7e-3])
-    assert last.names == (*COEFFICIENTS, INPUT, model.LINK)
-    assert last.values == pytest.approx(truth, rel=1e-3)
-    quantile = t.ppf(0.9995, np.array(last.fit.degrees_of_freedom))
-    deviations = np.maximum(last.fit.deviations, last.unit_deviations)
-    assert np.all(np.abs(last.values - truth) < quantile * deviations)
-    assert last.excess == pytest.approx(1.0, abs=0.1)
-    assert last.delays == pytest.approx(
-        {INPUT: 1.3e-3, model.LINK: 0.7e-3, "motor_delay": 0.0}, rel=1e-3
-    )
 
 
 def test_short_segments_forgive_a_bad_start(late):
@@ -330,20 +309,6 @@ def test_other_data_are_asked_again():
     assert [one_length for one_length in lengths_fitted if one_length is fitted]
     beyond = [one_length for one_length in lengths_fitted if one_length.duration > fitted.duration]
     assert {one_length.data.refinement for one_length in beyond} == {fitted.data.refinement}
-
-
-@pytest.mark.parametrize(("taken", "wanted", "times"), [(1, 3, 3), (3, 3, MOST), (2, 1, 2)])
-def test_steps_are_asked_for_once(
-    taken: int, wanted: int, times: int, monkeypatch: pytest.MonkeyPatch
-):
-    """Assert that they multiply up to a limit, and that nothing is fitted again for the same."""
-    asked = []
-    monkeypatch.setattr(fitting, "refinement", lambda *_: asked.append(None) or wanted)
-    last = by_length(COARSE_NOISE)[-1]
-    last = replace(last, data=replace(last.data, refinement=taken))
-    own = fitting.in_own_steps(last)
-    assert (own.data.refinement, len(asked)) == (times, 1)
-    assert (own is last) == (times == taken)
 
 
 @pytest.mark.parametrize("refined", [False, True])

@@ -139,24 +139,6 @@ def test_encoders_need_not_share_a_zero(terms: dict[str, Any]):
     assert found.choices.shapes["spring_centre"] == 0.0
 
 
-def test_two_logs_of_one_gap(fits_seen: list[FinalFits]):
-    """Assert that two logs give one gap, and that how the torque runs is asked again with it.
-
-    Without the gap no hold explains them, and a torque on straight lines fits best by chance.
-    """
-    logs = [
-        log(made(seed, duration, half_gap=HALF_GAP)) for seed, duration in ((1, 10.0), (2, 8.0))
-    ]
-    found = identify(logs)
-    (fits,) = fits_seen
-    assert fits.choice.full.joint is fits.choice.structure.joint
-    assert found.choices.alignment.hold_reason.startswith("smooth, the residuals")
-    assert found.choices.terms == (*PAPER_TERMS, "backlash")
-    assert found.choices.hold == "cubic"
-    assert found.parameters["half_backlash"].value == pytest.approx(HALF_GAP, rel=3e-3)
-    assert max(found.residual_excess.values()) < 1.05
-
-
 def test_half_the_way_may_lead_on(monkeypatch):
     """Assert that from a width that is far away the geometric mean is tried after its own."""
     first = with_gap(HALF_GAP, "backlash")

@@ -156,9 +156,3 @@ def test_widening_adds_covariances_and_scaling_keeps_correlations():
     assert found.deviations.tolist() == [4.0, 9.0, np.inf]
     assert found.covariance[0, 1] == 6.0
     assert found.covariance[2, :2].tolist() == [0.0, 0.0]
-
-
-def test_values_by_name():
-    """Assert that what was sought goes before what was given."""
-    assert ESTIMATE.by_name == {"a": 1.0, "b": 2.0, "c": 3.0}
-    assert ESTIMATE.with_values({"a": 9.0, "d": 4.0}) == {"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}

@@ -9,7 +9,7 @@ import pytest
 from flexid.estimators.samples import Samples
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible, rigid
-from flexid.models.flexible_joint import BACKLASH_WIDTH, PAPER_TERMS, TERMS
+from flexid.models.flexible_joint import BACKLASH_WIDTH
 
 FLEXIBLE = flexible()
 
@@ -34,27 +34,6 @@ def test_terms_and_what_is_always_there_make_the_system(joint):
     assert sorted([*of_terms, *always]) == sorted(joint.remembering.coefficients)
 
 
-def test_usual_terms_have_a_system_of_their_own():
-    """Assert that the terms of most drives need no others, smooth or dry."""
-    usual = {c for term in TERMS for c in FLEXIBLE.terms[term]} | {"theta2", "alpha1", "beta1"}
-    assert {*FLEXIBLE.system.coefficients} == {*FLEXIBLE.smooth.coefficients} == usual
-    assert {*FLEXIBLE.remembering.coefficients} == usual | FLEXIBLE.shapes
-    assert {*FLEXIBLE.extended.coefficients} == {*FLEXIBLE.remembering.coefficients} - {
-        "alpha_hysteresis",
-        "theta_hysteresis",
-        "hysteresis_grip",
-    }
-
-
-def test_absent_terms_are_not_sought():
-    """Assert that the paper's terms leave its coefficients, and only shapes a wider system."""
-    assert unknowns(*PAPER_TERMS).names == ("theta1", "theta2", "alpha1", "alpha2", "beta1")
-    assert unknowns().system is FLEXIBLE.system
-    wider = unknowns("backlash")
-    assert wider.system is FLEXIBLE.extended
-    assert wider.names == ("theta2", "alpha1", "alpha_backlash", "beta1")
-
-
 @pytest.mark.parametrize("term", ["joint_damping", "cubic_stiffness", "backlash", "eccentricity"])
 def test_what_the_spring_does_to_both_sides_is_one_number(term):
     """Assert that the link's side of the spring follows from the motor's by the inertias' ratio.
@@ -67,32 +46,6 @@ def test_what_the_spring_does_to_both_sides_is_one_number(term):
     link = [c for c in FLEXIBLE.terms[term] if c.startswith("theta")]
     assert not {*link} & {*found.names}
     assert [value_of(c, found, values) for c in link] == pytest.approx([0.6] * len(link))
-
-
-def test_given_side_of_the_spring_is_not_tied():
-    """Assert that a coefficient that is given keeps its value whatever the others are."""
-    found = unknowns("joint_damping", given={"theta_damping": 0.1})
-    assert value_of("theta_damping", found, [90.0, 300.0, 2.0, 1.0]) == 0.1
-
-
-def test_offsets_are_sought_log_by_log():
-    """Assert that two recordings of one log share an offset, and that another log has its own.
-
-    One that is given is sought in no log.
-    """
-    found = unknowns("link_offset", groups=(0, 0, 1))
-    assert found.names == ("theta2", "theta_offset[1]", "theta_offset[2]", "alpha1", "beta1")
-    offsets = [value_of("theta_offset", found, [0.0, 1.0, 2.0, 3.0, 4.0], r) for r in range(3)]
-    assert offsets == [1.0, 1.0, 2.0]
-    found = unknowns("link_offset", given={"theta_offset": 0.5}, groups=(0, 1))
-    assert found.names == ("theta2", "alpha1", "beta1")
-    assert value_of("theta_offset", found, [1.0, 1.0, 1.0], 1) == 0.5
-
-
-def test_deflection_is_the_third_channel():
-    """Assert that a flexible joint is compared in link, motor and their difference."""
-    channels = FLEXIBLE.channels_of(np.array([[3.0, 1.0], [5.0, 4.5]]), np.zeros((2, 1)))
-    np.testing.assert_allclose(channels, [[3.0, 1.0, 2.0], [5.0, 4.5, 0.5]])
 
 
 def moving(size: float) -> Samples:

@@ -73,17 +73,6 @@ def test_what_else_counts():
         assert "no information" in reason
 
 
-def test_other_thresholds_judge_otherwise():
-    """Assert that verdicts follow the thresholds that are given, each of the three."""
-    strict = replace(THRESHOLDS, determined_width=0.1)
-    assert verdict(10.0, (8.5, 11.5), thresholds=strict)[0] == "weak"
-    assert verdict(10.0, (5.0, 15.0), thresholds=replace(strict, weak_width=0.4))[0] == (
-        "undetermined"
-    )
-    loose = replace(THRESHOLDS, negligible_share=0.5)
-    assert verdict(0.0, (-1.0, 1.0), 0.4, loose)[0] == "determined"
-
-
 def test_table_lists_every_threshold():
     """Assert that each threshold stands in the table with a unit and a reason."""
     rows = table(replace(THRESHOLDS, weak_width=0.7))

@@ -84,15 +84,6 @@ def test_what_the_joint_does_not_have_is_refused(case):
         check_for(joint(), Settings(**settings))
 
 
-@pytest.mark.parametrize("term", ["backlash", "torque_saturation", "motor_stribeck"])
-def test_terms_beyond_the_usual_ones_may_be_named(term):
-    """Assert that a flexible joint takes them, and that a rigid one does not."""
-    settings = Settings(terms=("gravity", term))
-    check_for(flexible(), settings)
-    with pytest.raises(SettingError, match="no term of the rigid joint"):
-        check_for(rigid(), settings)
-
-
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

@@ -5,12 +5,11 @@ from math import inf, isclose
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, PAPER, data, made
+from made_joint import PAPER, data, made
 from scipy.stats import t
 
 from flexid.errors import SettingError
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Data
 from flexid.identification.preparation.joint import flexible, rigid
 from flexid.identification.preparation.prior_knowledge import Known, informed
@@ -361,20 +360,6 @@ def said(log: Data, given: dict[str, float], **changed: float) -> tuple[str, ...
     return contradictions(
         given, {}, replace(PAPER, fixed=given), log, replace(THRESHOLDS, **changed)
     )
-
-
-def test_inertia_twice_the_truth_is_told(log):
-    """Assert that a motor inertia that the log contradicts is called one, beside the log's own.
-
-    That one is as uncertain, relatively, as the gain whose inverse it is.
-    """
-    (sentence,) = said(log, {"beta1": 1.0 / 0.6})
-    assert sentence.startswith("motor_inertia is known as 0.6")
-    assert "it says 0.3 ±" in sentence
-    inertia = float(sentence.partition("±")[2].partition(" by")[0].split(";")[0])
-    fit = fit_to(PAPER, log, COEFFICIENTS, 1.0)[0].fit
-    gain = fit.deviations[fit.names.index("beta1")]
-    assert inertia / 0.3 == pytest.approx(gain / (10 / 3), rel=0.3)
 
 
 @pytest.mark.parametrize(

@@ -142,23 +142,6 @@ def test_one_jolt_makes_no_start_worse(monkeypatch):
     assert starts(base, log, segments)[0] == COEFFICIENTS
 
 
-def test_full_model_climbs_to_the_whole_log(stiff):
-    """Assert that from the first start the fit reaches long segments and noise.
-
-    The shortest segments may be given so few steps that they are not fitted.
-    """
-    base, divisions = posed_of(stiff), lengths(stiff)
-    last = fit_by_length(base, stiff, first_start(base, stiff), divisions)[-1]
-    assert last.duration > 0.5 * stiff.duration
-    assert last.excess < THRESHOLDS.sensor_excess
-    assert last.by_name["alpha1"] == pytest.approx(10000.0, rel=1e-2)
-    assert last.by_name["alpha_coulomb"] == pytest.approx(13.7, rel=1e-3)
-    plain = least_squares_start(base, stiff, 20.0)[0]
-    assert fit_by_length(base, stiff, plain, divisions[:1])
-    with pytest.raises(ConvergenceError, match="within 1:"):
-        fit_by_length(base, stiff, plain, divisions[:1], iterations=1)
-
-
 def test_another_hold_is_half_a_sample_of_delay():
     """Assert that a held torque passes for one on straight lines that acts half a sample later.
 

@@ -141,14 +141,6 @@ def test_what_has_to_stay_stays():
     assert left(beside({"theta_offset[1]": 0.5, "theta_offset[2]": 10.0})) == {"theta_offset"}
 
 
-def test_a_term_s_place_is_of_no_account():
-    """Assert that the first coefficient is judged like the last."""
-    for beyond, stays in ((0.02, {"theta_offset"}), (-0.02, set())):
-        values = np.array([0.1 * (normal(0.02) + beyond), 100.0, 300.0, 3.0])
-        fit = _Quadratic(("theta_offset", *BASE), values, np.diag([100.0, 1e4, 1e4, 1e4]))
-        assert left(fit) == stays
-
-
 def test_others_follow_along_the_quadratic_form():
     """Assert that what stays is judged by its value after the others went, with its new width.
 
