@@ -143,23 +143,3 @@ def test_the_truth_is_the_low_frequency_response(family, seed):
     needed = rate**2 * motor + viscous * rate * motor - stiffness_motor * deflection
     needed -= damping / motor_inertia * rate * deflection
     assert abs(motor_inertia * needed / torque - 1.0) < 0.01 + 1.5 * frequency * plant.lag
-
-
-@pytest.mark.parametrize("family", REALISTIC)
-def test_every_family_draws_a_log_that_shows_its_resonance(family):
-    """Assert headers, a clock, eight samples in a period, a visible deflection, and a core."""
-    for seed in range(2):
-        trial, draft, _, play, _, run = drawn(family, seed)
-        time, *_, torque = trial.columns.values()
-        np.testing.assert_allclose(np.diff(time), 1.0 / draft.pace, rtol=1e-9)
-        assert 50.0 <= draft.pace <= 1000.0
-        assert 2.0 * np.pi * draft.pace >= 8.0 * draft.resonance
-        assert 9.0 < time[-1] < 41.0
-        assert 3e-4 < (run[play.first :, 0] - run[play.first :, 2]).std() < 0.13
-        assert all(np.all(np.isfinite(values)) for values in trial.columns.values())
-        assert np.ptp(torque) > 0.0
-        assert len(trial.sins) >= 2
-        assert all(trial.truth[name] > 0.0 for name in trial.core)
-        volts = "motor_voltage [V]" in trial.columns
-        assert volts == (family in ("voltage_drive", "strain_gauge_arm"))
-        assert ("deflection [rad]" in trial.columns) == (family == "strain_gauge_arm")

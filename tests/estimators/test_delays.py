@@ -85,16 +85,6 @@ def test_delay_of_the_deflection_is_found():
     assert abs(wrong.values[-1] - LINK_DELAY) > 20.0 * wrong.standard_deviations[-1]
 
 
-def test_given_delays_are_taken():
-    """Assert that delays that are given leave residuals as large as noise, and others do not."""
-    samples = log(3, INPUT_DELAY, LINK_DELAY)
-    given = fit(samples, Timing("cubic", {INPUT: INPUT_DELAY, "link_delay": LINK_DELAY}))
-    assert given.values == pytest.approx(VALUES, rel=2e-3)
-    assert given.noise == pytest.approx([NOISE, NOISE], rel=0.05)
-    none = fit(samples, Timing("cubic"))
-    assert none.noise[0] > 3.0 * NOISE
-
-
 @pytest.mark.parametrize("relative_to", [{}, {"link": "motor"}])
 def test_gradient_by_the_delays(relative_to):
     """Assert that the right-hand side is minus half the slope of the sum of squares.

@@ -80,19 +80,6 @@ def test_closed_form_of_a_cart():
     np.testing.assert_allclose(found.relative_deviations, np.sqrt(np.diag(expected)) / [2.0, 0.3])
 
 
-def test_shorter_segments_tell_less():
-    """Assert that every unknown initial state costs information."""
-    force = np.random.default_rng(3).standard_normal(N)
-    whole, parts = cart_information(force, 4.0), cart_information(force, 1.0)
-    assert (np.linalg.eigvalsh(whole.matrix - parts.matrix) > 0).all()
-
-
-def test_two_names_for_one_push():
-    """Assert that a constant force confounds gain and push: no bound."""
-    found = cart_information(np.ones(N), 4.0)
-    assert np.isinf(found.standard_deviations).all()
-
-
 def test_a_motion_that_runs_away():
     """Assert that a diverging model is an error, not a number."""
     runaway = ParametricSystem("runaway", (Row("arm", "q", "v", {"a": "q"}),))

@@ -7,7 +7,7 @@ import pytest
 from noisy_joint import POSITION_NOISE, VALUES, clean_motion, joint_samples, worst_error
 from scipy.signal import lfilter
 from scipy.stats import t
-from segment_bound import cramer_rao_bound, segment_derivatives
+from segment_bound import cramer_rao_bound
 
 import flexid.estimators.segments as sharing
 from flexid.errors import ConvergenceError
@@ -40,18 +40,6 @@ def correlated(seed: int, rho: float = 0.9) -> Samples:
     shocks = np.random.default_rng(seed).standard_normal((2000 + len(clean), 2))
     noise = np.asarray(lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], shocks, axis=0))[2000:]
     return replace(clean, positions=clean.positions + POSITION_NOISE * noise, velocities=None)
-
-
-def test_derivatives_along_a_segment():
-    """Assert that a segment's normal matrix is that of derivatives by finite differences."""
-    segments = divide([joint_samples()], 1.0)
-    problem = segmented_motion(JOINT, segments, Timing("linear"))
-    equations = problem.equations(Point(VALUES, clean_motion()[1][segments.starts]))
-    part = slice(segments.starts[7], segments.starts[8])
-    columns = segment_derivatives(part)
-    size = np.linalg.norm(columns, axis=0)
-    difference = equations.normal[7] - columns.T @ columns
-    assert np.abs(difference / np.outer(size, size)).max() < 2e-6
 
 
 def test_less_is_part_of_everything():

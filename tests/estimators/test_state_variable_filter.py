@@ -65,18 +65,6 @@ def test_order_in_the_sample_time():
     assert slopes == pytest.approx([4.0, 4.0], abs=0.25)
 
 
-def test_recordings_need_not_follow_each_other():
-    """Assert that a record in two recordings with a hole between them is fitted as well."""
-    samples = positions_only(joint_samples())
-    recordings = [
-        replace(samples, positions=samples.positions[part], inputs=samples.inputs[part])
-        for part in (slice(0, 9000), slice(14000, None))
-    ]
-    fit = filtered_least_squares(recordings, JOINT)
-    assert worst_error(fit.values) < 1e-3
-    assert len(fit.rows[0].left_hand_side) == len(recordings[0]) + len(recordings[1]) - 4
-
-
 AT_REST = np.full((500, 2), 0.3), flexible_joint(("motor_viscous",))
 
 

@@ -10,7 +10,6 @@ from oscillator import by_filter, by_motion
 from scipy.optimize import least_squares
 
 from flexid.estimators.bounded import bounded_fit
-from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares, filtered_signals
@@ -65,18 +64,6 @@ def test_what_is_fixed_leaves_the_smaller_model(batch, part, small):
     assert found.covariance == pytest.approx(declared.covariance, rel=1e-6)
     assert found.degrees_of_freedom == pytest.approx(declared.degrees_of_freedom, rel=1e-9)
     assert found.information.shape == (len(small.names),) * 2
-
-
-def test_a_row_with_nothing_sought():
-    """Assert that a row whose coefficients are all fixed is empty and the other as it was."""
-    motor = {name: TRUTH[name] for name in ("alpha1", "alpha2", "beta1")}
-    fit = filtered_least_squares([record()], JOINT, unknowns=Unknowns(JOINT, motor))
-    assert [row.coefficients for row in fit.rows] == [("theta1", "theta2"), ()]
-    assert fit.rows[1].gram.shape == (0, 0)
-    whole = filtered_least_squares([record()], JOINT)
-    assert fit.values == pytest.approx(whole.values[:2], rel=1e-9)
-    refined = prediction_error([record()], JOINT, fit, unknowns=Unknowns(JOINT, motor))
-    assert refined.values == pytest.approx(VALUES[:2], rel=1e-4)
 
 
 DAMPED = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
@@ -142,11 +129,6 @@ def joint_by_filter(unknowns: Unknowns) -> LeastSquaresFit:
     return filtered_least_squares([RECORD], JOINT, unknowns=unknowns)
 
 
-def joint_by_motion(unknowns: Unknowns) -> PredictionErrorFit:
-    """Prediction error of the noisy joint, from least squares."""
-    return prediction_error([RECORD], JOINT, joint_by_filter(unknowns), unknowns=unknowns)
-
-
 def cart_samples() -> Samples:
     """A cart with gain 2 and push 0.3, in closed form."""
     time = np.arange(1000) * 1e-2
@@ -158,17 +140,6 @@ def cart_samples() -> Samples:
 def cart(unknowns: Unknowns) -> LeastSquaresFit:
     """Least squares of the cart, whose gain and its twin cannot be distinguished."""
     return filtered_least_squares([cart_samples()], CART, unknowns=unknowns)
-
-
-@pytest.mark.parametrize("fit_with", [joint_by_filter, joint_by_motion])
-def test_a_value_beyond_its_bound_ends_at_it(fit_with):
-    """Assert that the bound takes the place of the value, and the others follow from it."""
-    fit, at_bound = bounded_fit(fit_with, ALL, {"alpha2": (0.4, 1.0)})
-    assert at_bound == {"alpha2": 0.4}
-    fixed = fit_with(ALL.fixing({"alpha2": 0.4}))
-    assert fit.names == fixed.names
-    assert np.array_equal(fit.values, fixed.values)
-    assert np.array_equal(fit.covariance, fixed.covariance)
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,6 @@ import polars as pl
 import pytest
 from scipy.io import savemat
 
-from flexid.recording import read_log
-
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "examples" / "real_logs" / "from_matlab.py"
 PAGE = ROOT / "docs" / "real-logs.md"
@@ -71,21 +69,3 @@ def test_real_logs(
     shown = re.search(r"\d+ samples, every .* ms, SHA-256 \w{16}", printed)
     assert shown is not None
     assert shown[0] in PAGE.read_text(encoding="utf-8")
-
-
-def test_axes_of_the_kuka(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Assert that each axis is read with its map, and that nothing is mixed up."""
-    t = 0.004 * np.arange(400)
-    swing = np.sin(np.outer([2.0, 3.0, 4.0], t))
-    slope = np.cos(np.outer([2.0, 3.0, 4.0], t)) * np.array([[2.0], [3.0], [4.0]])
-    other = np.cos(7.0 * t)
-    rec = dict(zip(FIELDS, (swing + 0.01 * other, slope, swing, slope, 9.0 * swing), strict=True))
-    savemat(tmp_path / "rec.mat", {"rec": rec})
-    convert(monkeypatch, "kuka", tmp_path / "rec.mat", tmp_path / "log.csv")
-    (recording,) = read_log(
-        tmp_path / "log.csv", ROOT / "examples/columns_kuka_axis_1.toml"
-    ).recordings
-    assert recording.sample_time == pytest.approx(0.004)
-    np.testing.assert_allclose(recording.motor_position, np.radians(swing[0]), atol=1e-8)
-    np.testing.assert_allclose(recording.deflection, np.radians(0.01 * other), atol=1e-8)
-    np.testing.assert_allclose(recording.needed_input, 256.9 * 9.0 * swing[0], atol=1e-3)

@@ -1,4 +1,4 @@
-"""The example log is what its script says, and MuJoCo's joint is the joint of eq. (4)."""
+"""The example log and its truth are what their script says."""
 
 import importlib.util
 import tomllib
@@ -8,7 +8,6 @@ from types import ModuleType
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from made_estimates import TRUE
 
@@ -31,18 +30,6 @@ def committed(examples: Path) -> NDArray[np.float64]:
     return np.loadtxt(examples / "flexible_joint.csv", delimiter=",", skiprows=1)
 
 
-def equation_4(time: float, state: NDArray[np.float64], torque: float) -> list[float]:
-    """Return the rates of Huang (2003), eq. (4), with the values of Table I written out."""
-    link, link_rate, motor, motor_rate = state
-    spring = 100.0 * (link - motor)
-    return [
-        link_rate,
-        (-5.0 * np.sin(link) - spring) / 1.0,
-        motor_rate,
-        (spring - 0.1 * motor_rate + torque) / 0.3,
-    ]
-
-
 def test_committed_log_is_what_the_script_makes(
     script: ModuleType, committed: NDArray[np.float64]
 ) -> None:
@@ -63,21 +50,3 @@ def test_truth_is_table_1(script: ModuleType, examples: Path) -> None:
     physical = {"gravity_torque": 5.0, "link_inertia": 1.0, "joint_stiffness": 100.0}
     physical |= {"motor_inertia": 0.3, "motor_viscous_friction": 0.1}
     assert values == pytest.approx({**physical, **TRUE}, rel=1e-15)
-
-
-def test_logged_torque_acts_from_its_row_to_the_next(committed: NDArray[np.float64]) -> None:
-    """Assert that eq. (4), fed each logged torque for one row, gives the logged angles."""
-    state = np.zeros(4)
-    angles = np.empty((2000, 2))
-    for row, torque in enumerate(committed[: len(angles), 3]):
-        angles[row] = state[[0, 2]]
-        held = solve_ivp(
-            equation_4, (0.0, 1e-3), state, args=(torque,), method="DOP853", rtol=1e-9, atol=1e-12
-        )
-        state = held.y[:, -1]
-    error = committed[: len(angles), 1:3] - angles
-    # Noise of 1e-4 rad and rounding to counts of 2 pi / 65536, both known, and nothing else.
-    expected = np.hypot(1e-4, 2 * np.pi / 65536 / np.sqrt(12))
-    assert np.abs(error).max() < 5 * expected
-    np.testing.assert_allclose(error.std(axis=0), expected, rtol=0.06)
-    np.testing.assert_allclose(error.mean(axis=0), 0.0, atol=4 * expected / np.sqrt(len(angles)))

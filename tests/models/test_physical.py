@@ -49,16 +49,6 @@ def test_gradient_exists_where_a_coefficient_is_zero():
     np.testing.assert_allclose(gradient, [0.3, 0.0])
 
 
-def test_voltage_gives_ratios_only():
-    """Assert that nothing absolute is claimed when the input is no torque."""
-    names = joint_coefficients(TRUTH)
-    table = physical_parameters(names, input_is_torque=False)
-    assert all("_per_" in p.name for p in table)
-    coefficients = joint_coefficients(TRUTH)
-    ratio = next(p for p in table if p.name == "link_inertia_per_motor_inertia")
-    assert ratio.value(coefficients) == pytest.approx(1.3 / 0.3)
-
-
 def test_every_coefficient_has_a_unit_and_a_meaning():
     """Assert that each coefficient of each term has a unit and enters some physical parameter."""
     system = flexible_joint(tuple(TERMS | SHAPE_TERMS))
