@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from benchmarks.arms.log import Log, Motion, save, simulate
 from test_identify_arm import MADE
-from two_links import ARM, TRUTH, TwoLinks
+from two_links import ARM, TRUTH, TwoLinks, accelerations
 
 from flexid.arms.result import ArmIdentification
 from flexid.arrays import to_json
@@ -23,7 +23,6 @@ from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.planar_arm import planar_arm
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_arm
-from stick_slip import accelerations
 
 Run = Callable[..., Any]
 

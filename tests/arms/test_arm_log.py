@@ -38,16 +38,6 @@ def log_of(path: Path, leave_out: str = "", joints: int = 2, bad: str = "", lost
     return path
 
 
-def test_channels_are_in_si_units_and_side_by_side(tmp_path: Path):
-    """Assert that links and motors come in turn, in rad."""
-    log = read_arm_log(log_of(tmp_path / "run.csv"), 2)
-    assert log.input_units == ("N m", "N m")
-    (samples,) = log.recordings
-    assert samples.positions.shape == (1500, 4)
-    assert samples.inputs.shape == (1500, 2)
-    assert np.ptp(samples.positions) < 2.0
-
-
 @pytest.mark.parametrize(
     "names",
     [("qm{}_deg", "ql{}_deg", "tau{}"), ("theta_m{} [deg]", "q{} [deg]", "J{} torque [Nm]")],
@@ -149,17 +139,6 @@ def test_joints_that_share_no_sample_are_refused(tmp_path: Path):
     path.write_text("\n".join([header, *rows]) + "\n")
     with pytest.raises(RecordingError, match=r"joints have 0 samples at the same time.*one clock"):
         read_arm_log(path, 2)
-
-
-def test_a_joint_may_rest_without_any_noise(tmp_path: Path):
-    """Assert that a joint whose channels are all constant rests, and is no repeated sample."""
-    path = log_of(tmp_path / "run.csv")
-    header, *rows = path.read_text().splitlines()
-    held = [",".join([*row.split(",")[:4], "10.0", "10.0", "0.0"]) for row in rows]
-    path.write_text("\n".join([header, *held]) + "\n")
-    log = read_arm_log(path, 2)
-    assert log.resting == (2,)
-    assert len(log.recordings[0].positions) == 1500
 
 
 def test_a_joint_may_rest_while_another_one_moves(tmp_path: Path):

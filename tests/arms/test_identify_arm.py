@@ -13,14 +13,9 @@ import pytest
 from benchmarks.arms.arm import Arm, Link, random_arm
 from benchmarks.arms.log import Motion, random_motion, save, simulate
 
-from flexid.arms.fitting import exact_fits
 from flexid.arms.identify import identify_arm
 from flexid.arms.log import read_arm_log
-from flexid.estimators.channel_timing import Timing
-from flexid.identification.full_model.model import Structure
-from flexid.identification.preparation.joint import ElasticArm
-from flexid.library.identify import identify
-from flexid.models.planar_arm import PlanarArm, planar_arm
+from flexid.models.planar_arm import PlanarArm
 
 MADE = Arm(
     (
@@ -162,20 +157,3 @@ def test_what_is_for_one_joint_is_refused(
     done = flexid(command, str(folder / "run.csv"), "--model", model, *options)
     assert done.status == 2
     assert all(word in done.stderr for word in words)
-
-
-def test_one_joint_as_the_core_for_one_joint(examples: Path):
-    """Assert that the same terms give the same values within a tenth of an interval."""
-    log = read_arm_log(examples / "flexible_joint.csv", 1)
-    balance = planar_arm(PlanarArm((1.0,), (9.81, 0.0)))
-    kept = {"joint_stiffness_1", "motor_inertia_1", "motor_viscous_friction_1"}
-    kept |= {"link_inertia_1", "link_moment_along_1"}
-    fixed = {name: 0.0 for name in balance.coefficients if name not in kept}
-    fixed |= {"torque_constant_1": 1.0}
-    structure = Structure(ElasticArm(balance), frozenset(), Timing("zero"), fixed)
-    values = exact_fits(structure, log.data, lambda _: None).best()[0].by_name
-    values["gravity_torque_1"] = 9.81 * values["link_moment_along_1"]
-    estimate = identify(examples / "flexible_joint.csv")
-    for name, parameter in estimate.parameters.items():
-        lower, upper = parameter.interval
-        assert abs(values[f"{name}_1"] - parameter.value) < 0.1 * (upper - lower), name

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.arms.arm import mjcf, random_arm
-from two_links import ARM, TRUTH, TwoLinks, truth_values
+from two_links import ARM, TRUTH, TwoLinks, accelerations, motion, truth_values
 
 from flexid.arrays import FloatArray
 from flexid.derivation.torque_balance import balance_functions
@@ -20,7 +20,6 @@ from flexid.estimators.segments import divide
 from flexid.kernels.store import template
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import TorqueBalance
-from stick_slip import accelerations, motion
 
 BALANCE = planar_arm(ARM)
 HELD = 25  # samples

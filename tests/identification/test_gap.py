@@ -84,17 +84,6 @@ def test_a_link_that_no_spring_moves_has_no_play():
     assert gap.likely_play(structure, other) is None
 
 
-def test_what_has_no_gap_stays():
-    """Assert that a fit without play, or whose gap came out negative, is returned as it is."""
-    assert as_wide_as_its_gap(with_gap(HALF_GAP)) is with_gap(HALF_GAP)
-    found = with_gap(HALF_GAP, "backlash")
-    values = found.values.copy()
-    values[found.names.index("alpha_backlash")] *= -1.0
-    point = replace(found.minimum.point, values=values)
-    negative = replace(found, minimum=replace(found.minimum, point=point))
-    assert as_wide_as_its_gap(negative) is negative
-
-
 def test_a_width_that_fits_worse_is_not_taken():
     """Assert that a spring that bends, and has no gap, keeps the width that its shape had."""
     bend = made(1, 10.0, bend=0.1, bend_stiffness=30.0)

@@ -170,15 +170,6 @@ def constrained(conditions):
     return found.x * scale
 
 
-def test_a_known_stiffness_is_the_constrained_minimum():
-    """Assert that an exactly known stiffness gives the minimum under that condition."""
-    found = joined(known={"joint_stiffness": 102.0})
-    expected = constrained([("eq", lambda p: p[1] / p[2] - 102.0)])
-    assert found.estimate.values == pytest.approx(expected, rel=1e-5)
-    assert found.exact == {"joint_stiffness": (102.0, "given")}
-    assert found.contradicted == ()
-
-
 @pytest.mark.parametrize(
     ("bounds", "active", "conditions"),
     [

@@ -142,29 +142,6 @@ def test_one_jolt_makes_no_start_worse(monkeypatch):
     assert starts(base, log, segments)[0] == COEFFICIENTS
 
 
-def test_another_hold_is_half_a_sample_of_delay():
-    """Assert that a held torque passes for one on straight lines that acts half a sample later.
-
-    A coefficient at its bound is not sought again, and shapes agree.
-    """
-    held = log_of(held=True)
-    base = posed_of(held)
-    fitted = fit_by_length(base, held, COEFFICIENTS, lengths(held)[:3])[-1]
-    other = fits_by_length.held_otherwise(fitted, "linear")
-    assert other is not None
-    later = other.delays[INPUT] - fitted.delays[INPUT]
-    assert later == pytest.approx(0.5 * held.samples[0].sample_time, rel=0.05)
-    assert fits_by_length.held_otherwise(fitted, "zero") is None
-    bounded = replace(base, bounds={"alpha_coulomb": (0.5, np.inf)})
-    start = {**COEFFICIENTS, "alpha_coulomb": 0.5}
-    fitted = refit(bounded, held, start, lengths(held)[2], FINE, None)
-    assert fitted.at_bound == {"alpha_coulomb": 0.5}
-    other = fits_by_length.held_otherwise(fitted, "linear")
-    assert other is not None
-    assert other.names == fitted.names
-    assert fits_by_length.hold_covariance(fitted, ("linear",)).shape == (len(fitted.names),) * 2
-
-
 HOLDS = ("zero", "cubic", "linear")
 
 
