@@ -65,8 +65,6 @@ def test_the_library_takes_whatever_holds_an_estimate(folders):
     answer = answers[0]
     assert answer.changed == ("joint_stiffness",)
     assert not answer.agree
-    assert answer.probability is not None
-    assert answer.probability < 1e-4
     assert repr(answer) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
     assert "Changed: joint_stiffness" in answer.summary()
     assert "&lt;" not in answer._repr_html_()

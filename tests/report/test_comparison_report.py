@@ -44,6 +44,6 @@ def test_what_may_hide_is_rounded_up(comparison):
     """Assert that the sentence promises no less than the interval."""
     d = replace(comparison.parameters["joint_stiffness"], outcome="no change")
     d = replace(d, percent_interval=(-1.0, 2.11))
-    found = replace(comparison, parameters={d.name: d}, together=None)
+    found = replace(comparison, parameters={d.name: d})
     (line,) = comparison_summary(found)
     assert line.endswith("the largest that may hide is one of 2.2 % of joint_stiffness.")

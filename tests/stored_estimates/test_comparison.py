@@ -5,19 +5,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, ttest_ind
+from scipy.stats import ttest_ind
 
 from flexid.errors import SettingError
 from flexid.identification.judgement import verdict
-from flexid.identification.vocabulary.estimate import Estimate, interval, logarithmic_interval
+from flexid.identification.vocabulary.estimate import interval, logarithmic_interval
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     ModelError,
     ParameterEstimate,
 )
 from flexid.stored_estimates.comparison import compare_estimates, holm
-from flexid.stored_estimates.differences import hotelling
-from made_estimates import TRUE, drawn, estimate_of, exact, wishart, with_parameter
+from made_estimates import TRUE, drawn, estimate_of, exact, with_parameter
 
 
 def number(value, std, freedom=np.inf, *, unit="N m", name="gravity_torque", logarithmic=False):
@@ -60,10 +59,6 @@ def test_two_samples_as_scipy_tests_them():
     assert found.probability == pytest.approx(truth.pvalue, rel=1e-9)
     scale = 100.0 / before.mean()
     assert found.percent_interval == pytest.approx((scale * ends.low, scale * ends.high))
-    covariances = (np.array([[a.std**2]]), np.array([[b.std**2]]))
-    alone = hotelling(("x",), np.array([found.value]), covariances, (11.0, 24.0))
-    assert alone is not None
-    assert alone.probability == pytest.approx(truth.pvalue, rel=1e-9)
 
 
 def test_a_ratio_has_its_interval_on_the_logarithm():
@@ -98,7 +93,7 @@ def test_no_percentage_of_what_may_be_zero():
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
 def test_one_drive_twice_is_said_to_have_changed_in_one_comparison_of_twenty(correlation):
-    """Assert that the answer of all numbers and the joint test errs no more often."""
+    """Assert that the answer of all numbers errs no more often."""
     rng = np.random.default_rng(5)
     count, freedom = 500, 15
     found = [
@@ -125,41 +120,6 @@ def test_a_change_is_named():
     assert low < 10.0 < high
     assert found.differ
     assert not found.agree
-
-
-@pytest.mark.parametrize(("count", "freedom"), [(1, (9.0, 14.0)), (3, (12.0, 12.0)), (6, (20, 11))])
-def test_hotelling_errs_as_often_as_it_says(count, freedom):
-    """Assert that one drive is called another in one test of twenty, however many coefficients."""
-    rng = np.random.default_rng(2)
-    draws, covariances = 2000, (np.eye(count), 3.0 * np.eye(count))
-    alarms = 0
-    for _ in range(draws):
-        d = rng.standard_normal(count) * np.sqrt(4.0)
-        estimated = [wishart(rng, c, nu) for c, nu in zip(covariances, freedom, strict=True)]
-        test = hotelling(("x",) * count, d, (estimated[0], estimated[1]), freedom)
-        assert test is not None
-        alarms += test.probability < 0.05
-    assert abs(alarms / draws - 0.05) < 4.0 * np.sqrt(0.05 * 0.95 / draws)
-
-
-def test_hotelling_with_known_covariances_is_a_chi_square():
-    """Assert the limit in closed form, and that units do not matter."""
-    rng = np.random.default_rng(6)
-    d = np.array([1.0, -0.5, 2.0])
-    c = wishart(rng, np.eye(3), 9)
-    known = hotelling(("x", "y", "z"), d, (c, c), (np.inf, np.inf))
-    assert known is not None
-    statistic = d @ np.linalg.inv(2.0 * c) @ d
-    assert known.statistic == pytest.approx(statistic)
-    assert known.probability == pytest.approx(chi2.sf(statistic, 3), rel=1e-6)
-    scale = np.diag([1e-9, 1.0, 1e9])
-    scaled = scale @ c @ scale
-    other = hotelling(("x", "y", "z"), scale @ d, (scaled, scaled), (9.0, 14.0))
-    same = hotelling(("x", "y", "z"), d, (c, c), (9.0, 14.0))
-    assert other is not None
-    assert same is not None
-    assert other.probability == pytest.approx(same.probability)
-    assert other.degrees_of_freedom == pytest.approx(same.degrees_of_freedom)
 
 
 def test_holm_lies_between_one_by_one_and_all_times_their_number():
@@ -192,7 +152,6 @@ def test_one_log_cannot_have_changed():
     a, b = drawn(rng, log="one"), drawn(rng, log="one", hold="linear")
     found = compare_estimates(a, b)
     assert found.logs == "same"
-    assert found.together is None
     outcomes = {d.outcome for d in (*found.parameters.values(), *found.coefficients.values())}
     assert outcomes <= {"compatible", "contradictory"}
 
@@ -215,16 +174,12 @@ def test_what_one_model_does_without_is_compared_by_its_bound():
 
 
 def test_values_of_one_log_each_are_not_compared():
-    """Assert that an offset that was found log by log is left out, of the joint test too."""
+    """Assert that an offset that was found log by log is left out."""
     offset = number(0.1, 0.01, name="motor_offset_torque[1]")
     a, b = (replace(e, parameters={**e.parameters, offset.name: offset}) for e in two())
     found = compare_estimates(a, b)
     assert found.parameters["motor_offset_torque[1]"].reason == "each log has its own"
     assert found.agree
-    of_logs = two(9, {**TRUE, "alpha_offset[1]": 0.3, "alpha_offset[2]": 0.4})
-    together = compare_estimates(*of_logs).together
-    assert together is not None
-    assert together.names == tuple(TRUE)
 
 
 def test_other_models_share_what_means_the_same():
@@ -233,7 +188,6 @@ def test_other_models_share_what_means_the_same():
     b = replace(b, model="rigid", parameters={"gravity_torque": b.parameters["gravity_torque"]})
     found = compare_estimates(a, b)
     assert found.coefficients == {}
-    assert found.together is None
     assert found.parameters["gravity_torque"].compared
     assert found.parameters["joint_stiffness"].b is None
     assert found.lacking == ()
@@ -274,26 +228,6 @@ def test_an_estimate_and_itself_are_refused():
     found = compare_estimates(a, estimate_of(a.fit, "another log"))
     assert found.agree
     assert all(d.value == 0.0 for d in found.parameters.values())
-
-
-def test_the_joint_test_sees_what_no_single_number_shows():
-    """Assert that a change across strongly correlated errors is found at once, and only there."""
-    deviations = 0.01 * np.abs(list(TRUE.values()))
-    correlation = np.where(np.eye(5) == 1, 1.0, 0.98)
-    covariance = np.outer(deviations, deviations) * correlation
-    values = np.array(list(TRUE.values()))
-    names, freedom = tuple(TRUE), (60.0,) * 5
-    moved = values + deviations * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
-    made = [
-        estimate_of(Estimate(names, x, covariance, freedom), log)
-        for x, log in ((values, "one"), (moved, "two"))
-    ]
-    a, b = (replace(e, parameters={}) for e in made)
-    found = compare_estimates(a, b)
-    assert found.together is not None
-    assert found.together.significant
-    assert found.having("changed") == ()
-    assert found.differ
 
 
 def read_from(estimate, *columns):

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from flexid.library.arguments import FilePath
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
-    from flexid.stored_estimates.comparison import Comparison
-    from flexid.stored_estimates.differences import Difference
+    from flexid.stored_estimates.comparison import Comparison, Difference
     from flexid.stored_estimates.validate_estimate import EstimateValidation as Validated
 
 
@@ -132,12 +131,6 @@ class EstimateComparison(Answer):
     def changed(self) -> tuple[str, ...]:
         """Names of what has changed, however much is compared."""
         return tuple(d.name for d in self.result.having("changed", "contradictory"))
-
-    @property
-    def probability(self) -> float | None:
-        """Of differences as large by chance, of all coefficients at once; None if not tested."""
-        together = self.result.together
-        return None if together is None else together.probability
 
     def __repr__(self) -> str:
         compared = sum(d.compared for d in self.result.decisive.values())

@@ -21,8 +21,7 @@ from flexid.report.terminal import (
     numbers,
     value_texts,
 )
-from flexid.stored_estimates.comparison import Comparison
-from flexid.stored_estimates.differences import Difference, Outcome
+from flexid.stored_estimates.comparison import Comparison, Difference, Outcome
 
 OUTCOME_COLOURS: dict[Outcome, str] = {
     "changed": "red",
@@ -95,7 +94,6 @@ def comparison_summary(comparison: Comparison) -> Iterator[str]:
     else:
         yield _answer(comparison, compared)
         yield from _perhaps(comparison, compared)
-    yield from _all_at_once(comparison)
     if comparison.lacking:
         yield f"Not determined in A or in B, and so not compared: {_names(comparison.lacking)}."
 
@@ -156,23 +154,6 @@ def _differ(differences: Sequence[Difference]) -> str:
     return "differ" if len(differences) > 1 else "differs"
 
 
-def _all_at_once(comparison: Comparison) -> Iterator[str]:
-    together = comparison.together
-    if together is None:
-        return
-    count, chance = len(together.names), together.probability
-    shown = f"{chance:.2g}" if chance >= 1e-4 else "less than 0.0001"
-    begin = f"All {count} coefficients that both have, at once: chance makes a difference as large"
-    end = ""
-    if together.significant:
-        end = "; it is not the same drive as before"
-        if not comparison.having("changed"):
-            end += ", though no number shows it by itself"
-    elif not comparison.having("changed"):
-        end = "; nothing speaks against one and the same drive"
-    yield f"{begin} with probability {shown}{end}."
-
-
 def _change(difference: Difference) -> str:
     relative = isfinite(difference.percent)
     value = difference.percent if relative else difference.value
@@ -206,7 +187,6 @@ def document(comparison: Comparison) -> dict[str, Any]:
         "logs": comparison.logs,
         "parameters": _differences(comparison.parameters),
         "coefficients": _differences(comparison.coefficients),
-        "together": comparison.together,
         "summary": [*comparison_summary(comparison)],
         "warnings": comparison.warnings,
         "provenance": comparison.provenance,
