@@ -1,9 +1,11 @@
-"""Arms that their model does not explain: noise of the logged torque, and what is doubted."""
+"""Arms that their model does not explain: where fits begin, what is doubted, errors of the rig."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,22 +14,29 @@ from benchmarks.arms.log import Motion, simulate
 from test_identify_arm import MADE
 from two_links import ARM, TRUTH
 
-from flexid.arms.disturbed import DisturbedFit, as_physical, fit_disturbed
+import flexid.arms.fitting as fitting
+from flexid.arms.disturbed import DisturbedFit, Job, as_physical, fit_disturbed
 from flexid.arms.doubts import (
     changes_by_play,
     input_noise,
+    likely_changes,
     looks_like_the_acceleration,
     noise_of_the_inputs,
     other_minima,
+    rig_errors,
     with_doubts,
 )
-from flexid.arms.fitting import exact_fits
+from flexid.arms.fitting import FittedArm, begun, exact_fits, promises, unusual_parts
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
 from flexid.arms.starts import starts
+from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
 from flexid.estimators.balance_motion import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
+from flexid.estimators.segments import divide
+from flexid.identification.full_model.fitting import Steps, fit_segments
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.vocabulary.estimate import Estimate
@@ -231,3 +240,117 @@ def test_a_spring_that_hardens_is_doubted_only_if_it_has_play(monkeypatch: pytes
         changes.append(changes_by_play(planar_arm(ARM), values, (moved(CURVED),))[0])
     assert changes[0] == {}
     assert changes[1]["joint_stiffness_1"] > 0.02 * values["joint_stiffness_1"]
+
+
+def refitted(job: Job) -> DisturbedFit:
+    """The fit of the log, from its values on, with another log or other lengths."""
+    made = disturbed()
+    near = job.in_band.with_gains_of(made.fitted, made.fitted.by_name, 3)
+    return replace(made, job=job, best=replace(made.best, fitted=near))
+
+
+def told_of(found: DisturbedFit) -> FloatArray:
+    """Change of each value by the errors that the log tells of, over its standard deviation."""
+    rigs = [*rig_errors(found.fitted, found.job.deflections)]
+    return likely_changes(found.fitted, rigs)[:, -1] / disturbed().estimate.deviations
+
+
+def shown(row: int, error: FloatArray, relative_to: dict[str, str]) -> DisturbedFit:
+    """The fit of a log one of whose positions has an error."""
+    positions = recording().positions.copy()
+    positions[:, row] += error
+    data = arm_data([replace(recording(), positions=positions)], relative_to)
+    return refitted(replace(disturbed().job, data=data))
+
+
+def longer() -> DisturbedFit:
+    """The fit with a first link that is said to be 2 % too long."""
+    job = disturbed().job
+    arm = replace(ARM, lengths=(1.02 * ARM.lengths[0], *ARM.lengths[1:]))
+    structure = replace(job.structure, joint=ElasticArm(planar_arm(arm)))
+    return refitted(replace(job, structure=structure))
+
+
+@pytest.mark.parametrize("error", ["eccentric", "motor's scale", "deflection's scale", "length"])
+def test_a_log_tells_of_an_error_of_its_rig(error: str):
+    """Assert that what the log tells undoes most of what a gross error has done to the values."""
+    link, motor = recording().positions.T[:2]
+    wrong = {
+        "eccentric": lambda: shown(0, 2e-3 * np.sin(link), {}),
+        "motor's scale": lambda: shown(1, 0.01 * motor, {}),
+        "deflection's scale": lambda: shown(0, 0.1 * (link - motor), {"link_1": "motor_1"}),
+        "length": longer,
+    }[error]()
+    done = (wrong.fitted.values - disturbed().fitted.values) / disturbed().estimate.deviations
+    without = told_of(replace(wrong, best=disturbed().best, job=disturbed().job))
+    left = np.linalg.norm(done + told_of(wrong) - without)
+    assert np.linalg.norm(done) > 1.0
+    assert left < 0.5 * np.linalg.norm(done)
+
+
+def test_a_rig_on_which_the_motion_diverges_says_nothing():
+    """Assert that no value that is no number gets into an interval."""
+    fitted = disturbed().fitted
+    segments = fitted.problem.segments
+    far = replace(segments, outputs=segments.outputs + 1e200)
+    with pytest.raises(ConvergenceError, match="diverges"):
+        likely_changes(fitted, [replace(fitted.problem, segments=far)])
+
+
+def test_a_right_rig_is_hardly_doubted():
+    """Assert that where nothing is wrong what is doubted stays within what is uncertain anyway."""
+    found = disturbed()
+    rigs = [*rig_errors(found.fitted, ())]
+    assert len(rigs) == 7  # of two joints: sine and cosine, a scale; and one length
+    sizes = np.linalg.norm(likely_changes(found.fitted, rigs), axis=1)
+    assert np.median(sizes / found.estimate.deviations) < 1.0
+
+
+def test_each_start_is_tried_over_few_segments_first(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a start that diverges there is left out, and the next leads from there to all."""
+    still = Samples(np.zeros((1000, 4)), None, np.zeros((1000, 2)), 2e-3)
+    segments, asked = divide([still], 0.02), []
+
+    def fit_segments(structure: Any, data: Any, segments: Any, start: Any, *_: Any) -> Any:
+        asked.append((len(segments), start["number"]))
+        if start["number"] == 1:
+            raise ConvergenceError("prediction error", "diverges")
+        return SimpleNamespace(by_name={"number": 10 * start["number"]})
+
+    monkeypatch.setattr(fitting, "starts", lambda *_: [{"number": n} for n in (1, 2, 3)])
+    monkeypatch.setattr(fitting, "by_misfit", lambda *given: given[3])
+    monkeypatch.setattr(fitting, "fit_segments", fit_segments)
+    likely, fit = fitting.begun(STRUCTURE, arm_data([still]), segments)
+    assert likely == ({"number": 2}, {"number": 3})
+    assert fit is not None
+    assert fit.by_name == {"number": 200}
+    few = asked[0][0]
+    assert few < len(segments)
+    assert asked == [(few, 1), (few, 2), (len(segments), 20)]
+
+
+def fitted_without() -> FittedArm:
+    """A fit of straight springs to an arm whose first one hardens."""
+    data = arm_data([moved(CURVED)])
+    segments = divide(data.samples, 0.4)
+    _, first = begun(STRUCTURE, data, segments)
+    assert first is not None
+    return fit_segments(STRUCTURE, data, segments, first.by_name, None, Steps(0.1))
+
+
+def test_a_step_promises_what_a_fit_brings():
+    """Assert that the part that is there promises the most, and about what its fit brings."""
+    fitted = fitted_without()
+    squares = fitted.minimum.equations.cost
+    parts = unusual_parts(STRUCTURE)
+    promised = {part.name: cost for cost, part in promises(fitted, parts)}
+    assert {"cubic_joint_stiffness_2", INPUT, "link_1_delay"} < promised.keys()
+    assert min(promised, key=lambda name: promised[name]) == "cubic_joint_stiffness_1"
+    structure = parts[0].added(STRUCTURE)
+    states = fitted.minimum.point.initial_states
+    found = fit_segments(
+        structure, fitted.data, fitted.problem.segments, fitted.by_name, states, Steps(0.1)
+    )
+    brought = squares - found.minimum.equations.cost
+    assert brought > 0.1 * squares
+    assert abs(squares - promised["cubic_joint_stiffness_1"] - brought) < 0.2 * brought

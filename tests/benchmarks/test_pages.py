@@ -1,6 +1,7 @@
-"""The pages show the results that are kept, and results can be put together."""
+"""Benchmarks: each has a smoke run, and the pages show the results that are kept."""
 
 import json
+from dataclasses import fields
 from math import inf
 from pathlib import Path
 
@@ -8,10 +9,13 @@ import pytest
 from benchmarks.accuracy_tools import TOOLS
 from benchmarks.page_block import block_of
 from benchmarks.rivals import page as rivals
+from benchmarks.smoke import JOBS
+from benchmarks.thresholds import UNTOUCHED, moved
 from benchmarks.trials import page as trials
 from benchmarks.trials.realistic import page as realistic
 
 from benchmarks import accuracy_page, coverage_page
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 KEPT = json.loads(coverage_page.RESULTS.read_text(encoding="utf-8"))
 
@@ -76,3 +80,33 @@ def test_a_log_that_a_rival_fails_on_is_not_left_out():
     block = rivals.render(rival(answered, {"failed": "ValueError: no"}, nothing))
     for line in ("0.25, failed, no number", "0/1 ±0.5", "4"):
         assert f"|MuJoCo sysid|{line}|" in block
+
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+PARTS = {"batch", "long_log", "fuzz_guided", "smoke"}
+"""Programs that a benchmark starts, and the smoke run itself."""
+PICTURES = {"studio_pictures"}
+"""What measures nothing."""
+
+
+def test_no_benchmark_is_left_out():
+    """Assert that each program among the benchmarks is run at its smallest."""
+    single = {p.stem for p in FOLDER.glob("[a-z]*.py") if _is_program(p.read_text("utf-8"))}
+    packages = {path.parent.name for path in FOLDER.glob("*/__main__.py")}
+    assert {job.module for job in JOBS} == (single | packages) - PARTS - PICTURES
+
+
+def _is_program(text: str) -> bool:
+    return 'if __name__ == "__main__":' in text or "def run(quick: bool)" in text
+
+
+def test_each_threshold_is_halved_and_doubled():
+    """Assert that one threshold moves at a time, and all but those that no trial can show."""
+    names = {field.name for field in fields(THRESHOLDS)} - {*UNTOUCHED}
+    found = dict(moved())
+    assert set(found) == {f"{name} x {factor}" for name in names for factor in ("0.5", "2")}
+    for name, thresholds in found.items():
+        own, factor = name.split(" x ")
+        other = {f.name: getattr(thresholds, f.name) for f in fields(thresholds)}
+        assert other.pop(own) == float(factor) * getattr(THRESHOLDS, own)
+        assert all(value == getattr(THRESHOLDS, rest) for rest, value in other.items())

@@ -1,11 +1,12 @@
-"""Steps that end where the slope of the rates jumps: against SciPy, and for their order."""
+"""Springs with play and with memory: against SciPy, and for the order of the steps."""
 
 import numpy as np
 import pytest
 from made_motion import fall, measured, motion, point_of, problem_of
 from scipy.integrate import solve_ivp
 
-from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.models.parametric_system import Memory, ParametricSystem, Row
 
 HALF_GAP = 0.1
 PLAY = ParametricSystem(
@@ -54,13 +55,52 @@ def test_order_of_the_steps(exact):
     assert orders == pytest.approx(4.0, abs=0.5)
 
 
-def test_gradient_is_that_of_the_sum_of_squares():
+REMEMBERING = ParametricSystem(
+    "remembering oscillator",
+    (Row("mass", "q", "v", {"spring": "-q", "friction": "-h", "gain": "u"}),),
+    memories=(Memory("h", "q", "grip"),),
+)
+FINE = 0.005  # s
+LONG = FINE * np.arange(800)
+LASTING = 3.0 * np.sin(2.1 * LONG) + 2.0 * np.sin(5.3 * LONG)
+GRIPPED = point_of([4.0, 0.8, 1.0, 12.0], 0.3, -0.5, 0.2)
+
+
+def test_a_spring_remembers_as_scipy_says():
+    """Assert that the motion obeys h' = s (v - |v| h) beside the mass's own equation."""
+    spring, friction, gain, grip = GRIPPED.values
+
+    def rates(t, x):
+        q, v, h = x
+        force = np.interp(t, LONG, LASTING)
+        return v, -spring * q - friction * h + gain * force, grip * (v - abs(v) * h)
+
+    tight = {"rtol": 1e-9, "atol": 1e-11, "max_step": FINE}
+    exact = solve_ivp(rates, (0.0, LONG[-1]), GRIPPED.initial_states[0], t_eval=LONG, **tight)
+    found = motion(problem_of(REMEMBERING, LASTING, FINE), GRIPPED)[:, 0]
+    # A step in which the path turns sees its ends alone: an error of the order of h² there.
+    assert found == pytest.approx(exact.y[0], abs=3e-4)
+
+
+@pytest.mark.parametrize(
+    ("problem", "at", "accuracy"),
+    [
+        (problem_of(PLAY, FORCE, H, substeps=4), AT, 2e-3),
+        (problem_of(REMEMBERING, LASTING, FINE), GRIPPED, 1e-4),
+    ],
+    ids=["play", "memory"],
+)
+def test_gradient_is_that_of_the_sum_of_squares(
+    problem: SegmentedMotion, at: Point, accuracy: float
+):
     """Assert that the derivatives go through corners unchanged, as differences say."""
-    problem = problem_of(PLAY, FORCE, H, substeps=4)
-    problem = measured(problem, motion(problem, AT) + 0.01 * np.cos(3.0 * TIME)[:, None])
-    gradient = problem.equations(AT).gradient.sum(axis=0)
+    moved = motion(problem, at)
+    bent = 0.01 * np.cos(3.0 * problem.segments.sample_times[0] * np.arange(len(moved)))
+    problem = measured(problem, moved + bent[:, None])
+    gradient = problem.equations(at).gradient.sum(axis=0)
     for place in range(len(gradient)):
-        assert gradient[place] == pytest.approx(fall(problem, AT, place, 1e-5), rel=2e-3)
+        slope = fall(problem, at, place, 1e-5)
+        assert gradient[place] == pytest.approx(slope, rel=accuracy, abs=1e-4)
 
 
 def test_a_mass_may_rest_at_a_corner():
