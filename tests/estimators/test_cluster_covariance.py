@@ -8,6 +8,7 @@ from scipy.stats import t
 import flexid.estimators.cluster_covariance as cluster_covariance
 from flexid.estimators.cluster_covariance import (
     Clusters,
+    _fading,
     block_influences,
     block_lengths,
     cluster_influences,
@@ -75,6 +76,22 @@ def test_degrees_of_freedom_are_satterthwaites():
     for c, matrix in enumerate(response(blocks)):
         eigenvalues = np.linalg.eigvalsh(matrix @ matrix.T)
         assert freedom[c] == pytest.approx(eigenvalues.sum() ** 2 / np.sum(eigenvalues**2))
+
+
+def test_each_block_undoes_its_own_leverage():
+    """Assert by hand that a block which decides three quarters of a value counts twice.
+
+    Its residuals have shrunk to a quarter of their variance, those of the other to three.
+    """
+    normal, scores = np.array([[[3.0]], [[1.0]]]), np.array([[0.6], [-0.6]])
+    influences, _ = cluster_influences(Clusters(normal, scores, np.arange(2), np.array([[0.25]])))
+    assert influences[0] == pytest.approx([0.25 * 0.6 / 0.25**0.5, -0.25 * 0.6 / 0.75**0.5])
+
+
+def test_blocks_that_fade_tell_half():
+    """Assert that weights which fall like an exponential leave half the degrees of freedom."""
+    weights = np.exp(-np.arange(2000) / 50.0)
+    assert _fading(weights, np.full(2000, 10.0)) == pytest.approx(0.5, rel=1e-3)
 
 
 @pytest.mark.parametrize("seen", [(0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.0)])

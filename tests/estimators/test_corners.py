@@ -1,5 +1,7 @@
 """Springs with play and with memory: against SciPy, and for the order of the steps."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from made_motion import fall, measured, motion, point_of, problem_of
@@ -75,7 +77,7 @@ def test_a_spring_remembers_as_scipy_says():
         force = np.interp(t, LONG, LASTING)
         return v, -spring * q - friction * h + gain * force, grip * (v - abs(v) * h)
 
-    tight = {"rtol": 1e-9, "atol": 1e-11, "max_step": FINE}
+    tight: Any = {"rtol": 1e-9, "atol": 1e-11, "max_step": FINE}
     exact = solve_ivp(rates, (0.0, LONG[-1]), GRIPPED.initial_states[0], t_eval=LONG, **tight)
     found = motion(problem_of(REMEMBERING, LASTING, FINE), GRIPPED)[:, 0]
     # A step in which the path turns sees its ends alone: an error of the order of h² there.
