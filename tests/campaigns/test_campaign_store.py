@@ -87,7 +87,7 @@ def refusal(opened, directory):
     return str(refused.value)
 
 
-CHANGES = {"flexid": "0.9", "experiment": "4567", "plan": "4567", "runs": 8, "kind": "sobol"}
+CHANGES = {"flexid": "0.9", "experiment": "4567", "plan": "4567"}
 
 
 def test_the_directory_of_something_else_is_refused(full, golden, monkeypatch):

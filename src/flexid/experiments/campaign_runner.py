@@ -3,9 +3,8 @@
 import gc
 import logging
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,7 @@ from flexid.errors import CampaignError, ExperimentError, SettingError
 from flexid.estimators.segments import cores
 from flexid.experiments import Experiment
 from flexid.experiments.campaign_rows import part_rows
-from flexid.experiments.campaign_store import Manifest, Store, open_store
+from flexid.experiments.campaign_store import Manifest, open_store
 from flexid.experiments.variation import Plan, Variation, make_plan
 from flexid.simulation.closed_loop import SIDE_BY_SIDE
 
@@ -57,10 +56,27 @@ def run_campaign(
         )
     plan = make_plan(variation, experiment.sampling is not None)
     with open_store(Path(out), _manifest(experiment, variation, plan)) as store:
-        _complete(store, experiment, plan, workers or cores(), scheduler, progress)
+        manifest, missing = store.manifest, store.missing()
+        done = manifest.runs - sum(len(manifest.runs_of(part)) for part in missing)
+        tell = progress or (lambda _done, _all: None)
+        tell(done, manifest.runs)
+        if not missing:
+            return
+        parts = ((part, plan.table(manifest.runs_of(part))) for part in missing)
+        if scheduler is None:
+            finished = run_here(experiment, parts, workers or cores())
+        else:
+            finished = run_on_cluster(experiment, parts, scheduler)
+        for part, rows in finished:
+            store.write(part, rows)
+            done += len(rows)
+            tell(done, manifest.runs)
 
 
 def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manifest:
+    # Small enough that little is lost and many workers have work, large enough for few files. Runs
+    # that go side by side are quick, and quicker the more of them there are.
+    fewest = SIDE_BY_SIDE if experiment.side_by_side else 1
     return Manifest(
         flexid=flexid.__version__,
         experiment=experiment.digest,
@@ -68,71 +84,33 @@ def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manif
         kind=variation.kind,
         runs=variation.runs,
         inputs=plan.inputs,
-        runs_per_part=variation.runs_per_part or _runs_per_part(experiment, variation),
+        runs_per_part=variation.runs_per_part
+        or min(_MOST_RUNS, max(fewest, variation.runs // _PARTS)),
         text=Path(experiment.path).read_text(encoding="utf-8"),
     )
 
 
-def _runs_per_part(experiment: Experiment, variation: Variation) -> int:
-    """Small enough that little is lost and many workers have work, large enough for few files.
-
-    Runs that go side by side are quick, and quicker the more of them there are.
-    """
-    fewest = SIDE_BY_SIDE if experiment.side_by_side else 1
-    return min(_MOST_RUNS, max(fewest, variation.runs // _PARTS))
-
-
-def _complete(
-    store: Store,
-    experiment: Experiment,
-    plan: Plan,
-    workers: int,
-    scheduler: str | None,
-    progress: Progress | None,
-) -> None:
-    manifest = store.manifest
-    missing = store.missing()
-    left = sum(len(manifest.runs_of(part)) for part in missing)
-    if progress is not None:
-        progress(manifest.runs - left, manifest.runs)
-    if not missing:
-        return
-    parts = ((n, plan.table(manifest.runs_of(n))) for n in missing)
-    if scheduler is None:
-        finished = run_here(experiment, parts, workers)
-    else:
-        finished = run_on_cluster(experiment, parts, scheduler)
-    for number, rows in finished:
-        store.write(number, rows)
-        left -= len(rows)
-        if progress is not None:
-            progress(manifest.runs - left, manifest.runs)
-
-
 def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Iterator[Part]:
-    """Run parts on threads of this process, and yield them one after the other.
+    """Run parts on threads of this process, and yield each when it is done.
 
     Compiled code lets other threads run, so that these use all cores.
     """
     stop = threading.Event()
-    waiting: deque[tuple[int, Future[pl.DataFrame]]] = deque()
     with ThreadPoolExecutor(workers) as pool:
+        jobs = (pool.submit(_rows_of, experiment, part, stop.is_set) for part in parts)
         try:
-            for number, table in parts:
-                job = pool.submit(part_rows, experiment, table, stop.is_set)
-                waiting.append((number, job))
-                if len(waiting) > 2 * workers:  # what is done does not pile up in memory
-                    yield _finished(*waiting.popleft())
-            while waiting:
-                yield _finished(*waiting.popleft())
+            for job in as_completed(jobs):  # which keeps no job that is done
+                yield job.result()
         finally:  # an interrupt: every thread ends within a few runs
             stop.set()
-            for _, job in waiting:
-                job.cancel()
+            pool.shutdown(cancel_futures=True)
 
 
-def _finished(number: int, job: "Future[pl.DataFrame]") -> Part:
-    return number, job.result()
+def _rows_of(
+    experiment: Experiment, part: Part, stopped: Callable[[], bool] = lambda: False
+) -> Part:
+    number, table = part
+    return number, part_rows(experiment, table, stopped)
 
 
 _TIMEOUT = 10.0  # s, to reach the scheduler
@@ -170,31 +148,28 @@ def _connect(scheduler: str) -> "Client":
 
 
 def _check_workers(client: "Client", scheduler: str) -> None:
-    answers: Any = client.run(_version, on_error="return")
-    versions: dict[str, object] = answers
+    found: Any = client.run(_version, on_error="return")
+    versions: dict[str, object] = found  # or why there is none
     if not versions:
         raise CampaignError(scheduler, f"has no workers: start them with `dask worker {scheduler}`")
     for address, version in versions.items():
         if version != flexid.__version__:
-            found = "no flexid" if isinstance(version, Exception) else f"flexid {version}"
-            raise CampaignError(
-                address,
-                f"is a worker with {found}: install flexid {flexid.__version__} there, as here",
-            )
+            raise _other_version(address, flexid.__version__)
 
 
 def _version() -> str:
     return flexid.__version__
 
 
-def _run(version: str, experiment: Experiment, part: Part) -> Part:
+def _other_version(worker: str, wanted: str) -> CampaignError:
+    return CampaignError(worker, f"has not flexid {wanted}: install that version there, as here")
+
+
+def _work(version: str, experiment: Experiment, part: Part) -> Part:
     """What a worker does; one that came later may have another version."""
     if flexid.__version__ != version:
-        raise CampaignError(
-            "a worker", f"has flexid {flexid.__version__}: install {version} there, as here"
-        )
-    number, table = part
-    return number, part_rows(experiment, table)
+        raise _other_version("a worker", version)
+    return _rows_of(experiment, part)
 
 
 def _results(
@@ -202,7 +177,7 @@ def _results(
 ) -> Iterator[Part]:
     from distributed import KilledWorker, as_completed
 
-    job = partial(_run, flexid.__version__, experiment)
+    job = partial(_work, flexid.__version__, experiment)
     futures = client.map(job, list(parts), pure=False)
     for future in as_completed(futures, loop=client.loop):
         try:

@@ -63,24 +63,17 @@ class Store:
 
     def write(self, part: int, rows: pl.DataFrame) -> None:
         """Keep a part."""
-        try:
+        with _writing(self.directory):
             write_atomically(self.path(part), lambda temporary: write_parquet(rows, temporary))
-        except OSError as error:
-            raise CampaignError(
-                str(self.directory),
-                f"cannot be written ({(error.strerror or 'no space').lower()}): make room; the "
-                f"same command goes on",
-            ) from None
 
     def read(self, part: int) -> pl.DataFrame | None:
         """Rows of a part; None if it is missing or damaged."""
         try:
             rows = pl.read_parquet(self.path(part), memory_map=False)
+            whole = rows["run"].to_list() == [*self.manifest.runs_of(part)]
         except (OSError, pl.exceptions.PolarsError):
             return None
-        if "run" not in rows.columns:
-            return None
-        return rows if rows["run"].to_list() == list(self.manifest.runs_of(part)) else None
+        return rows if whole else None
 
     def missing(self) -> list[int]:
         """Numbers of the parts that have to be run, damaged ones among them."""
@@ -91,10 +84,21 @@ class Store:
 def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
     """Open the directory of a campaign for writing, alone; make it if it is missing."""
     check_name(directory)
-    try:
+    lock = FileLock(directory / _LOCK)
+    with _writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(directory / _LOCK)
         lock.acquire(timeout=0)
+    try:
+        yield Store(directory, _settled(directory, wanted))
+    finally:
+        lock.release()
+
+
+@contextmanager
+def _writing(directory: Path) -> Iterator[None]:
+    """Say in one sentence why a directory cannot be written."""
+    try:
+        yield
     except Timeout:
         raise CampaignError(
             str(directory),
@@ -103,15 +107,21 @@ def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
     except OSError as error:
         reason = (error.strerror or "no space").lower()
         raise CampaignError(
-            str(directory), f"cannot be written ({reason}): give another directory"
+            str(directory),
+            f"cannot be written ({reason}): give another directory, or make room and give the same "
+            f"command again",
         ) from None
-    try:
-        yield Store(directory, _settled(directory, wanted))
-    finally:
-        lock.release()
+
+
+_DECISIVE = {"flexid": "version of flexid", "experiment": "experiment", "plan": "plan of runs"}
 
 
 def _settled(directory: Path, wanted: Manifest) -> Manifest:
+    """The manifest that is there, or else the one that is wanted.
+
+    A directory is refused whose rows would not be those that are wanted. The number of runs per
+    part may differ: it changes no row.
+    """
     found = _read_manifest(directory)
     if found is None:
         if any(directory.glob("runs/*")):
@@ -121,9 +131,11 @@ def _settled(directory: Path, wanted: Manifest) -> Manifest:
         found = wanted
         text = wanted.model_dump_json(indent=2) + "\n"
         write_atomically(directory / FILE, lambda path: path.write_text(text, encoding="utf-8"))
-    else:
-        _refuse_another(found, wanted, directory)
-    (directory / "runs").mkdir(exist_ok=True)
+        (directory / "runs").mkdir(exist_ok=True)
+    for name, what in _DECISIVE.items():
+        if getattr(found, name) != getattr(wanted, name):
+            reason = f"holds a campaign of another {what}: give another directory"
+            raise CampaignError(str(directory), reason)
     return found
 
 
@@ -142,30 +154,13 @@ def _read_manifest(directory: Path) -> Manifest | None:
     """Read ``campaign.json``; None if it is missing."""
     try:
         return Manifest.model_validate_json((directory / FILE).read_bytes())
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
-    except NotADirectoryError:
-        raise CampaignError(str(directory), "is no directory: give one") from None
     except (OSError, ValidationError):
         raise CampaignError(
             str(directory / FILE),
             "is damaged or of no campaign: start again in another directory",
         ) from None
-
-
-def _refuse_another(found: Manifest, wanted: Manifest, directory: Path) -> None:
-    """Refuse a directory whose rows would not be those that are wanted.
-
-    The number of runs per part may differ: it changes no row.
-    """
-    alike = {"flexid": "version of flexid", "experiment": "experiment", "plan": "plan of runs"}
-    for name, what in alike.items():
-        if getattr(found, name) != getattr(wanted, name):
-            reason = f"holds a campaign of another {what}: give another directory"
-            raise CampaignError(str(directory), reason)
-    if (found.kind, found.runs, found.inputs) != (wanted.kind, wanted.runs, wanted.inputs):
-        reason = f"holds a {FILE} that was changed by hand: give another directory"
-        raise CampaignError(str(directory), reason)
 
 
 QUANTILES = (0.05, 0.5, 0.95)
@@ -237,13 +232,7 @@ def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
         raise CampaignError(
             str(store.directory), "has no rows yet: run the campaign, or wait for its first part"
         )
-    try:
-        return pl.concat(parts), tuple(damaged)
-    except pl.exceptions.PolarsError:
-        raise CampaignError(
-            str(store.directory),
-            "holds parts that do not belong together: run the campaign in another directory",
-        ) from None
+    return pl.concat(parts, how="diagonal_relaxed"), tuple(damaged)
 
 
 def _result(name: str, finished: pl.DataFrame) -> Result:
