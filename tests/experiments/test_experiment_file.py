@@ -11,7 +11,7 @@ import pytest
 from flexid.experiments import read_experiment
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.sampled import Sampling
-from flexid.studies.readings import PHYSICAL, TRUE, table1_loop
+from flexid.studies.readings import table1_loop
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 TEXT = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")
@@ -58,27 +58,6 @@ def test_campaign_starts_from_table_1():
     campaign = read_experiment(FOLDER / "huang2003_campaign.toml")
     assert campaign.loop.parameters.tolist() == table1_loop((1, 2, 3)).parameters.tolist()
     assert campaign.digest == read_experiment(FOLDER / "huang2003.toml").digest
-
-
-def test_coefficients_and_physical_parameters_mean_the_same(tmp_path: Path):
-    """Assert that a plant in lumped coefficients is the plant in physical parameters."""
-    text = TEXT
-    for name in PHYSICAL:
-        start = text.index(f"\n{name} = ")
-        text = text[:start] + text[text.index("\n", start + 1) :]
-    lumped = "".join(f"{name} = {value!r}\n" for name, value in TRUE.items())
-    loop = read_experiment(write(tmp_path, text.replace("[plant]", f"[plant]\n{lumped}"))).loop
-    assert loop.parameters.tolist() == table1_loop((1, 2, 3)).parameters.tolist()
-
-
-def test_physical_guesses_start_the_observer(tmp_path: Path):
-    """Assert that initial estimates may be physical parameters."""
-    start = TEXT.index("theta1 = 2.5")
-    end = TEXT.index("[run]")
-    guess = "".join(f"{name} = {value / 2}\n" for name, value in PHYSICAL.items())
-    loop = read_experiment(write(tmp_path, TEXT[:start] + guess + TEXT[end:])).loop
-    # Half a stiffness over half an inertia is the whole coefficient
-    assert loop.start_estimates == pytest.approx(loop.true_coefficients)
 
 
 def test_model_file_lies_beside_the_experiment(pendulum: Path):
@@ -167,7 +146,7 @@ FAULTS: dict[str, str] = {
     "term without value": but('"gravity"', '"link_viscous"'),
     "value of no term": but("[plant]", "[plant]\njoint_damping = 1.0"),
     "value missing": but("gravity_torque = 5.0", ""),
-    "mixture": but("[plant]", "[plant]\ntheta1 = 5.0"),
+    "value of a coefficient": but("[plant]", "[plant]\ntheta1 = 5.0"),
     "estimate of what is known": but("theta1 = 2.5", "beta1 = 2.5"),
     "row": but("link = 1.0", "lonk = 1.0"),
     "state": but("[run]", "[initial_state]\nx7 = 1.0\n[run]"),

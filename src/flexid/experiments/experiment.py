@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import isfinite
@@ -28,85 +28,14 @@ from flexid.experiments.tables import (
     Tables,
 )
 from flexid.experiments.variation import Variation, read_variation
-from flexid.models.flexible_joint import POSITIVE
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.physical import JOINT_PARAMETERS, joint_coefficients
+from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
+from flexid.models.terms import SMOOTHING
 from flexid.paper.laws import Controller, pd_gravity, robust_law
 from flexid.paper.loop import Multisine, constant, sinusoid
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
-
-Values = Mapping[str, float]
-
-_INERTIAS = ("link_inertia", "motor_inertia")
-
-
-def coefficient_values(
-    table: str,
-    values: Values,
-    names: Collection[str],
-    joint: bool,
-    refuse: Refuse,
-    *,
-    needed: Collection[str] = (),
-    known: Collection[str] = (),
-) -> dict[str, float]:
-    """The values of a table by coefficient, of which those needed must be there.
-
-    A table of a joint may hold physical parameters instead; known coefficients may follow from
-    these.
-    """
-    found = dict(values)
-    if not all(name in names for name in values):
-        found = _of_physical(table, values, names, JOINT_PARAMETERS if joint else (), refuse)
-    for name in found:
-        if name not in names and name not in known:
-            raise refuse(
-                f"{table}.{_source(name, values)}",
-                "belongs to a term that the model does not have: add that to model.terms, or "
-                "remove this",
-            )
-    for name in needed:
-        if name not in found:
-            raise refuse(table, f"gives no value for the coefficient {name!r}: add one")
-    return found
-
-
-def _of_physical(
-    table: str,
-    values: Values,
-    names: Collection[str],
-    physical: Collection[str],
-    refuse: Refuse,
-) -> dict[str, float]:
-    for name in values:
-        if name not in names and name not in physical:
-            others = f", or instead {', '.join(physical)}" if physical else ""
-            raise refuse(f"{table}.{name}", f"is unknown: take {', '.join(names)}{others}")
-    for name in values:
-        if name in names:
-            raise refuse(
-                f"{table}.{name}",
-                "is mixed with physical parameters: give either those or coefficients",
-            )
-    for name in _INERTIAS:
-        if not values.get(name, 0.0) > 0.0:
-            raise refuse(f"{table}.{name}", "must be there and positive: correct it")
-    coefficients = joint_coefficients(values)
-    for name, value in coefficients.items():
-        if not isfinite(value):
-            raise refuse(table, f"makes {name} infinite: choose larger inertias")
-    return coefficients
-
-
-def _source(coefficient: str, values: Values) -> str:
-    """The key that a coefficient comes from: its own, or the physical parameter's."""
-    if coefficient in values:
-        return coefficient
-    inertias = dict.fromkeys(_INERTIAS, 1.0)
-    return next(n for n in values if coefficient in joint_coefficients({**inertias, n: 1.0}))
-
 
 _MOST_SAMPLES = 10_000_000  # most samples of one run
 
@@ -234,39 +163,23 @@ def _completed(tables: Tables, system: ParametricSystem, refuse: Refuse) -> Tabl
     added: dict[str, Any] = {"initial_state": {name: state.get(name, 0.0) for name in states}}
     if isinstance(tables.model, FileModel):
         added["plant"] = {**system.constants, **tables.plant}
-    if set(tables.initial_estimates) <= set(system.coefficients):
-        zeros = dict.fromkeys(system.coefficients, 0.0)
-        added["initial_estimates"] = zeros | tables.initial_estimates
+    zeros = dict.fromkeys(system.coefficients, 0.0)
+    for name in tables.initial_estimates:
+        if name not in zeros:
+            raise refuse(f"initial_estimates.{name}", f"is unknown: take {', '.join(zeros)}")
+    added["initial_estimates"] = zeros | tables.initial_estimates
     return tables.model_copy(update=added)
 
 
 def _loop(
     tables: Tables, system: ParametricSystem, refuse: Refuse, like: ClosedLoop | None
 ) -> ClosedLoop:
-    model, joint = tables.model, isinstance(tables.model, JointModel)
-    known = model.known if isinstance(model, JointModel) else system.constants
-    names = (*system.coefficients, *known)
-    values = coefficient_values("plant", tables.plant, names, joint, refuse, needed=names)
-    for name in sorted(POSITIVE) if joint else ():
-        if not values.get(name, 1.0) > 0.0:
-            source = _source(name, tables.plant)
-            raise refuse(f"plant.{source}", f"is {tables.plant[source]:g}: give a positive number")
-    guessed = coefficient_values(
-        "initial_estimates",
-        tables.initial_estimates,
-        system.coefficients,
-        joint,
-        refuse,
-        known=known,
-    )
-    constants = {name: values[name] for name in system.constants if name in values}
-    if isinstance(model, JointModel) and "coulomb_velocity" in system.constants:
-        constants["coulomb_velocity"] = model.coulomb_velocity
+    values = _plant(tables, system, refuse)
     parts = {
-        "system": system.with_constants(constants),
+        "system": system.with_constants({name: values[name] for name in system.constants}),
         "coefficients": {name: values[name] for name in system.coefficients},
         "observer_gains": tables.observer,
-        "initial_estimates": {name: guessed.get(name, 0.0) for name in system.coefficients},
+        "initial_estimates": tables.initial_estimates,
         "initial_state": tuple(tables.initial_state.values()),
         "reference": _reference(tables.reference, refuse),
         "controller": _LAWS[tables.controller.law](**tables.controller.model_dump(exclude={"law"})),
@@ -279,6 +192,33 @@ def _loop(
         raise refuse("observer", f"does not fit the model: {error.reason}") from None
     except (ModelError, ExpressionError) as error:
         raise refuse("controller", f"does not fit the model: {error}") from None
+
+
+_OF_EVERY_JOINT = ("link_inertia", "motor_inertia", "joint_stiffness")
+
+
+def _plant(tables: Tables, system: ParametricSystem, refuse: Refuse) -> Mapping[str, float]:
+    """Values of coefficients and constants; those of a joint follow from physical parameters."""
+    model, plant = tables.model, tables.plant
+    of_joint = isinstance(model, JointModel)
+    wanted = [*system.coefficients, *system.constants]
+    if of_joint:
+        wanted = [*_OF_EVERY_JOINT, *(TERM_PARAMETERS[term] for term in model.terms)]
+    for name in plant:
+        if name not in wanted:
+            raise refuse(f"plant.{name}", f"is not in the model{did_you_mean(name, wanted)}")
+    for name in wanted:
+        if name not in plant:
+            raise refuse(f"plant.{name}", "is missing: add it")
+        if of_joint and name in _OF_EVERY_JOINT and not plant[name] > 0.0:
+            raise refuse(f"plant.{name}", f"is {plant[name]:g}: give a positive number")
+    if not of_joint:
+        return plant
+    values = joint_coefficients(plant)
+    for name, value in values.items():
+        if not isfinite(value):
+            raise refuse("plant", f"makes {name} infinite: choose larger inertias")
+    return {**values, SMOOTHING: model.coulomb_velocity}
 
 
 _LAWS: dict[str, Callable[..., Controller]] = {

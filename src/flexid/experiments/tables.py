@@ -17,9 +17,10 @@ from pydantic import (
 )
 
 from flexid.errors import ExpressionError, ModelError, SettingError
-from flexid.models.flexible_joint import PAPER_TERMS, TERMS, flexible_joint
+from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
 from flexid.models.model_file import read_model
 from flexid.models.parametric_system import ParametricSystem
+from flexid.models.physical import TERM_PARAMETERS
 from flexid.models.terms import COULOMB_VELOCITY
 from flexid.toml_file import Refuse
 
@@ -73,8 +74,9 @@ class JointModel(Table):
     def system(self, _folder: Path, refuse: Refuse) -> ParametricSystem:
         """The model; known coefficients have the value 1."""
         for place, term in enumerate(self.terms, start=1):
-            if term not in TERMS:
-                raise refuse(f"model.terms.{place}", f"is {term!r}: take one of {', '.join(TERMS)}")
+            if term not in TERM_PARAMETERS:
+                known = ", ".join(TERM_PARAMETERS)
+                raise refuse(f"model.terms.{place}", f"is {term!r}: take one of {known}")
         try:
             return flexible_joint(self.terms, dict.fromkeys(self.known, 1.0), self.coulomb_velocity)
         except SettingError as error:

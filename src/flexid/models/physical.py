@@ -98,11 +98,6 @@ _LINK, _MOTOR = (
 )
 """The parameter that, over its side's inertia, gives each coefficient."""
 
-JOINT_PARAMETERS = tuple(
-    dict.fromkeys(("link_inertia", "motor_inertia", *_LINK.values(), *_MOTOR.values()))
-)
-"""Names of the physical parameters that `joint_coefficients` heeds."""
-
 
 def joint_coefficients(parameters: Mapping[str, float]) -> dict[str, float]:
     """Coefficients of a flexible joint from physical parameters, both inertias among them.
