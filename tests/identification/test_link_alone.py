@@ -28,32 +28,17 @@ def alone():
     return identify([motion(1)])
 
 
-def test_link_is_found_without_a_torque(alone):
-    """Assert that stiffness and gravity over the link's inertia are found, without a warning.
-
-    The held-out motion of the link is repeated to the noise, given the motor's.
-    """
-    assert alone.model == "link"
-    truth = {"joint_stiffness_per_link_inertia": 100.0, "gravity_torque_per_link_inertia": 5.0}
-    assert set(alone.parameters) == set(truth)
-    for name, true in truth.items():
-        found = alone.parameters[name]
-        assert found.value == pytest.approx(true, rel=1e-4)
-        assert found.interval[0] <= true <= found.interval[1]
-        assert found.verdict == "determined"
-        assert found.unit == "1/s^2"
-    assert alone.warnings == ()
-    assert {c.verdict for c in alone.coefficients.values()} == {"determined"}
-    assert "the motor's measured position drives the link" in alone.summary[1]
-    assert set(alone.validation.fit_percent) == {"link_position", "deflection"}
-    assert all(fit > 99.9 for fit in alone.validation.fit_percent.values())
-    assert list(alone.validation.horizons) == [0.05, 0.2, 1.0]
-    assert alone.compliance.visible
-    assert set(alone.residual_excess) == {"link_position"}
-
-
 def test_link_may_be_asked_for(alone):
-    """Assert that it comes out to the bit as if no torque had been recorded."""
+    """Assert that it comes out to the bit as if no torque had been recorded, without a warning.
+
+    `test_found.py` compares its values with the truth.
+    """
+    assert alone.warnings == ()
+    assert {p.unit for p in alone.parameters.values()} == {"1/s^2"}
+    assert alone.compliance.visible
+    assert {*alone.validation.fit_percent} == {"link_position", "deflection"}
+    assert min(alone.validation.fit_percent.values()) > 99.9
+    assert "the motor's measured position drives the link" in alone.summary[1]
     asked = identify([log(made(1))], Settings(model="link"))
     values = [{n: c.value for n, c in each.coefficients.items()} for each in (asked, alone)]
     assert values[0] == values[1]

@@ -201,16 +201,6 @@ def test_bounds_of_functions_give_the_minimum_within_them(bounds, active, condit
     assert found.exact == active
 
 
-def test_what_the_log_contradicts_is_said_of_bounds_too():
-    """Assert that a bound far from what the log says is a contradiction, in a bound's words."""
-    (sentence,) = joined(bounds={"joint_stiffness": (150.0, 200.0)}).contradicted
-    assert sentence.startswith("joint_stiffness is bounded by 150, which contradicts the log")
-    (sentence,) = joined(known={"joint_stiffness": 150.0}).contradicted
-    assert sentence.startswith("joint_stiffness is known as 150")
-    patient = replace(THRESHOLDS, contradiction=1e6)
-    assert joined(patient, known={"joint_stiffness": 150.0}).contradicted == ()
-
-
 PARAMETERS = physical_parameters(["alpha1", "beta1"], input_is_torque=True)
 
 
