@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.arms.arm import Arm, Link
 from benchmarks.arms.log import Motion, simulate
-from made_joint import JOINT, TRUTH, data, log, made, recording, turned
+from made_joint import COEFFICIENTS, JOINT, TRUTH, data, log, made, recording, turned
 
 from flexid.arrays import to_json
 from flexid.errors import SettingError
@@ -198,6 +198,22 @@ def test_a_shape_that_is_asked_for_and_not_there_has_no_size(term, size, constan
     assert np.abs(absent.parameters[size].interval).max() < largest
     assert absent.parameters[constant].verdict == "undetermined"
     assert absent.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "acts",
+    [{"cubic_stiffness": 2000.0}, {"motor_coulomb_up": 2.0, "motor_coulomb_down": 2.0}],
+    ids=str,
+)
+def test_what_a_missing_term_spoils_is_covered_or_doubted(acts):
+    """Assert that intervals of a model that lacks a term hold the truth, or no one is sure."""
+    result = identify([log(made(1, **acts))], PAPER)
+    assert max(result.residual_excess.values()) > 5  # the term matters
+    for name, true in COEFFICIENTS.items():
+        found = result.coefficients[name]
+        lower, upper = found.interval
+        assert lower <= true <= upper or found.verdict != "determined", name
+    assert any("no term here describes" in warning for warning in result.warnings)
 
 
 def test_what_becomes_of_an_estimate_with_hysteresis():
