@@ -18,9 +18,9 @@ from flexid.errors import CampaignError, SettingError
 from flexid.experiments import read_experiment
 from flexid.experiments.campaign_runner import run_campaign
 from flexid.experiments.campaign_store import find_store, open_store
-from flexid.experiments.variation import Variation, make_plan
+from flexid.experiments.variation import Distribution, Variation, make_plan
 
-INPUTS = {"controller.k": tuple(map(float, range(10, 17)))}
+INPUTS = {"controller.k": Distribution(values=[float(k) for k in range(10, 17)])}
 PLAN = make_plan(Variation(kind="grid", runs=7, vary=INPUTS), sampled=False)
 MANIFEST = made_manifest(PLAN, "grid", 3)
 

@@ -16,6 +16,11 @@ LOG_UNIFORM = Distribution(log_uniform=[1e-6, 1e-2])
 NORMAL = Distribution(normal=[5.0, 0.5])
 
 
+def listed(*values):
+    """Return values that are listed."""
+    return Distribution(values=[float(value) for value in values])
+
+
 def variation(kind, runs, campaign_seed=0, **inputs):
     """Return what varies."""
     return Variation(kind=kind, runs=runs, seed=campaign_seed, vary=inputs)
@@ -23,14 +28,14 @@ def variation(kind, runs, campaign_seed=0, **inputs):
 
 def seeds(runs, campaign_seed=0):
     """Return the seeds that the runs of a grid are given."""
-    inputs = {"a": tuple(map(float, range(runs)))}
+    inputs = {"a": listed(*range(runs))}
     plan = make_plan(variation("grid", runs, campaign_seed, **inputs), sampled=True)
     return plan.table(range(runs))[SEED].to_numpy()
 
 
 def test_a_grid_has_every_combination_once():
     """Assert that a grid's runs are the product of its values, the last one changing fastest."""
-    plan = make_plan(variation("grid", 6, a=(1.0, 2.0), b=(3.0, 4.0, 5.0)), sampled=False)
+    plan = make_plan(variation("grid", 6, a=listed(1, 2), b=listed(3, 4, 5)), sampled=False)
     assert plan.values.tolist() == [[1, 3], [1, 4], [1, 5], [2, 3], [2, 4], [2, 5]]
 
 
@@ -52,7 +57,7 @@ def test_a_sobol_plan_goes_on_where_a_shorter_one_ends():
 
 def test_listed_values_are_drawn_alike():
     """Assert that each of four is the value of a quarter of the runs."""
-    plan = make_plan(variation("sobol", 1024, a=(1.0, 2.0, 4.0, 8.0)), sampled=False)
+    plan = make_plan(variation("sobol", 1024, a=listed(1, 2, 4, 8)), sampled=False)
     values, counts = np.unique(plan.values, return_counts=True)
     assert dict(zip(values, counts, strict=True)) == dict.fromkeys((1.0, 2.0, 4.0, 8.0), 256)
 
@@ -85,10 +90,10 @@ def test_every_run_has_a_seed_of_its_own():
 
 def test_seeds_that_are_varied_are_left_alone():
     """Assert that a plan whose file lists seeds draws none, nor does one without noise."""
-    listed = variation("grid", 2, **{SEED: (4.0, 5.0)})  # type: ignore[arg-type]
-    plan = make_plan(listed, sampled=True)
+    seeded = variation("grid", 2, **{SEED: listed(4, 5)})  # type: ignore[arg-type]
+    plan = make_plan(seeded, sampled=True)
     assert plan.table(range(2)).rows() == [(0, 4.0), (1, 5.0)]
-    unsampled = make_plan(variation("grid", 1, a=(1.0,)), sampled=False)
+    unsampled = make_plan(variation("grid", 1, a=listed(1)), sampled=False)
     assert unsampled.table(range(1)).columns == ["run", "a"]
 
 

@@ -4,18 +4,18 @@ The table alone decides which values every run has, before anything runs.
 """
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from flexid.errors import ExperimentError, did_you_mean
 from flexid.experiments.tables import Number, Positive, Table, Whole
-from flexid.toml_file import Refuse, validated
+from flexid.toml_file import validated
 
 if TYPE_CHECKING:
     import polars as pl
@@ -27,9 +27,20 @@ MOST_RUNS = 10_000_000  # of one campaign
 _T = TypeVar("_T")
 _Pair = Annotated[list[_T], Field(min_length=2, max_length=2)]
 
+_LARGEST_WHOLE = 2**53  # up to which values, which are floats, keep every digit
+
+
+def _kept(value: Any) -> Any:
+    if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
+        raise ValueError("more digits than are kept: at most 15 are needed")
+    return value
+
+
+_Listed = Annotated[Number, BeforeValidator(_kept)]
+
 
 class Distribution(Table):
-    """A distribution of one number: one kind, and its two numbers.
+    """What one number may be: one kind, with its numbers.
 
     Examples
     --------
@@ -37,6 +48,7 @@ class Distribution(Table):
     [10.0, 30.0]
     """
 
+    values: Annotated[list[_Listed], Field(min_length=1, max_length=10_000)] | None = None
     uniform: _Pair[Number] | None = None  # ends
     log_uniform: _Pair[Positive] | None = None  # ends
     normal: _Pair[Number] | None = None  # mean and standard deviation
@@ -44,20 +56,28 @@ class Distribution(Table):
 
     @model_validator(mode="after")
     def _has_one_kind(self) -> "Distribution":
-        pairs = [*self.model_dump(exclude_none=True).values()]
-        if len(pairs) != 1:
-            raise ValueError(f"exactly one of {', '.join(type(self).model_fields)} is needed")
-        if self.normal is None and not pairs[0][0] < pairs[0][1]:
-            raise ValueError("the first number must be below the second")
+        kinds = self.model_dump(exclude_none=True)
+        if len(kinds) != 1:
+            names = [*type(self).model_fields][1:]
+            raise ValueError(f"exactly one of {', '.join(names)} is needed")
         if self.normal is not None and not self.normal[1] > 0.0:
             raise ValueError("a positive standard deviation is needed")
+        ends = self._ends
+        if ends and not ends[0] < ends[1]:
+            raise ValueError("the first number must be below the second")
         return self
+
+    @property
+    def _ends(self) -> Sequence[float]:
+        return self.uniform or self.log_uniform or self.integers or []
 
     def quantile(self, shares: ArrayLike) -> NDArray[np.float64]:
         """Values below which the given shares of all draws lie, each from 0 on and below 1."""
         shares = np.asarray(shares, dtype=float)
-        ((kind, pair),) = self.model_dump(exclude_none=True).items()
-        first, second = map(float, pair)
+        ((kind, numbers),) = self.model_dump(exclude_none=True).items()
+        if kind == "values":
+            return np.array(numbers, dtype=float)[np.floor(shares * len(numbers)).astype(int)]
+        first, second = map(float, numbers)
         if kind == "uniform":
             return first + shares * (second - first)
         if kind == "log_uniform":
@@ -70,14 +90,8 @@ class Distribution(Table):
 
     @property
     def tried(self) -> tuple[float, ...]:
-        """Values that every experiment must allow: the ends, if there are any, and one inside."""
-        inside = float(self.quantile(_INSIDE))
-        ends = self.uniform or self.log_uniform or self.integers or ()
-        return (*map(float, ends), inside)
-
-
-Input = tuple[float, ...] | Distribution
-"""Values, each equally likely in draws, or a distribution of them."""
+        """Values that every experiment must allow: all, or the ends, if any, and one inside."""
+        return tuple(map(float, self.values or (*self._ends, float(self.quantile(_INSIDE)))))
 
 
 class Variation(Table):
@@ -88,17 +102,10 @@ class Variation(Table):
     seed: Annotated[int, Field(ge=0, le=2**63)] = 0  # of the draws
     # runs that share a file of the result; None: the campaign chooses
     runs_per_part: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    vary: Annotated[dict[str, Any], Field(min_length=1)]  # once read, an `Input` by dotted path
+    vary: Annotated[dict[str, Any], Field(min_length=1)]  # once read, a `Distribution` by path
 
 
-_LARGEST_WHOLE = 2**53  # up to which values, which are floats, keep every digit
 _INSIDE = 0.501  # share of the draws below the value inside a distribution that is tried
-
-
-class ListedValues(Table):
-    """Several values of one number."""
-
-    values: Annotated[list[Number], Field(min_length=1, max_length=10_000)]
 
 
 def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
@@ -108,7 +115,7 @@ def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
         return ExperimentError(experiment.path, f"campaign.{key}" if key else "campaign", reason)
 
     content = validated(campaign, Variation, refuse)
-    inputs: dict[str, Input] = {}
+    inputs: dict[str, Distribution] = {}
     for path, text in _flat(content.vary, experiment):
         if path in inputs:
             raise refuse(f"vary.{path}", "is there twice: leave one of them out")
@@ -116,11 +123,11 @@ def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
     runs = content.runs
     if content.kind == "grid":
         for path, choice in inputs.items():
-            if isinstance(choice, Distribution):
+            if choice.values is None:
                 raise refuse(f"vary.{path}", "is a distribution: a grid takes a list of values")
         if runs:
             raise refuse("runs", "is for draws: remove it, a grid has one run per combination")
-        runs = prod(len(values) for values in inputs.values() if isinstance(values, tuple))
+        runs = prod(len(choice.values or ()) for choice in inputs.values())
         if runs > MOST_RUNS:
             raise refuse("vary", f"makes {runs} combinations: give at most {MOST_RUNS}")
     elif not runs:
@@ -138,15 +145,20 @@ def _flat(vary: Mapping[str, Any], experiment: "Experiment", path: str = "") -> 
             yield here, value
 
 
-def _input(experiment: "Experiment", path: str, value: Any) -> Input:
+def _input(experiment: "Experiment", path: str, value: Any) -> Distribution:
+    """What an entry says, a list or a distribution; tried out."""
+
     def refuse(key: str, reason: str) -> ExperimentError:
         place = f"campaign.vary.{path}" + (f".{key}" if key else "")
         return ExperimentError(experiment.path, place, reason)
 
     if path not in experiment.values:
         raise refuse("", f"varies nothing{did_you_mean(path, experiment.values)}")
-    chosen = _chosen(value, refuse)
-    for number in chosen.tried if isinstance(chosen, Distribution) else chosen:
+    if not isinstance(value, dict | list):
+        raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
+    content = {"values": value} if isinstance(value, list) else value
+    chosen = validated(content, Distribution, refuse)
+    for number in chosen.tried:
         try:
             experiment.with_values({path: number})
         except ExperimentError as error:
@@ -154,18 +166,6 @@ def _input(experiment: "Experiment", path: str, value: Any) -> Input:
                 "", f"reaches {number:g}, but the key {error.key!r} {error.reason}"
             ) from None
     return chosen
-
-
-def _chosen(value: Any, refuse: Refuse) -> Input:
-    """The values or the distribution that an entry is."""
-    if isinstance(value, dict):
-        return validated(value, Distribution, refuse)
-    if not isinstance(value, list):
-        raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
-    for place, one in enumerate(value, start=1):
-        if isinstance(one, int) and abs(one) > _LARGEST_WHOLE:
-            raise refuse(str(place), "has more digits than are kept: give at most 15")
-    return tuple(validated({"values": value}, ListedValues, refuse).values)
 
 
 SEED = "sampling.seed"
@@ -212,7 +212,7 @@ def make_plan(variation: Variation, sampled: bool) -> Plan:
 
 def _grid(variation: Variation) -> NDArray[np.float64]:
     """Every combination; the last input changes fastest."""
-    axes = [np.array(values, dtype=float) for values in variation.vary.values()]
+    axes = [np.array(choice.values, dtype=float) for choice in variation.vary.values()]
     mesh = np.meshgrid(*axes, indexing="ij")
     return np.stack([one.ravel() for one in mesh], axis=1)
 
@@ -229,18 +229,9 @@ def _draws(variation: Variation) -> NDArray[np.float64]:
     # 0 is a possible draw, and the normal distribution's lowest value is minus infinity
     shares = np.maximum(shares, _SMALLEST_SHARE)
     columns = [
-        _quantile(what, shares[:, place]) for place, what in enumerate(variation.vary.values())
+        what.quantile(part) for what, part in zip(variation.vary.values(), shares.T, strict=True)
     ]
     return np.stack(columns, axis=1)
-
-
-def _quantile(
-    what: tuple[float, ...] | Distribution, shares: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    if isinstance(what, Distribution):
-        return what.quantile(shares)
-    values = np.array(what, dtype=float)
-    return values[np.floor(shares * len(values)).astype(int)]
 
 
 def _run_seed(seed: int, run: int) -> int:
