@@ -12,7 +12,7 @@ against 84 ns, measured on the observer of the flexible joint). The observer has
 The plant moves by the classical Runge-Kutta method under a constant input.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from flexid.derivation.model_functions import module_header, unpack_variables
 from flexid.derivation.source import assignments, function
@@ -36,9 +36,7 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
         (
             sampled_observer_functions(system, purpose) + _sizes(declaration),
             _regressor_function(symbolic),
-            _row_function("as_states", "Values of all states", states),
-            _row_function("as_parameters", "Parameters", len(declaration.parameter_names)),
-            _sense_function(states),
+            *_tuple_functions(states, inputs, len(declaration.parameter_names)),
             loop_function(
                 declaration,
                 signals,
@@ -46,9 +44,8 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
                 "Inputs that the law demands at time _t for the measured states, and q_d.",
                 {"_x": symbolic.states},
                 demanded,
-                f"    return {_tuple_text(_names('_u', inputs))}, _reference",
+                f"    return {_tuple_text([*demanded][:inputs])}, _reference",
             ),
-            _saturate_function(inputs),
             loop_function(
                 declaration,
                 signals,
@@ -58,7 +55,6 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
                 rates,
                 f"    return {_tuple_text(list(rates))}",
             ),
-            _plant_step_function(symbolic),
         )
     )
 
@@ -70,65 +66,33 @@ def _sizes(declaration: LoopDeclaration) -> str:
     return f"\nROW_STARTS = {starts}\nTRACKED = {tracked}\n"
 
 
-def _sense_function(states: int) -> str:
-    """Every state with its noise, positions in whole encoder steps."""
-    true, seen, draws = (_names(stem, states) for stem in ("_x", "_s", "_d"))
-    deviations = ["_position", "_velocity"] * (states // 2)
-    noisy = [
-        f"    {s} = {x} + {deviation} * {d}"
-        for s, x, d, deviation in zip(seen, true, draws, deviations, strict=True)
+def _tuple_functions(states: int, inputs: int, parameters: int) -> list[str]:
+    """What the template does with the tuples of states, inputs and parameters, entry by entry."""
+    cut = "copysign(_limit, _u[{0}]) if abs(_u[{0}]) > _limit else _u[{0}]"
+    noise = ("_x[{0}] + _position * _d[{0}]", "_x[{0}] + _velocity * _d[{0}]")
+    functions = (
+        (states, "as_states(_array, _n)", "_array[_n, {0}]"),
+        (parameters, "as_parameters(_array, _n)", "_array[_n, {0}]"),
+        (states, "noisy(_x, _d, _position, _velocity)", *noise),
+        (states, "in_steps(_x, _step)", "_step * np.floor(_x[{0}] / _step + 0.5)", "_x[{0}]"),
+        (inputs, "clipped(_u, _limit)", cut),
+        (states, "moved(_x, _h, _d)", "_x[{0}] + _h * _d[{0}]"),
+        (states, "averaged(_a, _b, _c, _d)", "_a[{0}] + 2.0 * (_b[{0}] + _c[{0}]) + _d[{0}]"),
+    )
+    return [
+        _tuple_function(signature, entries * (size // len(entries)))
+        for size, signature, *entries in functions
     ]
-    whole = [f"        {s} = _step * np.floor({s} / _step + 0.5)" for s in seen[::2]]
-    return function(
-        "sense(_state, _draws, _position, _velocity, _step)",
-        "What the sensors show, given standard normal numbers.",
-        f"    {_tuple_text(true)} = _state\n    {_tuple_text(draws)} = _draws",
-        "\n".join(noisy),
-        "    if _step > 0.0:",
-        "\n".join(whole),
-        f"    return {_tuple_text(seen)}",
-    )
 
 
-def _saturate_function(inputs: int) -> str:
-    names = _names("_u", inputs)
-    lines = [
-        f"    if abs({u}) > _limit:\n        {u} = copysign(_limit, {u})\n        _clipped = 1"
-        for u in names
-    ]
-    return function(
-        "saturate(_inputs, _limit)",
-        "Inputs clipped to the limit, and 1 if one was.",
-        f"    {_tuple_text(names)} = _inputs\n    _clipped = 0",
-        "\n".join(lines),
-        f"    return {_tuple_text(names)}, _clipped",
-    )
-
-
-def _plant_step_function(symbolic: SymbolicSystem) -> str:
-    size = len(symbolic.states)
-    x, stages = _names("_x", size), [_names(f"_{s}", size) for s in "abcd"]
-    a, b, c, d = stages
-
-    def stage(names: Sequence[str], state: Callable[[int], str]) -> str:
-        point = _tuple_text([state(i) for i in range(size)])
-        return f"    {_tuple_text(names)} = plant_rates({point}, _u, _p)"
-
-    after = [f"{x[i]} + _sixth * ({a[i]} + 2.0 * ({b[i]} + {c[i]}) + {d[i]})" for i in range(size)]
-    return function(
-        "plant_step(_state, _u, _p, _h)",
-        "State after a step of the classical Runge-Kutta method.",
-        f"    {_tuple_text(x)} = _state\n    _half = 0.5 * _h\n    _sixth = _h / 6.0",
-        stage(a, lambda i: x[i]),
-        stage(b, lambda i: f"{x[i]} + _half * {a[i]}"),
-        stage(c, lambda i: f"{x[i]} + _half * {b[i]}"),
-        stage(d, lambda i: f"{x[i]} + _h * {c[i]}"),
-        f"    return {_tuple_text(after)}",
-    )
-
-
-def _names(stem: str, size: int) -> list[str]:
-    return [f"{stem}{i}" for i in range(size)]
+def _tuple_function(
+    signature: str,
+    entries: Sequence[str],  # with their place for {0}
+    decorator: str = 'njit(cache=True, error_model="numpy")',
+) -> str:
+    """A function that returns a tuple of some entries."""
+    made = _tuple_text([entry.format(place) for place, entry in enumerate(entries)])
+    return function(signature, "Entry by entry.", f"    return {made}", decorator=decorator)
 
 
 def sampled_observer_functions(system: ParametricSystem, purpose: str) -> str:
@@ -140,9 +104,9 @@ def sampled_observer_functions(system: ParametricSystem, purpose: str) -> str:
         (
             module_header(system, purpose) + sizes,
             _advance_function(symbolic),
-            _tuple_function("as_state", "State", len(state)),
-            _row_function("as_sample", "Sample _n", len(sample), "inner"),
-            _tuple_function("as_settings", "Settings", len(settings)),
+            _tuple_function("as_state(_array)", ["_array[{0}]"] * len(state), "inner"),
+            _tuple_function("as_sample(_array, _n)", ["_array[_n, {0}]"] * len(sample), "inner"),
+            _tuple_function("as_settings(_array)", ["_array[{0}]"] * len(settings), "inner"),
         )
     )
 
@@ -215,11 +179,6 @@ def _row_update(symbolic: SymbolicSystem, place: int) -> str:
     return "\n".join(f"        {line}" for line in lines)
 
 
-def _tuple_function(name: str, what: str, size: int) -> str:
-    body = f"    return {_tuple_text([f'_array[{i}]' for i in range(size)])}"
-    return function(f"{name}(_array)", f"{what} as a tuple.", body, decorator="inner")
-
-
 def _r(sequence: Sequence[object]) -> range:
     return range(len(sequence))
 
@@ -240,11 +199,3 @@ def _regressor_function(symbolic: SymbolicSystem) -> str:
 def _tuple_text(entries: Sequence[str]) -> str:
     """A tuple of some entries."""
     return f"({', '.join(entries)},)"
-
-
-def _row_function(
-    name: str, what: str, size: int, decorator: str = 'njit(cache=True, error_model="numpy")'
-) -> str:
-    """A function that returns row n of an array as a tuple."""
-    body = f"    return {_tuple_text([f'_array[_n, {i}]' for i in range(size)])}"
-    return function(f"{name}(_array, _n)", f"{what} as a tuple.", body, decorator=decorator)

@@ -30,6 +30,16 @@ def first_state(estimates):
     return as_state(empty)
 
 
+@njit(cache=True, error_model="numpy")
+def plant_step(x, u, p, h):
+    """State after a step of the classical Runge-Kutta method."""
+    a = plant_rates(x, u, p)
+    b = plant_rates(moved(x, 0.5 * h, a), u, p)
+    c = plant_rates(moved(x, 0.5 * h, b), u, p)
+    d = plant_rates(moved(x, h, c), u, p)
+    return moved(x, h / 6.0, averaged(a, b, c, d))
+
+
 @njit(cache=True, error_model="numpy", forceinline=True)
 def move(x, u, p, duration, substeps):
     """Move the plant on under a constant input."""
@@ -37,6 +47,22 @@ def move(x, u, p, duration, substeps):
     for _ in range(substeps):
         x = plant_step(x, u, p, h)
     return x
+
+
+@njit(cache=True, error_model="numpy")
+def sense(x, draws, position, velocity, step):
+    """What the sensors show, given standard normal numbers."""
+    seen = noisy(x, draws, position, velocity)
+    return in_steps(seen, step) if step > 0.0 else seen
+
+
+@njit(cache=True, error_model="numpy")
+def exceeds(values, limit):
+    """1 if a magnitude is beyond a limit, else 0."""
+    for value in values:
+        if abs(value) > limit:
+            return 1
+    return 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -74,7 +100,7 @@ def respond(x, seen, demanded, current, settings, drive, log):
     """
     p, limit, substeps = drive
     reference, record, n = log
-    u, cut = saturate(demanded, limit)
+    u, cut = clipped(demanded, limit), exceeds(demanded, limit)
     current, _ = advance(current, seen + u, settings)
     note(x, u, current, x[TRACKED] - reference, seen, p, record, n)
     return move(x, u, p, settings[0], substeps), current, cut
@@ -107,7 +133,7 @@ def sampled_run(start, p, constants, sensors, drive, observer, count, record, to
     known = np.empty(N_ROWS)
     logged = record.shape[0] > 1
     measured = totals.shape[0] > 0
-    clipped = 0
+    cuts = 0
     for n in range(count):
         if noisy:
             draws = as_states(noise, n)
@@ -116,16 +142,16 @@ def sampled_run(start, p, constants, sensors, drive, observer, count, record, to
         row = n if logged else 0
         log = (reference, record, row)
         x, current, cut = respond(x, seen, demanded, current, settings, plant, log)
-        clipped += cut
+        cuts += cut
         if measured:  # a view of an array in every sample would cost a tenth of the time
             y = record[row]
             regressors(y, y[N_STATES:], constants, r, known)
             add_measures(n * h, 1.0, y[N_STATES:], y[ERRORS:], y[TRACKING], r, p[0], totals)
         if not bounded(x):
-            return DIVERGED, n + 1, clipped
+            return DIVERGED, n + 1, cuts
     # An estimate that once was not finite stays so.
     status = FINISHED
     for i in range(N_COEFFICIENTS):
         if not abs(current[1 + i]) < np.inf:
             status = NOT_FINITE
-    return status, count, clipped
+    return status, count, cuts
