@@ -11,8 +11,9 @@ M is factorised by L D Lᵀ, written out without what is zero: motors first, whi
 other motor.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 import sympy as sp
@@ -40,19 +41,109 @@ class SymbolicBalance:
         """π, as the generated code calls them."""
         return tuple(sp.Symbol(f"_p{k}", real=True) for k in range(len(self.columns)))
 
+    @cached_property
     def sums(self) -> list[sp.Expr]:
         """Σ_k π_k φ_k of each row."""
-        rows = len(self.balance.rows)
+        pairs = [*zip(self.parameters, self.columns, strict=True)]
         return [
-            sp.Add(
-                *(
-                    p * c[row]
-                    for p, c in zip(self.parameters, self.columns, strict=True)
-                    if row in c
-                )
-            )
-            for row in range(rows)
+            sp.Add(*(p * column[row] for p, column in pairs if row in column)) for row in self.rows
         ]
+
+    @property
+    def rows(self) -> range:
+        """Numbers of the rows."""
+        return range(len(self.balance.rows))
+
+    @property
+    def dry(self) -> list[int]:
+        """Rows that can stick: those with a mode."""
+        return [
+            row
+            for row in self.rows
+            if any(row in c and c[row].has(mode_of(row)) for c in self.columns)
+        ]
+
+    @cached_property
+    def order(self) -> list[int]:
+        """The rows in the order of elimination: motors first."""
+        return [*self.rows[1::2], *self.rows[::2]]
+
+    @cached_property
+    def mass(self) -> dict[tuple[int, int], sp.Expr]:
+        """M by row and column, its lower half in the order of elimination."""
+        found = {
+            (i, j): sp.diff(self.sums[i], _acceleration(j))
+            for place, i in enumerate(self.order)
+            for j in self.order[: place + 1]
+        }
+        return {place: entry for place, entry in found.items() if entry != 0}
+
+    @cached_property
+    def by_state(self) -> list[dict[int, sp.Expr]]:
+        """Derivatives of the balances by each state, accelerations fixed; without those of zero."""
+        found = []
+        for state in self.balance.states:
+            slopes = {row: sp.diff(total, symbol(state)) for row, total in enumerate(self.sums)}
+            found.append({row: cast(sp.Expr, s) for row, s in slopes.items() if s != 0})
+        return found
+
+    def moved(self, column: Collection[int]) -> list[int]:
+        """The rows whose accelerations depend on some balances."""
+        _, names = self.inverse
+        return [i for i in self.rows if any((i, j) in names for j in column)]
+
+    @cached_property
+    def inverse(self) -> tuple[list[str], dict[tuple[int, int], str]]:
+        """Lines that compute M⁻¹ from ``_M{i}_{j}``, and the names of its entries."""
+        lines: list[str] = []
+        lower: dict[tuple[int, int], str] = {}
+        order = self.order
+        for b, j in enumerate(order):
+            for i in order[b:]:
+                terms = [f"_M{i}_{j}"] if (i, j) in self.mass else []
+                terms += [
+                    f"- {lower[i, k]} * {lower[j, k]} * _D{k}"
+                    for k in order[:b]
+                    if {(i, k), (j, k)} <= lower.keys()
+                ]
+                if i == j:
+                    lines += [f"_D{j} = {' '.join(terms)}", f"_I{j} = 1.0 / _D{j}"]
+                elif terms:
+                    lower[i, j] = f"_L{i}_{j}"
+                    lines.append(f"_L{i}_{j} = ({' '.join(terms)}) * _I{j}")
+        return lines, self._inverted(lines, lower)
+
+    def _inverted(
+        self, lines: list[str], lower: dict[tuple[int, int], str]
+    ) -> dict[tuple[int, int], str]:
+        """Add the lines of M⁻¹ = L⁻ᵀ D⁻¹ L⁻¹: first those of L⁻¹, named ``_R``."""
+        order = self.order
+        root: dict[tuple[int, int], str] = {}
+        for a, j in enumerate(order):
+            for b in range(a + 1, len(order)):
+                i = order[b]
+                terms = [f"- {lower[i, j]}"] if (i, j) in lower else []
+                terms += [
+                    f"- {lower[i, k]} * {root[k, j]}"
+                    for k in order[a + 1 : b]
+                    if (i, k) in lower and (k, j) in root
+                ]
+                if terms:
+                    root[i, j] = f"_R{i}_{j}"
+                    lines.append(f"_R{i}_{j} = {' '.join(terms)}")
+        names: dict[tuple[int, int], str] = {}
+        root |= {(i, i): "" for i in order}
+        for a, i in enumerate(order):
+            for j in order[: a + 1]:
+                terms = [
+                    " * ".join(t for t in (root[k, i], root[k, j], f"_I{k}") if t)
+                    for k in order[a:]
+                    if {(k, i), (k, j)} <= root.keys()
+                ]
+                if terms:
+                    names[i, j] = names[j, i] = f"_W{i}_{j}"
+                    lines.append(f"_W{i}_{j} = {' + '.join(terms)}")
+        return names
 
 
 def symbolic_balance(balance: TorqueBalance) -> SymbolicBalance:
@@ -113,15 +204,14 @@ def balance_functions(balance: TorqueBalance) -> str:
     f[sample, row, k] = φ_k at the accelerations a.
     """
     symbolic = symbolic_balance(balance)
-    mass = _Mass.of(symbolic)
     parts = (
         module_header(cast(ParametricSystem, balance), "Segmented prediction error"),
         _sizes(balance),
         _dry(symbolic),
-        _rates(symbolic, mass),
+        _rates(symbolic),
         _nothing(),
-        _slopes(symbolic, mass),
-        variation([_depends(mass, row) for row in range(len(balance.rows))]),
+        _slopes(symbolic),
+        variation(_patterns(symbolic)),
         _columns(symbolic),
     )
     return "\n\n".join(parts)
@@ -135,7 +225,7 @@ def _sizes(balance: TorqueBalance) -> str:
 def _dry(symbolic: SymbolicBalance) -> str:
     places = tuple(
         tuple(k for k, c in enumerate(symbolic.columns) if row in c and c[row].has(mode_of(row)))
-        for row in range(len(symbolic.balance.rows))
+        for row in symbolic.rows
     )
     return f"DRY = {places!r}\n"
 
@@ -145,85 +235,6 @@ def _nothing() -> str:
     heads = ("corners(_x, _p, _c, _k)", "remember(_x, _start, _p)")
     heads += ("memory_slopes(_x, _start, _p, _at, _b, _q)",)
     return "\n\n".join(function(h, "Nothing.", "    pass", decorator="inlined") for h in heads)
-
-
-@dataclass(frozen=True)
-class _Mass:
-    """The mass matrix, lower half in the order of elimination, and what is left without a.
-
-    `entries` has M by (row, column), `rest` Σ π φ at a = 0, `order` the rows, motors first.
-    """
-
-    entries: dict[tuple[int, int], sp.Expr]
-    rest: list[sp.Expr]
-    order: list[int]
-
-    @classmethod
-    def of(cls, symbolic: SymbolicBalance) -> "_Mass":
-        sums = symbolic.sums()
-        rows = range(len(sums))
-        order = [*range(1, len(sums), 2), *range(0, len(sums), 2)]
-        accelerations = [_acceleration(i) for i in rows]
-        entries = {}
-        for place, i in enumerate(order):
-            for j in order[: place + 1]:
-                entry = sp.diff(sums[i], accelerations[j])
-                if entry != 0:
-                    entries[i, j] = entry
-        still = [(a, 0) for a in accelerations]
-        return cls(entries, [cast(sp.Expr, s.subs(still)) for s in sums], order)
-
-    def inverse(self) -> tuple[list[str], dict[tuple[int, int], str]]:
-        """Lines that compute M⁻¹ from ``_M{i}_{j}``, and the names of its entries."""
-        lines: list[str] = []
-        lower: dict[tuple[int, int], str] = {}
-        order = self.order
-        for b, j in enumerate(order):
-            for i in order[b:]:
-                terms = [f"_M{i}_{j}"] if (i, j) in self.entries else []
-                terms += [
-                    f"- {lower[i, k]} * {lower[j, k]} * _D{k}"
-                    for k in order[:b]
-                    if {(i, k), (j, k)} <= lower.keys()
-                ]
-                if i == j:
-                    lines += [f"_D{j} = {' '.join(terms)}", f"_I{j} = 1.0 / _D{j}"]
-                elif terms:
-                    lower[i, j] = f"_L{i}_{j}"
-                    lines.append(f"_L{i}_{j} = ({' '.join(terms)}) * _I{j}")
-        return lines, self._inverted(lines, lower)
-
-    def _inverted(
-        self, lines: list[str], lower: dict[tuple[int, int], str]
-    ) -> dict[tuple[int, int], str]:
-        """Add the lines of M⁻¹ = L⁻ᵀ D⁻¹ L⁻¹: first those of L⁻¹, named ``_R``."""
-        order = self.order
-        root: dict[tuple[int, int], str] = {}
-        for a, j in enumerate(order):
-            for b in range(a + 1, len(order)):
-                i = order[b]
-                terms = [f"- {lower[i, j]}"] if (i, j) in lower else []
-                terms += [
-                    f"- {lower[i, k]} * {root[k, j]}"
-                    for k in order[a + 1 : b]
-                    if (i, k) in lower and (k, j) in root
-                ]
-                if terms:
-                    root[i, j] = f"_R{i}_{j}"
-                    lines.append(f"_R{i}_{j} = {' '.join(terms)}")
-        names: dict[tuple[int, int], str] = {}
-        root |= {(i, i): "" for i in order}
-        for a, i in enumerate(order):
-            for j in order[: a + 1]:
-                terms = [
-                    " * ".join(t for t in (root[k, i], root[k, j], f"_I{k}") if t)
-                    for k in order[a:]
-                    if {(k, i), (k, j)} <= root.keys()
-                ]
-                if terms:
-                    names[i, j] = names[j, i] = f"_W{i}_{j}"
-                    lines.append(f"_W{i}_{j} = {' + '.join(terms)}")
-        return names
 
 
 def _variables(balance: TorqueBalance) -> tuple[str, ...]:
@@ -236,23 +247,20 @@ def _variables(balance: TorqueBalance) -> tuple[str, ...]:
     )
 
 
-def _solved(symbolic: SymbolicBalance, mass: _Mass) -> tuple[str, ...]:
+def _solved(symbolic: SymbolicBalance) -> tuple[str, ...]:
     """Lines that compute M, M⁻¹ and the accelerations ``_a{row}``; what sticks has none."""
-    dry = [
-        row
-        for row in range(len(symbolic.balance.rows))
-        if any(row in c and c[row].has(mode_of(row)) for c in symbolic.columns)
-    ]
-    targets = [f"_M{i}_{j}" for i, j in mass.entries]
-    targets += [f"_h{i}" for i in range(len(mass.rest))]
+    dry, rows, mass = symbolic.dry, symbolic.rows, symbolic.mass
+    still = [(_acceleration(i), 0) for i in rows]
+    rest = [cast(sp.Expr, total.subs(still)) for total in symbolic.sums]
+    targets = [f"_M{i}_{j}" for i, j in mass]
+    targets += [f"_h{i}" for i in rows]
     lines = [f"_free{i} = 0.0 if _m{i} == 0.0 else 1.0" for i in dry]
-    for i, j in mass.entries:
+    for i, j in mass:
         factors = [f"_free{k}" for k in {i, j} if k in dry] if i != j else []
         if factors:
             lines.append(f"_M{i}_{j} *= {' * '.join(sorted(factors))}")
-    inverted, names = mass.inverse()
+    inverted, names = symbolic.inverse
     lines += inverted
-    rows = range(len(mass.rest))
     for i in rows:
         if i in dry:
             lines.append(f"_h{i} *= _free{i}")
@@ -261,12 +269,12 @@ def _solved(symbolic: SymbolicBalance, mass: _Mass) -> tuple[str, ...]:
         lines.append(f"_a{i} = -({' + '.join(products)})")
     return (
         unpack("_p", symbolic.parameters),
-        assignments(targets, [*mass.entries.values(), *mass.rest]),
+        assignments(targets, [*mass.values(), *rest]),
         "\n".join(f"    {line}" for line in lines),
     )
 
 
-def _rates(symbolic: SymbolicBalance, mass: _Mass) -> str:
+def _rates(symbolic: SymbolicBalance) -> str:
     balance = symbolic.balance
     ends = [
         f"    _dx[{2 * i}] = {row.velocity}\n    _dx[{2 * i + 1}] = _a{i}"
@@ -276,7 +284,7 @@ def _rates(symbolic: SymbolicBalance, mass: _Mass) -> str:
         "state_rates(_x, _u, _m, _p, _c, _dx)",
         "_dx = x' for modes _m, parameters _p and constants _c.",
         *_variables(balance),
-        *_solved(symbolic, mass),
+        *_solved(symbolic),
         "\n".join(ends),
         decorator=_decorator(balance),
     )
@@ -287,47 +295,34 @@ def _decorator(balance: TorqueBalance) -> str:
     return "inlined" if balance.joints <= _INLINED else "uncounted"
 
 
-def _depends(mass: _Mass, row: int) -> list[int]:
-    """Places of the states that an acceleration depends on: all, if its row is coupled."""
-    _, names = mass.inverse()
-    linked = {j for i, j in names if i == row}
-    joints = {j // 2 for j in linked} | {row // 2}
-    if linked == {row} and row % 2:
-        return list(range(4 * (row // 2), 4 * (row // 2) + 4))
-    if len(joints) == 1 and len(mass.rest) == 2:
-        return list(range(4))
-    return list(range(2 * len(mass.rest)))
+def _patterns(symbolic: SymbolicBalance) -> list[list[int]]:
+    """Places of the states that each acceleration depends on."""
+    moved = [symbolic.moved(column) for column in symbolic.by_state]
+    return [[state for state, rows in enumerate(moved) if row in rows] for row in symbolic.rows]
 
 
-def _slopes(symbolic: SymbolicBalance, mass: _Mass) -> str:
+def _slopes(symbolic: SymbolicBalance) -> str:
     balance = symbolic.balance
-    rows = range(len(balance.rows))
-    _, names = mass.inverse()
-    sums = symbolic.sums()
+    _, names = symbolic.inverse
     targets: list[str] = []
     expressions: list[sp.Expr] = []
     lines: list[str] = []
 
-    def solve(column: dict[int, sp.Expr], name: str, place: str, only: Sequence[int]) -> None:
+    def solve(column: dict[int, sp.Expr], name: str, place: str) -> None:
         """Lines that fill -M⁻¹ times a column; `place` has the row for ``{}``."""
         for j, value in column.items():
             targets.append(f"_{name}_{j}")
             expressions.append(value)
-        for i in only:
+        for i in symbolic.moved(column):
             products = [f"{names[i, j]} * _{name}_{j}" for j in column if (i, j) in names]
-            value = f"-({' + '.join(products)})" if products else "0.0"
-            lines.append(f"    {place.format(i)} = {value}")
+            lines.append(f"    {place.format(i)} = -({' + '.join(products)})")
 
-    for state, name in enumerate(balance.states):
-        slopes = {j: cast(sp.Expr, sp.diff(sums[j], symbol(name))) for j in rows}
-        column = {j: slope for j, slope in slopes.items() if slope != 0}
-        users = [i for i in rows if state in _depends(mass, i)]
-        solve(column, f"s{state}", f"_a[{{}} * N_STATES + {state}]", users)
+    for state, column in enumerate(symbolic.by_state):
+        solve(column, f"s{state}", f"_a[{{}} * N_STATES + {state}]")
     for k, column in enumerate(symbolic.columns):
-        users = [i for i in rows if any((i, j) in names for j in column)]
-        solve(column, f"k{k}", f"_r[{{}} * WIDTH + _at[{k}]]", users)
+        solve(column, f"k{k}", f"_r[{{}} * WIDTH + _at[{k}]]")
     delayed = []
-    for i in rows:
+    for i in symbolic.rows:
         gains = []
         for k, (_, joint, term) in enumerate(balance.placed()):
             if isinstance(term, JointTerm) and term.place == "input":
@@ -339,7 +334,7 @@ def _slopes(symbolic: SymbolicBalance, mass: _Mass) -> str:
         "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",
         "Derivatives of the accelerations: _a by the states, _r by the rest.",
         *_variables(balance),
-        *_solved(symbolic, mass),
+        *_solved(symbolic),
         assignments(targets, expressions),
         "\n".join(lines),
         "    if _delay:",
