@@ -9,8 +9,8 @@ from moving_joint import CHOSEN, LINK, MOTOR, TIME, TORQUE, same, stream, watche
 
 from flexid.errors import RecordingError, SettingError
 from flexid.streaming import incoming
-from flexid.streaming.follower import Follower
 from flexid.streaming.incoming import Replay
+from flexid.streaming.session import Follower
 
 NAMES = {"time": TIME, "link_position": LINK, "motor_position": MOTOR, "motor_torque": TORQUE}
 

@@ -10,7 +10,7 @@ import pytest
 from moving_joint import CHOSEN, same, stream, watched
 
 from flexid.errors import RecordingError, SettingError
-from flexid.streaming.follower import Follower
+from flexid.streaming.session import Follower
 from flexid.streaming.sources import Source, open_source
 
 LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]

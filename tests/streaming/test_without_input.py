@@ -21,9 +21,9 @@ from moving_joint import (
 from flexid.errors import RecordingError, SettingError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
-from flexid.streaming.follower import Follower
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions, chosen_channels
+from flexid.streaming.session import Follower
 
 OPTIONS = WatchOptions(H, ("gravity",), "link")
 DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")

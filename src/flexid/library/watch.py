@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
     from flexid.models.motion import JointType
-    from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
     from flexid.streaming.learner import Departure
-    from flexid.streaming.session import Change, Session
+    from flexid.streaming.session import Change, Follower, Session
 
 
 _AT_ONCE = 64  # samples that wait to be worked on, unless something is read
@@ -297,8 +296,8 @@ def watch(
     from flexid.library.identify import estimated
     from flexid.library.logs import as_columns
     from flexid.recording.recipes import read_map
-    from flexid.streaming.follower import Follower
     from flexid.streaming.options import check_comparable, wanted_kind
+    from flexid.streaming.session import Follower
 
     if source is None and sample_time is None:
         raise ArgumentError("watch", "sample_time", "is missing: give it in s, or a source")

@@ -29,14 +29,6 @@ _COMMENTS = tuple(mark.encode() for mark in COMMENTS)
 
 _STANDARD_INPUT = Path("-")
 
-_PACKED = {
-    b"\x1f\x8b": "gzip",
-    b"PK\x03\x04": "zip, as archives and workbooks are",
-    b"BZh": "bzip2",
-    b"\xfd7zXZ\x00": "xz",
-    b"\x28\xb5\x2f\xfd": "zstd",
-    b"7z\xbc\xaf": "7z",
-}
 _CLOSED_QUOTE = "text follows a quotation mark within a cell: remove one"
 _OPEN_QUOTE = "a quotation mark opens on this line and does not close on it: remove it"
 _OTHERS = {  # what else flexid reads, and where it belongs
@@ -199,16 +191,15 @@ _CONTROLS = bytes((*range(9), *range(14, 32)))
 
 def check_text(file: str, raw: bytes) -> None:
     """Raise where bytes are those of no text, nor of one that is in UTF-16."""
-    packed = next((how for begin, how in _PACKED.items() if raw.startswith(begin)), None)
-    if packed is not None:
-        reason = f"the file is packed by {packed}: unpack it, or save the sheet as CSV"
-        raise RecordingError(file, "", reason)
     sample = raw[:65536]
     sample = sample.rstrip(b"\0") or sample  # a file that was not closed may end so
     controls = len(sample) - len(sample.translate(None, _CONTROLS))
     if b"\0" in sample or controls > 0.01 * len(sample):
         raise RecordingError(
-            file, "", "this is a binary file, not text: export the log as CSV or Parquet"
+            file,
+            "",
+            "this is a binary or packed file, not text: unpack it, or export the log as CSV or "
+            "Parquet",
         )
 
 

@@ -28,10 +28,9 @@ from flexid.recording.layout import (
     layout_of,
     split,
 )
-from flexid.recording.recipes import Recipe
 from flexid.recording.sampling import GAP, check_typical
 from flexid.recording.series import tables_of_file
-from flexid.recording.table import HOLE, decimal_mark
+from flexid.recording.table import Table, decimal_mark
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels
 from flexid.streaming.sources import Source
@@ -46,6 +45,22 @@ HEAD_LINES = 200  # lines at the beginning from which layout and sample time are
 LINES_FOR_LAYOUT = 8  # lines from which the layout alone is taken, where the sample time is known
 FEWEST_LINES = 4  # the fewest of them: a header and three samples, where the stream has ended
 _COMMENTS = tuple(mark.encode() for mark in COMMENTS)
+
+
+class _Columns:
+    """What the tables of a stream are made of, by the first of them; one clock counts all."""
+
+    def __init__(self, name: str, table: Table, column_map: MapSource | None, model: str) -> None:
+        self._clock = Clock(since_1970=True)
+        recipes, warnings = recipes_of(table, column_map)
+        channels = channels_of(table, recipes, self._clock)
+        self.channels = chosen_channels(name, channels, warnings, model)
+        self.first = _stacked(self.channels.sampled)  # samples of the first table
+        self._recipes = {name: recipes[name] for name in self.channels.sampled}
+
+    def samples(self, table: Table) -> FloatArray:
+        """Samples of a later table, shape (n, n_values)."""
+        return _stacked(channels_of(table, self._recipes, self._clock))
 
 
 class TextStream:
@@ -64,11 +79,14 @@ class TextStream:
         self._fewest = fewest
         self._first = [] if header is None else [header.strip(" \r\n").encode()]
         self.rest = b""  # the line that has not ended yet
-        self.channels: StreamChannels | None = None  # what a sample's values are, once it is known
         self._layout: Layout | None = None
-        self._recipes: Mapping[str, Recipe] = {}  # of the channels of a sample, in its order
+        self._columns: _Columns | None = None  # once they are known
         self._mark = "."  # of decimals
-        self._clock = Clock(since_1970=True)
+
+    @property
+    def channels(self) -> StreamChannels | None:
+        """What a sample's values are, once it is known."""
+        return self._columns.channels if self._columns else None
 
     def samples(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
         """Samples of complete lines, shape (n, n_values); None until the columns are known."""
@@ -82,8 +100,8 @@ class TextStream:
         if ended and self.rest.endswith(b"\r"):
             lines.append(self.rest)
             self.rest = b""
-        if self._layout is not None:
-            return self._samples(self._layout, lines)
+        if self._layout is not None and self._columns is not None:
+            return self._samples(self._layout, self._columns, lines)
         self._first += lines
         if len(self._first) < self._fewest and not ended:
             return None
@@ -105,32 +123,19 @@ class TextStream:
         frame = layout.without_twins(self.name, _frame(layout, head[layout.start :].split(b"\n")))
         self._mark = decimal_mark(frame) or "."
         table = layout.table(self.name, frame, self._mark)
-        recipes, warnings = recipes_of(table, self._column_map)
-        channels = channels_of(table, recipes, self._clock)
-        self.channels = chosen_channels(self.name, channels, warnings, self._model)
-        self._recipes = {name: recipes[name] for name in self.channels.sampled}
-        samples = _stacked(self.channels.sampled)
-        if not self._most_are_rows(frame, samples):  # as a log it is refused for the first
-            read_channels(read_text(self.name, head), self._column_map)
+        self._columns = columns = _Columns(self.name, table, self._column_map, self._model)
+        samples = columns.first
+        if 2 * np.count_nonzero(np.isnan(samples).any(axis=1)) > len(samples):
+            read_channels(read_text(self.name, head), self._column_map)  # raises for a bad cell
         rest = text[len(head) :].split(b"\n")
-        return np.concatenate((samples, self._samples(layout, rest)))
+        return np.concatenate((samples, self._samples(layout, columns, rest)))
 
-    def _samples(self, layout: Layout, lines: list[bytes]) -> FloatArray:
+    def _samples(self, layout: Layout, columns: _Columns, lines: list[bytes]) -> FloatArray:
         """Samples of lines that are not empty nor comments; NaN where a cell is no number."""
         frame = _frame(layout, lines)
         if not frame.height:
-            return np.empty((0, len(self._recipes)))
-        table = layout.table(self.name, frame, self._mark)
-        return _stacked(channels_of(table, self._recipes, self._clock))
-
-    def _most_are_rows(self, frame: polars.DataFrame, samples: FloatArray) -> bool:
-        """Whether half of some lines or more have numbers, finite or not, or nothing in each."""
-        fitting = ~np.isnan(samples)
-        for place, recipe in enumerate(self._recipes.values()):
-            for header in recipe.weights:
-                is_empty = frame[header].str.contains(HOLE).fill_null(False).to_numpy()
-                fitting[:, place] |= is_empty
-        return bool(2 * np.count_nonzero(fitting.all(axis=1)) >= len(fitting))
+            return np.empty((0, columns.first.shape[1]))
+        return columns.samples(layout.table(self.name, frame, self._mark))
 
 
 class TextSamples(TextStream):
@@ -174,21 +179,18 @@ class Replay:
     def __init__(self, path: Path, column_map: MapSource | None, model: str = "auto") -> None:
         self.name = shown(path)
         self._tables = tables_of_file(path, column_map, BLOCK)
-        self._clock = Clock(since_1970=True)
         table = next(self._tables)
-        recipes, warnings = recipes_of(table, column_map)
-        channels = channels_of(table, recipes, self._clock)
-        self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
-        self.channels = chosen_channels(self.name, channels, self.warnings, model)
-        self._recipes = {name: recipes[name] for name in self.channels.sampled}
-        self._next: FloatArray | None = _stacked(self.channels.sampled)
+        self._columns = _Columns(self.name, table, column_map, model)
+        self.channels = self._columns.channels
+        self.warnings = tuple(dict.fromkeys(table.warnings + self.channels.warnings))
+        self._next: FloatArray | None = self._columns.first
 
     def read(self) -> FloatArray | None:
         """The samples of a block."""
         found, self._next = self._next, None
         if found is None and (table := next(self._tables, None)) is not None:
             self.warnings = tuple(dict.fromkeys(self.warnings + table.warnings))
-            found = _stacked(channels_of(table, self._recipes, self._clock))
+            found = self._columns.samples(table)
         return found
 
     def close(self) -> None:
