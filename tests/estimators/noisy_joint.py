@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from tests.made_estimates import TRUE as TRUTH
 
 from flexid.estimators.samples import Samples
-from made_estimates import TRUE as TRUTH
 
 VALUES = np.array(list(TRUTH.values()))
 SAMPLE_TIME = 1e-3
