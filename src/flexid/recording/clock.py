@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +35,7 @@ _TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d+)?"
 _ZONE = r" ?(?:Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)"
 _DAYS = r"\d+ days?,? "  # before a time of day, as Python writes a duration
 _STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ])|{_DAYS})?{_TIME}({_ZONE})?\s*")
+_OF_DAY = "%H:%M:%S%.f"
 _LONGEST = 48  # characters of a stamp
 _EXACT = 2**53  # integers up to which are floating-point numbers, too
 _SINCE_1970 = (1e18, 2**63)  # nanoseconds, from 2001 on; any other unit has no such numbers
@@ -56,49 +55,26 @@ def is_stamp(cell: str) -> bool:
     return len(cell) <= _LONGEST and _STAMP.fullmatch(cell) is not None
 
 
-@dataclass(frozen=True)
-class _Form:
-    """How all stamps of a column are written."""
+def _form_of(cell: str) -> str | None:
+    """The format of a stamp, as Polars spells it; None of what is none."""
+    found = _STAMP.fullmatch(cell) if len(cell) <= _LONGEST else None
+    if found is None or found[1] is None:
+        return _OF_DAY if found else None  # of a time of day the zone says nothing
+    date = next(form for pattern, form in _DATES.items() if re.fullmatch(pattern, found[1]))
+    return f"{date}{found[2]}{_OF_DAY}{'%#z' if found[3] else ''}"
 
-    date: str  # a pattern of `_DATES`; empty for a time of day
-    between: str  # date and time
-    zoned: bool  # whether a time zone follows
 
-    @classmethod
-    def of(cls, cell: str) -> _Form | None:
-        """That of one stamp; None of what is none."""
-        found = _STAMP.fullmatch(cell) if len(cell) <= _LONGEST else None
-        if found is None:
-            return None
-        day = found[1] or ""
-        date = next((pattern for pattern in _DATES if re.fullmatch(pattern, day)), "")
-        return cls(date, found[2] or "", bool(found[3]) and bool(date))
-
-    @cached_property
-    def _pattern(self) -> str:
-        # Of a time of day the zone says nothing.
-        zone = _ZONE if self.zoned else "" if self.date else f"(?:{_ZONE})?"
-        day = f"{self.date}{self.between}" if self.date else f"(?:{_DAYS})?"
-        return rf"^{day}{_TIME}{zone}$"
-
-    def ticks(self, cells: polars.Series) -> polars.Series:
-        """Nanoseconds since 1970 in UTC, or since midnight; null where a cell is otherwise."""
-        import polars as pl
-
-        cells = cells.str.strip_chars()
-        name = cells.name
-        fitting = cells.to_frame().select(
-            pl.when(pl.col(name).str.contains(self._pattern)).then(pl.col(name))
-        )[name]
-        text = fitting.str.replace(",", ".", literal=True)
-        if not self.date:
-            text = text.str.extract(rf"^(?:{_DAYS})?({_TIME})")  # days are counted at midnights
-            return text.str.to_time("%H:%M:%S%.f", strict=False).to_physical()
-        form = f"{_DATES[self.date]}{self.between}%H:%M:%S%.f"
-        if self.zoned:
+def _ticks(cells: polars.Series, form: str) -> polars.Series:
+    """Nanoseconds since 1970 in UTC, or since midnight; null where a cell is otherwise."""
+    text = cells.str.strip_chars().str.replace(",", ".", literal=True)
+    if form == _OF_DAY:  # days are counted at midnights
+        time = text.str.extract(rf"^(?:{_DAYS})?({_TIME})")
+        ticks = time.str.to_time(form, strict=False).to_physical()
+    else:
+        if form.endswith("z"):
             text = text.str.replace(r" ?(?:UTC|GMT|Z)$", "+00").str.replace(r" ([+-])", "$1")
-            form += "%#z"
-        return text.str.to_datetime(form, strict=False, time_unit="ns").to_physical()
+        ticks = text.str.to_datetime(form, strict=False, time_unit="ns").to_physical()
+    return ticks.set(~cells.str.contains(f"^{_STAMP.pattern}$"), None)
 
 
 class Clock:
@@ -108,7 +84,7 @@ class Clock:
         self._since_1970 = since_1970
         self._origin: int | None = None  # tick from which time stamps are counted
         self._origins: dict[str, Any] = {}  # by column, the number from which others are counted
-        self._form: _Form | None = None
+        self._form: str | None = None
         self._is_known = False  # whether the time is stamps of this form, or no stamps
         self._rows = 0  # that were counted
         self._last: int | None = None  # tick of the last time of day
@@ -125,7 +101,8 @@ class Clock:
                 self._take_form(column, is_stream=table.mark is not None)
             if self._form is None:
                 return None
-            ticks, per_second, is_of_day = self._form.ticks(column), 10**9, not self._form.date
+            ticks, per_second = _ticks(column, self._form), 10**9
+            is_of_day = self._form == _OF_DAY
         elif isinstance(dtype, pl.Datetime | pl.Duration | pl.Time):
             ticks, is_of_day = column.to_physical(), isinstance(dtype, pl.Time)
             per_second = 10**9 if isinstance(dtype, pl.Time) else _PER_SECOND[dtype.time_unit]
@@ -145,7 +122,7 @@ class Clock:
             found = _usual_form(column)
         else:
             filled = (cell.strip() for cell in column.head(100) if cell and cell.strip())
-            found = _Form.of(next(filled, ""))
+            found = _form_of(next(filled, ""))
         self._form, self._is_known = found, found is not None or is_stream
 
     def counted(self, rows: int) -> FloatArray:
@@ -215,10 +192,10 @@ class Clock:
         raise RecordingError(table.file, table.place(index, header), reason)
 
 
-def _usual_form(column: polars.Series) -> _Form | None:
+def _usual_form(column: polars.Series) -> str | None:
     """How most cells are written that are time stamps, if these are more than the numbers."""
     cells = [cell for cell in column if cell is not None]
-    forms = Counter(form for form in map(_Form.of, cells) if form is not None)
+    forms = Counter(form for form in map(_form_of, cells) if form is not None)
     is_stamped = forms.total() > sum(map(is_number, cells))
     return max(forms, key=lambda form: forms[form]) if is_stamped else None
 
