@@ -37,6 +37,7 @@ def test_halves_start_where_the_whole_did():
     assert np.array_equal(halves.starts[::2], segments.starts)
     assert np.array_equal(halves.start_times[::2], segments.start_times)
     assert halves.lengths.sum() == segments.lengths.sum()
+    assert np.abs(np.diff(halves.lengths.reshape(-1, 2))).max() <= 1
     assert halves.start_times[1] == pytest.approx(5.0 + 0.01 * halves.starts[1])
     segments = divide([record(400), record(250, start_time=9.0)], 1.0, margin=0.05)
     whole = segments.halved().merged()
