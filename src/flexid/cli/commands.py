@@ -10,12 +10,12 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 from textwrap import fill
 
 import click
 
+from flexid import __version__
 from flexid.cli.generated import (
     Command,
     CommandLine,
@@ -247,7 +247,7 @@ def defect_message(error: Exception, arguments: Sequence[str]) -> str:
     """One paragraph: what happened, and how to report it."""
     again = shlex.join(["flexid", "--debug", *arguments])
     said = (
-        f"flexid: this is a defect of flexid {version('flexid')}, not of your input: "
+        f"flexid: this is a defect of flexid {__version__}, not of your input: "
         f"{type(error).__name__} ({str(error) or 'without a message'}). Please report it where you "
         f"got flexid from, with what this prints: {again}"
     )

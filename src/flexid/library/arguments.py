@@ -274,12 +274,14 @@ def _logs(value: Any) -> Any:
 
 
 def _log(value: Any) -> Any:
+    if isinstance(value, _PATH):  # frames take longest to load
+        _check(value, _PATH, _LOG)
+        return value
     from flexid.recording.frame import is_frame
     from flexid.recording.recording import Log, Recording
 
-    known = (*_PATH, Mapping, Log, Recording)
     if not is_frame(value):
-        _check(value, known, _LOG)
+        _check(value, (Mapping, Log, Recording), _LOG)
     return value
 
 

@@ -90,7 +90,6 @@ def all_logs(logs: Any, columns: Any) -> list[Log]:
 
 def one_log(log: Any, columns: Any) -> Log:
     """A log from what a user gives."""
-    from flexid.recording.frame import table_of_arrays, table_of_frame
     from flexid.recording.read import log_of_table
     from flexid.recording.read import read_log as read
 
@@ -101,6 +100,8 @@ def one_log(log: Any, columns: Any) -> Log:
     column_map = as_columns(columns)
     if isinstance(log, str | os.PathLike):
         return read(Path(log), column_map)
+    from flexid.recording.frame import table_of_arrays, table_of_frame
+
     table = table_of_arrays(log) if isinstance(log, Mapping) else table_of_frame(log)
     return log_of_table(table, column_map)
 

@@ -435,8 +435,9 @@ def _apart(first: float, second: float, shape: str) -> bool:
 def _is_gap(shape: str, estimate: Identification) -> bool:
     """Whether a width is that of the estimate's own gap, not one that was chosen."""
     gap = estimate.parameters.get("half_backlash")
-    own = shape == BACKLASH_WIDTH and gap is not None
-    return own and not _apart(gap.value, estimate.choices.shapes[shape], shape)
+    if shape != BACKLASH_WIDTH or gap is None:
+        return False
+    return not _apart(gap.value, estimate.choices.shapes[shape], shape)
 
 
 def _unlike_reason(
