@@ -9,7 +9,7 @@ learnt from the log itself by least squares; both are compared by their likeliho
 together.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -285,6 +285,7 @@ _OFF = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0  # what a cubic through the o
 _SPIKE = 20.0  # times the noise, by which a spike is off: 14 standard deviations
 _CALM = 0.4  # of a spike, up to which the motion around it bends; where it stops dead, more than 1
 _AROUND = 8  # samples on either side
+_AT_ONCE = 65_536  # places, as memory is limited: of a log without noise, all are looked at
 _MOST = 0.01  # share of spikes, up to which a channel is mended: more are no single errors
 
 
@@ -362,38 +363,46 @@ def _put_back(log: Draft, lost: NDArray[np.int64], time: FloatArray) -> None:
 def _mend_spikes(log: Draft, name: str) -> None:
     """Replace the spikes of a position, where they are few."""
     clock, values = np.diff(log.time), log[name].copy()
-    found = list(_spikes(values, clock <= GAP * np.median(clock)))
-    if not 0 < len(found) <= max(1.0, _MOST * len(values)):
+    places, sizes = _spikes(values, clock <= GAP * np.median(clock))
+    if not 0 < len(places) <= max(1.0, _MOST * len(values)):
         return
-    places, sizes = map(np.array, zip(*found, strict=True))
     values[places] -= sizes
     log[name] = values
-    single = "sample is" if len(found) == 1 else "samples are"
+    single = "sample is" if len(places) == 1 else "samples are"
     log.warn(
         name,
-        f"{len(found)} {single} off the samples around by up to {np.abs(sizes).max():.2g} "
+        f"{len(places)} {single} off the samples around by up to {np.abs(sizes).max():.2g} "
         f"{log.channels[name].unit} (at {log.at(places)}), so a cubic through these was taken "
         f"instead: check the sensor and its cable",
         Rank.DATA,
     )
 
 
-def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> Iterator[tuple[int, float]]:
+def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> tuple[NDArray[np.int64], FloatArray]:
     """Place and size of each sample that is off alone."""
     off = np.zeros(len(values))
     off[2:-2] = np.convolve(values, _OFF, mode="valid")
     suspect = np.abs(off) > _SPIKE * position_noise(values)
     usual = values[~suspect]
     low, high = usual.min(initial=np.inf), usual.max(initial=-np.inf)
-    middle = _AROUND - 1  # of the second differences, the sample's own
-    for place in np.flatnonzero(suspect[_AROUND:-_AROUND]) + _AROUND:
-        bends = np.diff(values[place - _AROUND : place + _AROUND + 1], 2)
-        bends = (bends - np.median(bends)) / abs(off[place])
-        # Of a spike they are as 1, -2, 1; of a velocity that jumps they have one sign.
-        bends[middle - 1 : middle + 2] -= np.sign(off[place]) * np.array([1.0, -2.0, 1.0])
-        if np.abs(bends).max() > _CALM or not even[place - 2 : place + 2].all():
-            continue
-        # A counter that overflows may flicker from one end of its range to the other.
-        if low <= values[place] <= high and abs(off[place]) > 0.5 * (high - low):
-            continue
-        yield int(place), float(off[place])
+    places = np.flatnonzero(suspect[_AROUND:-_AROUND]) + _AROUND
+    sizes = off[places]
+    parts = np.array_split(places, 1 + len(places) // _AT_ONCE)
+    is_alone = np.concatenate([_is_calm_around(values, part, off[part]) for part in parts])
+    is_alone &= sliding_window_view(even, 4)[places - 2].all(axis=1)
+    # A counter that overflows may flicker from one end of its range to the other.
+    is_within = (low <= values[places]) & (values[places] <= high)
+    is_alone &= ~(is_within & (np.abs(sizes) > 0.5 * (high - low)))
+    return places[is_alone], sizes[is_alone]
+
+
+def _is_calm_around(
+    values: FloatArray, places: NDArray[np.int64], sizes: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether the motion around each place bends little, but for a spike of this size."""
+    bends = np.diff(sliding_window_view(values, 2 * _AROUND + 1)[places - _AROUND], 2)
+    bends = (bends - np.median(bends, axis=1)[:, None]) / np.abs(sizes)[:, None]
+    # Of a spike they are as 1, -2, 1; of a velocity that jumps they have one sign.
+    middle = _AROUND - 1  # the sample's own
+    bends[:, middle - 1 : middle + 2] -= np.outer(np.sign(sizes), [1.0, -2.0, 1.0])
+    return ~(np.abs(bends).max(axis=1) > _CALM)
