@@ -73,6 +73,10 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
     assert estimate["choices"]["terms"] == ["gravity", "motor_viscous"]
     assert str(tmp_path.parent.parent) not in json.dumps(estimate["provenance"])
 
+    tab_to(page, "[data-target=mjcf]")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#export-state a")
+    assert page.inner_text("#export-state a") == "mjcf.zip"
     assert watched.complaints == []
     assert {url.split("/")[2] for url in watched.requests} == {address.split("/")[2]}
 

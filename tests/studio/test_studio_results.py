@@ -24,23 +24,30 @@ class Here(Workers):
         self.runs = 0
         self.checks = 0
         self.hold: asyncio.Event | None = None
+        self.exported: list[float] = []
 
     async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path) -> Any:
         """Do a job."""
         if job is jobs.identify:
             return await self._identify(Path(arguments[2]), folder / arguments[0])
+        if job is jobs.export:
+            target, sample_time, into = arguments
+            self.exported.append(sample_time)
+            (Path(into) / f"{target}.zip").write_text((Path(into) / jobs.ESTIMATE).read_text())
+            return f"{target}.zip", ("alpha2 <is> undetermined",)
         self.checks += job is jobs.check
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(folder)
             return job(*arguments)
 
-    async def _identify(self, into: Path, log: Path) -> None:
+    async def _identify(self, into: Path, log: Path) -> float:
         assert log.exists()
         self.runs += 1
         (into / jobs.ESTIMATE).write_text(f"run {self.runs}")
         (into / jobs.REPORT).write_text(f"run {self.runs}")
         if self.hold is not None:
             await self.hold.wait()
+        return 1e-3  # s, the sample time
 
 
 @dataclass
@@ -100,9 +107,14 @@ async def studio() -> AsyncIterator[Opened]:
     await found.window.close()
 
 
-async def test_a_result_replaces_another(studio: Opened):
-    """Assert that the next result is shown, and offers its own files alone."""
+async def test_a_result_replaces_another_with_its_exports(studio: Opened):
+    """Assert that after an export the next result is shown, and offers its own files alone."""
     await studio.identify("a.csv")
+    for target in ("mjcf", "c99"):
+        await studio.ask("export", target=target)
+        await studio.idle()
+    assert {"mjcf.zip", "c99.zip"} <= {*studio.window.files}
+    assert all(f">{name}.zip<" in studio.shown("export-state") for name in ("mjcf", "c99"))
     await studio.ask("run", {})
     await studio.idle()
     assert "Done in" in studio.shown("run-state")
@@ -112,7 +124,7 @@ async def test_a_result_replaces_another(studio: Opened):
 
 
 async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
-    """Assert that files stay those of the result on the page."""
+    """Assert that files and exports stay those of the result on the page."""
     await studio.identify("a.csv")
     studio.workers.hold = asyncio.Event()
     await studio.ask("run", {})
@@ -120,9 +132,11 @@ async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
         await asyncio.sleep(0)
     await studio.ask("cancel")
     await asyncio.gather(*studio.window._alive, return_exceptions=True)
+    await studio.ask("export", target="mjcf")
+    await studio.idle()
     files = studio.window.files
     assert {path.read_text() for path in files.values()} == {"run 1"}
-    assert sorted(files) == ["estimate.json", "report.html"]
+    assert sorted(files) == ["estimate.json", "mjcf.zip", "report.html"]
 
 
 async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: Path):
@@ -134,14 +148,17 @@ async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: P
 
 
 async def test_other_columns_do_not_change_what_was_found(studio: Opened):
-    """Assert that the log is checked again, and that what was found stays."""
+    """Assert that the log is checked again, and that what was found is exported as it was."""
     await studio.identify("a.csv")
     names = "time", "motor_position", "link_position"
     columns = {f"column.{name}": name for name in names}
     await studio.ask("columns", {**columns, "scale.time": "10"})
     await studio.idle()
     assert "100 Hz" in studio.shown("check")
-    assert studio.window.files["estimate.json"].read_text() == "run 1"
+    await studio.ask("export", target="c99")
+    await studio.idle()
+    assert studio.workers.exported == [1e-3]
+    assert "<li>alpha2 &lt;is&gt; undetermined</li>" in studio.shown("export-state")
 
 
 async def test_a_log_that_is_sent_replaces_another(studio: Opened):

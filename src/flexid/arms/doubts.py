@@ -9,7 +9,6 @@ them, so that the log tells which are there, and which are smaller than they mig
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Equations, SegmentedMotion
-from flexid.estimators.segments import cores
+from flexid.estimators.segments import side_by_side
 from flexid.identification.estimation.doubts import (
     CALIBRATION,
     ECCENTRICITY,
@@ -215,8 +214,7 @@ DOUBTS: Mapping[Doubt, str] = {
 
 def with_doubts(found: DisturbedFit) -> tuple[Estimate, dict[str, str]]:
     """The estimate with all doubts in its covariance, and which made most of each variance."""
-    with ThreadPoolExecutor(cores()) as pool:
-        every = [*pool.map(lambda doubt: _said(doubt, found), DOUBTS)]
+    every = side_by_side(lambda doubt: _said(doubt, found), DOUBTS)
     return widened(found.estimate, zip(map(covariance_of, every), DOUBTS.values(), strict=True))
 
 

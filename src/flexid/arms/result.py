@@ -37,11 +37,6 @@ class ArmIdentification:
     # ``motor_position_1`` and ``deflection_1``; empty where there are none
     validation: Validation = field(default_factory=lambda: Validation({}))
 
-    @property
-    def sought(self) -> dict[str, ParameterEstimate]:
-        """Parameters that were fitted, without what follows from them."""
-        return {name: p for name, p in self.parameters.items() if name in self.fit.names}
-
     def of_joint(self, joint: int) -> dict[str, ParameterEstimate]:
         """The parameters in the table of one joint."""
         return {n: p for n, p in self.parameters.items() if joint_of_name(n) == joint}

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from flexid.studio.window import Window
 
 _BUSY = "Identifying ... (the first run on a machine compiles for up to a minute)"
+EXPORTS = {
+    "c99": "the online estimator in C99",
+    "fmu": "the plant as FMUs",
+    "mjcf": "the joint as a MuJoCo scene",
+}
 _FILLED = ("columns", "check", "check-charts", "run", "run-state", "result")
 
 
@@ -33,6 +38,7 @@ class IdentifyRoom:
         self._log: Path | None = None
         self._overview: FileOverview | None = None
         self._shown: Path | None = None  # the folder of the result that the page shows
+        self._sample_time = 0.0  # s, of its log
 
     async def open(self, values: object) -> None:
         """Begin with what an address holds, and with the log of the command line."""
@@ -70,6 +76,11 @@ class IdentifyRoom:
         if self._window.cancel("run"):
             await self._window.show("run-state", "run_state.html", text="Cancelled.", busy=False)
 
+    async def on_export(self, _values: object, target: object) -> None:
+        """Write what was found for another tool."""
+        if isinstance(target, str) and target in EXPORTS and self._shown is not None:
+            self._window.start("export", self._export(target, self._shown), "export-state")
+
     async def _set(self, values: object) -> None:
         """Take what a form holds."""
         try:
@@ -88,7 +99,7 @@ class IdentifyRoom:
             self._choices = replace(self._choices, sources={})  # a link need not say so
 
     def _take(self, path: Path) -> None:
-        for name in ("check", "run"):
+        for name in ("check", "run", "export"):
             self._window.cancel(name)
         before, self._log, self._overview = self._log, path, None
         if before not in (None, path, self._window.offer.log):
@@ -179,7 +190,7 @@ class IdentifyRoom:
         await window.show("run-state", "run_state.html", text=_BUSY, busy=True)
         folder = Path(tempfile.mkdtemp(prefix="run-", dir=window.folder))
         try:
-            await window.offer.long.run(
+            sample_time: float = await window.offer.long.run(
                 jobs.identify, log.name, choices, str(folder), folder=log.parent
             )
             files = [folder / name for name in (jobs.REPORT, jobs.ESTIMATE)]
@@ -188,16 +199,28 @@ class IdentifyRoom:
         except BaseException:  # what is shown keeps its files
             shutil.rmtree(folder, ignore_errors=True)
             raise
+        window.cancel("export")  # of what was shown before
         self._keep(folder, files)
+        self._sample_time = sample_time
         self._choices = replace(self._choices, ran=True)
         await window.show("run-state", "done.html", seconds=monotonic() - begun)
-        await window.show("result", "result.html", files=[*window.files])
+        await window.show("result", "result.html", files=[*window.files], exports=EXPORTS)
 
     def _keep(self, shown: Path | None, files: list[Path]) -> None:
         """Offer the files of a result that is about to be shown, and delete those before."""
         if self._shown is not None:
             shutil.rmtree(self._shown, ignore_errors=True)
         self._shown, self._window.files = shown, {path.name: path for path in files}
+
+    async def _export(self, target: str, shown: Path) -> None:
+        window = self._window
+        await window.show("export-state", "run_state.html", text="Writing ...", busy=False)
+        name, warnings = await window.offer.long.run(
+            jobs.export, target, self._sample_time, str(shown), folder=shown
+        )
+        window.files[name] = shown / name
+        names = [one for one in window.files if one.endswith(".zip")]
+        await window.show("export-state", "exported.html", names=names, warnings=warnings)
 
 
 def _guessed(found: FileOverview) -> dict[str, Source]:

@@ -11,6 +11,8 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import tempfile
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,8 +128,8 @@ def check(name: str, choices: Choices) -> Checked:
     )
 
 
-def identify(name: str, choices: Choices, into: str) -> None:
-    """Leave estimate and report of a log in a folder."""
+def identify(name: str, choices: Choices, into: str) -> float:
+    """Leave estimate and report of a log in a folder; return the log's sample time in s."""
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
 
@@ -135,3 +137,19 @@ def identify(name: str, choices: Choices, into: str) -> None:
     estimate = run(log, **choices.settings)
     estimate.save(Path(into) / ESTIMATE)
     estimate.report(Path(into) / REPORT)
+    return log.recordings[0].sample_time
+
+
+def export(to: str, sample_time: float, folder: str) -> tuple[str, tuple[str, ...]]:
+    """Write an estimate for another tool, as an archive; return its name, and what it lacks."""
+    from flexid.library.export import export as write
+
+    place = Path(folder)
+    options = {"sample_time": sample_time} if to == "c99" else {}
+    with tempfile.TemporaryDirectory(dir=place) as made:
+        written = write(place / ESTIMATE, to=to, out=made, **options)  # type: ignore[arg-type] - one of EXPORTS
+        archive = place / f"{to}.zip"
+        with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
+            for path in written.paths:
+                file.write(path, path.name)
+    return archive.name, written.warnings

@@ -6,13 +6,15 @@ what is left. The fit with disturbances expects to be wrong. Of the two that is 
 the inertias, the stiffness and gravity better.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import NEARLY_NOISE
+from flexid.estimators.segments import side_by_side
 from flexid.identification.estimation.disturbed import (
     Disturbed,
     fit_disturbed,
@@ -87,16 +89,15 @@ def answer(job: Job) -> Answer:
     except ConvergenceError:
         if job.exact:
             raise
-        chosen = None
-    exact = None if chosen is None else _standing(job, chosen)
+        return _disturbed(job)
+    finds: list[Callable[[], Answer | None]] = [partial(_standing, job, chosen)]
+    if not (job.exact or _explains(chosen[0].fitted, job)):  # both are needed, so at one time
+        finds.append(partial(_if_possible, job))
+    exact, *others = side_by_side(lambda find: find(), finds)
     if exact is not None and (settled := _settled(job, exact)):
         return settled
-    job.progress("what disturbs the drive")
-    try:
-        disturbed = _disturbed(job)
-    except ConvergenceError:
-        if chosen is None:
-            raise
+    disturbed = others[0] if others else _if_possible(job)
+    if disturbed is None:
         return exact or _exact(job, chosen, anyhow=True)
     nearly = exact is not None and nearly_explains(exact.fits.reported, job.thresholds)
     if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
@@ -109,14 +110,18 @@ def _standing(job: Job, chosen: tuple[Choice, Validation]) -> Answer | None:
     fitted, thresholds = chosen[0].fitted, job.thresholds
     if not (job.exact or may_stand(fitted, thresholds)):
         return None
-    explains = fitted.excess <= thresholds.sensor_excess or bool(fitted.at_bound)
-    anyhow = job.exact or explains
+    anyhow = job.exact or _explains(fitted, job)
     try:
         return _exact(job, chosen, anyhow=anyhow)
     except ConvergenceError:
         if anyhow:
             raise
         return None
+
+
+def _explains(fitted: Fitted, job: Job) -> bool:
+    """Whether a fit leaves no more than noise, or what contradicts its bound."""
+    return fitted.excess <= job.thresholds.sensor_excess or bool(fitted.at_bound)
 
 
 def _settled(job: Job, exact: Answer) -> Answer | None:
@@ -155,8 +160,17 @@ def _exact(job: Job, chosen: tuple[Choice, Validation], *, anyhow: bool) -> Answ
     return Answer(fits, validation, estimate, widest=widest)
 
 
+def _if_possible(job: Job) -> Answer | None:
+    """The fit with disturbances; None where it leads nowhere."""
+    try:
+        return _disturbed(job)
+    except ConvergenceError:
+        return None
+
+
 def _disturbed(job: Job) -> Answer:
     """The fit with disturbances."""
+    job.progress("what disturbs the drive")
     training, whole = job.training, job.whole
     holds = job.holds if job.joint.kind == "link" else (MEASURED_HOLD, "zero")
     fitted = fit_disturbed(

@@ -8,12 +8,13 @@ is doubted in `flexid.identification.estimation.disturbed_estimate`.
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
+from flexid.estimators.segments import side_by_side
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import (
     FitInBand,
@@ -126,7 +127,8 @@ def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand
         for structure in tried
         for start in _starts(structure, thinned(data, factor, held=structure.timing.hold == "zero"))
     )
-    found = [*_fits(begun, data, factor)]
+    every = side_by_side(lambda start: [*_fits([start], data, factor)], begun)
+    found = [*chain.from_iterable(every)]
     if not found:
         others = ((tried[0], start) for start in starts(tried[0], data, lengths(data)[0])[1:])
         found = [*islice(_fits(others, data, factor), 1)]

@@ -6,7 +6,6 @@ itself in every band and half, and what no log shows, is a matter of named doubt
 (`flexid.identification.estimation.doubts`).
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.rowwise import LeastSquaresFit
+from flexid.estimators.segments import side_by_side
 from flexid.identification.estimation.band import PER_PERIOD, fit_in_band, thinning
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
@@ -63,7 +63,7 @@ def disturbed_estimate(
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     if fitted.converged:  # or nothing is known that others could contradict
         own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
-        errors.append((between_bands(own, [*_in_other_bands(found, data)]), OF_A_BAND))
+        errors.append((between_bands(own, _in_other_bands(found, data)), OF_A_BAND))
         errors += [(between_halves(*halves), OF_A_HALF)] if halves else []
     every = [(covariance_of(directions), words) for directions, words in errors]
     return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
@@ -99,20 +99,18 @@ def _rescaled(data: Data, scale: float) -> Data:
     return replace(data, samples=tuple(rescaled))
 
 
-def _in_other_bands(found: Disturbed, data: Data) -> Iterator[Repeat]:
+def _in_other_bands(found: Disturbed, data: Data) -> list[Repeat]:
     """The structure fitted in wider and narrower bands, as far as the log has them."""
     factors = {thinning(data, found.fitted.by_name, share * PER_PERIOD) for share in _BANDS} - {
         found.factor
     }
-    for factor in sorted(factors):
-        other = _again(found, data, factor)
-        if other is not None:
-            yield other
+    others = side_by_side(lambda factor: _again(found, data, factor), sorted(factors))
+    return [other for other in others if other is not None]
 
 
 def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
     """The structure fitted to either half of every recording; None where one is too short."""
-    first, second = (_again(found, half, found.factor) for half in data.halves())
+    first, second = side_by_side(lambda half: _again(found, half, found.factor), data.halves())
     return (first, second) if first and second else None
 
 

@@ -15,7 +15,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.gauss_newton import Minimum
-from flexid.estimators.segments import Segments
+from flexid.estimators.segments import Segments, side_by_side
 from flexid.identification.full_model.fitting import (
     fit_by_length,
     fit_like,
@@ -287,7 +287,8 @@ def best_hold(
 
     With the reason why it is, and the holds that the log cannot tell from it.
     """
-    others = [fitted for hold in holds if (fitted := held_otherwise(last, hold)) is not None]
+    tried = side_by_side(lambda hold: held_otherwise(last, hold), holds)
+    others = [fitted for fitted in tried if fitted is not None]
     # One whose steps did not end is no rival of one whose steps did.
     found = [last, *(other for other in others if other.converged or not last.converged)]
     misfits = _misfits(found)

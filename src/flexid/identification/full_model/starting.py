@@ -15,6 +15,7 @@ disturbances.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -22,7 +23,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.rowwise import LeastSquaresFit
-from flexid.estimators.segments import Segments, first_states
+from flexid.estimators.segments import Segments, first_states, side_by_side
 from flexid.estimators.state_variable_filter import FASTEST, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import (
@@ -299,23 +300,28 @@ def _tries(
     leads_on: Callable[[Fitted], bool],
 ) -> Iterator[list[Fitted]]:
     """Fits from one start after the other that come beyond the first of the segments."""
-    stuck: list[Fitted] = []  # of what leads not even there
     first = in_part(climbed[0])
-    for way in ways:
+
+    def led(way: Mapping[str, float]) -> list[Fitted]:
         try:
             if first is not climbed[0]:
                 some = fit_by_length(structure, data, way, [first], iterations=FIRST_ITERATIONS)
                 way = some[0].by_name
             steps = {"iterations": FIRST_ITERATIONS, "leads_on": leads_on}
-            found = fit_by_length(structure, data, way, climbed, **steps)
+            return fit_by_length(structure, data, way, climbed, **steps)
         except ConvergenceError:
-            continue
+            return []
+
+    # The first start is enough for most logs, but not once that has led nowhere.
+    at_once = ways[: 2 if before else 1]
+    stuck: list[Fitted] = []  # of what leads not even to the first length
+    for found in chain(side_by_side(led, at_once), map(led, ways[len(at_once) :])):
         reached = [f for f in found if len(f.problem.segments) <= len(climbed[before])]
         if reached:
             yield reached
         elif stuck and len(found) == len(stuck) and _alike(found, stuck):
             return
-        else:
+        elif found:
             stuck = found
 
 

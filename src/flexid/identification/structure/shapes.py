@@ -18,6 +18,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.segments import side_by_side
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     explained_by,
@@ -140,7 +141,8 @@ def _promising(
     structure = structure.with_hold(before.structure.timing.hold)
     constants = shape.candidates(before.structure, before.data)
     constants = [value for value in constants if value > shape.least(before)]
-    promising = [(_promised(before, shape.put(structure, value)), value) for value in constants]
+    promises = side_by_side(lambda value: _promised(before, shape.put(structure, value)), constants)
+    promising = zip(promises, constants, strict=True)
     most = sorted(promising, key=itemgetter(0), reverse=True)[:_FOLLOWED]
     for _, value in most:
         yield max(_near(shape, before, structure, value), key=itemgetter(0))
@@ -152,13 +154,12 @@ def _promised(before: Fitted, structure: Structure) -> float:
 
 def _near(
     shape: SoughtShape, before: Fitted, structure: Structure, value: float
-) -> Iterator[tuple[float, Structure]]:
+) -> list[tuple[float, Structure]]:
     """What constants within the resolution promise, and structures with them."""
     resolution = shape.resolution(shape.put(structure, value).joint, before.data)
-    for away in value + _AROUND * resolution:
-        if away > shape.least(before):
-            own = shape.put(structure, float(away))
-            yield _promised(before, own), own
+    constants = (value + _AROUND * resolution).tolist()
+    near = [shape.put(structure, away) for away in constants if away > shape.least(before)]
+    return side_by_side(lambda own: (_promised(before, own), own), near)
 
 
 _MOTOR = 1  # row and position
