@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
-from threading import Thread
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -243,30 +242,17 @@ def in_threads(
         return
     shares = total * np.arange(1, _SHARES * threads) / (_SHARES * threads)
     edges = sorted({0, *np.searchsorted(reached, shares).tolist(), len(lengths)})
-    left = iter(list(pairwise(edges)))  # all threads take from it what comes next
-    failed: list[Exception] = []
-
-    def work() -> None:
-        try:
-            for first, stop in left:
-                run(first, stop)
-        except Exception as error:
-            failed.append(error)
-
-    helpers = [Thread(target=work) for _ in range(threads - 1)]
-    for helper in helpers:
-        helper.start()
-    work()
-    for helper in helpers:
-        helper.join()
-    if failed:
-        raise failed[0]
+    side_by_side(lambda share: run(*share), pairwise(edges), threads)
 
 
-def side_by_side(of: Callable[[A], B], each: Iterable[A]) -> list[B]:
-    """Results of a function, in order, on all cores: of fits that have few segments to share."""
-    with ThreadPoolExecutor(cores()) as pool:
-        return [*pool.map(of, each)]
+def side_by_side(of: Callable[[A], B], each: Iterable[A], threads: int | None = None) -> list[B]:
+    """Results of a function, in order: on all cores, unless it is said on how many."""
+    every = [*each]
+    threads = min(threads or cores(), len(every))
+    if threads < 2:
+        return [*map(of, every)]
+    with ThreadPoolExecutor(threads) as pool:  # each takes what comes next
+        return [*pool.map(of, every)]
 
 
 def cores() -> int:

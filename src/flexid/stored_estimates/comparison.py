@@ -141,7 +141,7 @@ class Comparison:
 
 
 def compare_estimates(a: Either, b: Either, labels: tuple[str, str] = ("A", "B")) -> Comparison:
-    """Compare two estimates number by number, and as a whole."""
+    """Compare two estimates number by number."""
     if _same(a, b):
         raise SettingError(
             "compare",
