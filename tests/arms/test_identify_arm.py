@@ -13,8 +13,9 @@ import pytest
 from benchmarks.arms.arm import Arm, Link, random_arm
 from benchmarks.arms.log import Motion, random_motion, save, simulate
 
-from flexid.arms.identify import identify_arm
+from flexid.arms.identify import doubt_of_negative, identify_arm
 from flexid.arms.log import read_arm_log
+from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.planar_arm import PlanarArm
 
 MADE = Arm(
@@ -137,6 +138,16 @@ def test_an_input_that_turns_its_joint_backwards(
         assert done.status == 2
         said = f"{' and '.join(names)}: a positive value turns its joint backwards: scale it by -1"
         assert said in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("interval", "words"),
+    [((-2.0, -0.5), "check the signs"), ((-2.0, 0.5), "may as well be positive")],
+)
+def test_only_what_is_surely_negative_speaks_of_signs(interval: tuple[float, float], words: str):
+    """Assert that an interval that reaches above zero blames no sign."""
+    found = ParameterEstimate("joint_stiffness_1", "N m/rad", -1.0, 1.0, interval, "weak")
+    assert words in doubt_of_negative([found])
 
 
 @pytest.mark.parametrize(

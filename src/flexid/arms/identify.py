@@ -1,6 +1,6 @@
 """The job: the log of an arm, and what is known of it, to a table per joint."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -295,9 +295,17 @@ def _doubts(
             # Where the fit has not ended it may have run away, and links are coupled.
             alone = has_ended(found.fitted)
             own = {name for name in parameters if joint_of_name(name) == joint or not alone}
-            said = f"{', '.join(negative)} came out negative, which no spring or inertia can be"
-            doubts.append((own, Caution(f"{said}: check the signs of this joint", Rank.SCALE)))
+            doubts.append((own, doubt_of_negative([parameters[name] for name in negative])))
     return doubts
+
+
+def doubt_of_negative(found: Sequence[ParameterEstimate]) -> Caution:
+    """What springs and inertias below zero tell: of signs, unless they may as well be positive."""
+    names = ", ".join(parameter.name for parameter in found)
+    said = f"{names} came out negative, which no spring or inertia can be"
+    if any(parameter.interval[1] < 0.0 for parameter in found):
+        return Caution(f"{said}: check the signs of this joint", Rank.SCALE)
+    return Caution(f"{said}, and may as well be positive", Rank.MODEL)
 
 
 def _unit(term: JointTerm | BodyTerm, log: ArmLog, joint: int) -> str:
