@@ -98,16 +98,50 @@ def test_rounded_time_is_even() -> None:
     assert log.recordings[0].sample_time == pytest.approx(0.005, rel=1e-6)
 
 
-def test_jitter_is_interpolated() -> None:
-    """Assert that jitter is removed to 1e-7 rad, where taking it as even would cost 5e-4 rad."""
-    columns = jittered(0.08)
+@pytest.mark.parametrize(
+    ("share", "varies", "error"), [(0.08, "15 %", 1e-7), (0.22, "42 %", 2e-7), (0.45, "87 %", 1e-6)]
+)
+def test_jitter_is_interpolated(share: float, varies: str, error: float) -> None:
+    """Assert what is left of it in rad, where taking it as even would cost 5e-4 rad and more."""
+    columns = jittered(share)
     log = read_columns(columns)
-    words = "'time': .* vary by 15 % of .* 5 ms, .*interpolated to even times: record at a fixed"
+    words = f"'time': .* vary by {varies} of .* 5.* ms, so .*interpolated to even times: record at"
     assert_words(words, log.warnings[0])
     (recording,) = log.recordings
     exact = np.sin(2.0 * recording.time) + 0.05 * np.sin(9.0 * recording.time)
-    assert np.abs(recording.needed_link_position - exact).max() < 1e-7
+    assert np.abs(recording.needed_link_position - exact).max() < error
     assert np.abs(columns["link_position"][: len(exact)] - exact).max() > 5e-4
+
+
+def late_stamps(kind: str, steps: float) -> FloatArray:
+    """Times of 2000 samples that are even, and are stamped too late: sometimes by steps."""
+    rng = np.random.default_rng(8)
+    late = rng.uniform(0.0, steps, 2000) if kind == "uniform" else rng.exponential(steps, 2000)
+    return np.sort(0.005 * (np.arange(2000) + np.minimum(late, 3.0)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "steps"), [("uniform", 0.1), ("uniform", 0.9), ("exponential", 0.3)]
+)
+def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
+    """Assert that the motion tells that samples were even, and none is put in or moved."""
+    columns = joint_columns(2000) | {"time": late_stamps(kind, steps)}
+    log = read_columns(columns)
+    (recording,) = log.recordings
+    np.testing.assert_array_equal(recording.link_position, columns["link_position"])
+    assert recording.sample_time == pytest.approx(0.005, rel=1e-4)
+    assert_words("at even times the positions are smoother, so these were taken", log.warnings[0])
+
+
+def test_samples_lost_at_random_are_interpolated() -> None:
+    """Assert that a log without a quarter of its samples is whole but for its longest gaps."""
+    kept = np.sort(np.random.default_rng(9).choice(2000, 1500, replace=False))
+    columns = {name: values[kept] for name, values in jittered(0.0).items()}
+    log = read_columns(columns)
+    assert sum(map(len, log.recordings)) > 1450
+    for recording in log.recordings:
+        exact = np.sin(2.0 * recording.time) + 0.05 * np.sin(9.0 * recording.time)
+        assert np.abs(recording.needed_link_position - exact).max() < 2e-6
 
 
 def test_a_switched_input_does_not_overshoot() -> None:
@@ -147,6 +181,7 @@ NO_INPUT = without(COLUMNS, "torque")
 MOTOR = without(COLUMNS, "link")
 FAST = {**without(MOTOR, "velocity"), "motor_position": np.degrees(COLUMNS["motor_position"])}
 EVERY = np.arange(400)
+RNG = np.random.default_rng(10)
 NINETEENS = np.concatenate([np.arange(start, start + 19) for start in range(0, 380, 25)])
 SAID: dict[str, dict[str, FloatArray]] = {
     **{header: without(NO_INPUT, "link_vel") | {header: TORQUE} for header in INPUTS},
@@ -166,6 +201,7 @@ SAID: dict[str, dict[str, FloatArray]] = {
     "nineteen between gaps": rows(NINETEENS),
     "much jitter": jittered(0.22),
     "the same in milliseconds": coarse(jittered(0.22)),
+    "times of events": jittered(0.0) | {"time": np.cumsum(5e-3 * RNG.pareto(1.2, 2000))},
     "5 kHz in milliseconds": coarse(joint_columns(sample_time=1.0 / 5000.0)),
     "a slower rate": rows(np.r_[0:200, 200:400:4]),
     "a faster rate": rows(np.r_[0:200:4, 200:400]),

@@ -31,6 +31,7 @@ def check_cells(file: str, rows: int, columns: int) -> None:
         )
 
 
+POSITIONS = ("link_position", "motor_position", "deflection")
 VELOCITIES = ("link_velocity", "motor_velocity")
 INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference
 SI_UNITS: dict[str, tuple[str, ...]] = {  # of a revolute joint

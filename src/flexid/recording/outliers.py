@@ -96,8 +96,11 @@ def lost_by_the_clock(time: FloatArray) -> NDArray[np.int64]:
     """How many samples are missing after each, shape (n - 1,), where they are few but often."""
     steps = np.diff(time) / np.median(np.diff(time))
     whole = np.rint(steps)
-    is_loss = (whole >= 2) & (whole <= _MOST_LOST + 1) & (np.abs(steps - whole) <= MOST_JITTER)
-    lost = np.where(is_loss, whole - 1, 0).astype(np.int64)
+    is_short = whole <= _MOST_LOST + 1
+    off = np.abs(steps - whole)
+    lost = np.where(is_short & (whole >= 2) & (off <= MOST_JITTER), whole - 1, 0).astype(np.int64)
+    if np.mean(is_short & (off > 2.0 * MOST_JITTER)) > MOST_GAPS:
+        return np.zeros_like(lost)  # steps of any length: a late stamp, too, doubles some
     places = np.count_nonzero(lost)
     # A cut loses no accuracy, interpolation a little: but a log in pieces shows no slow motion.
     is_often = places >= FEWEST_PLACES and places * _SHORTEST_PART > time[-1] - time[0]

@@ -6,12 +6,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.recording.caution import Rank
-from flexid.recording.channel import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME, Draft
+from flexid.recording.channel import LONGEST_SAMPLE_TIME, POSITIONS, SHORTEST_SAMPLE_TIME, Draft
 from flexid.recording.clock import is_stamp
 from flexid.recording.names import first_times
 from flexid.recording.table import Table
@@ -19,9 +20,10 @@ from flexid.recording.table import Table
 FEWEST_SAMPLES = 20  # of a recording
 FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept out
 GAP = 1.5  # sample times between two samples; a single lost sample makes 2
+_WIDE_GAP = 4.0  # likewise, where the steps vary: interpolation bridges two samples, not more
 MOST_GAPS = 0.05  # share of the steps
 EVEN = 1e-3  # of a sample time: what a printed time is off by
-MOST_JITTER = 0.1  # of a sample time
+MOST_JITTER = 0.1  # of a sample time, where steps tell gaps and lost samples
 _OF_STAMPS = (
     "; where a clock was set back, as to winter time, log UTC; times of day are taken to be less "
     "than 12 h apart, so write the date too; and write all zeros behind the point"
@@ -134,8 +136,11 @@ def even_grid(log: Draft) -> Grid:
     rounded = None if is_whole else _rounded_step(log)
     if rounded is not None:
         return Grid(rounded, (slice(0, len(time)),))
-    if is_gap.mean() > MOST_GAPS:
-        raise _uneven(log, steps)
+    if is_gap.mean() > MOST_GAPS or _jitter(steps[~is_gap]) > MOST_JITTER:
+        usual = steps[steps <= _WIDE_GAP * typical].mean()
+        is_gap = steps > _WIDE_GAP * usual
+        if is_gap.mean() > MOST_GAPS or len(_changes(steps)) == 1:
+            raise _uneven(log, steps)
     cuts = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(time)]
     parts = [slice(a, b) for a, b in pairwise(cuts)]
     recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
@@ -147,18 +152,58 @@ def even_grid(log: Draft) -> Grid:
     apart = (time[one] - sample_time * np.arange(one.stop - one.start) for one in recordings)
     if max(np.abs(off - np.median(off)).max() for off in apart) / sample_time <= EVEN:
         return Grid(sample_time, tuple(recordings))
+    is_even = _is_smoother_if_even(log, recordings)
     within = np.concatenate([np.diff(time[recording]) for recording in recordings])
-    # A time stamp that is late lengthens one step and shortens the next.
-    jitter = float(np.abs(within / sample_time - 1.0).max()) / 2.0
-    if jitter > MOST_JITTER:
-        raise _uneven(log, within)
+    taken = (
+        "at even times the positions are smoother, so these were taken"
+        if is_even
+        else "so the channels were interpolated to even times"
+    )
     log.warn(
         "time",
-        f"the time steps vary by {200.0 * jitter:.2g} % of the sample time of "
-        f"{sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record at a "
-        f"fixed rate, or write the time with more digits",
+        f"the time steps vary by {200.0 * _jitter(within):.2g} % of the sample time of "
+        f"{sample_time * 1e3:.6g} ms, {taken}: record at a fixed rate, or write the time with more "
+        f"digits",
     )
-    return Grid(sample_time, tuple(recordings), resample=True)
+    return Grid(sample_time, tuple(recordings), resample=not is_even)
+
+
+def _jitter(steps: FloatArray) -> float:
+    """Largest part of a step by which a time stamp is late: it shortens the next step as well."""
+    return float(np.abs(steps / steps.mean() - 1.0).max()) / 2.0
+
+
+def _is_smoother_if_even(log: Draft, recordings: Iterable[slice]) -> bool:
+    """Whether samples were taken at even times, and stamped late.
+
+    Most of them then lie closer to the cubic through their neighbours than at the stamped times.
+    """
+    even, stamped = 0, 0
+    for part in recordings:
+        time = log.time[part]
+        for name in log.those_of(POSITIONS):
+            off_even = _off_neighbours(np.arange(len(time), dtype=np.float64), log[name][part])
+            off_stamped = _off_neighbours(time, log[name][part])
+            even += np.count_nonzero(off_even < off_stamped)
+            stamped += np.count_nonzero(off_stamped < off_even)
+    return even > stamped
+
+
+def _off_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Distance of each sample from the cubic through the two before and after, shape (n - 4,).
+
+    In standard deviations, if all samples have white noise of one.
+    """
+    ahead = sliding_window_view(time, 5) - time[2:-2, None]
+    others = [0, 1, 3, 4]
+    weights = np.ones((len(ahead), len(others)))
+    for i, place in enumerate(others):
+        for other in others:
+            if other != place:
+                weights[:, i] *= ahead[:, other] / (ahead[:, other] - ahead[:, place])
+    around = sliding_window_view(values, 5)[:, others]
+    off = values[2:-2] - np.sum(weights * around, axis=1)
+    return np.abs(off) / np.sqrt(1.0 + np.sum(weights**2, axis=1))
 
 
 def check_typical(file: str, place: str, typical: float, steps: FloatArray) -> None:
@@ -252,8 +297,7 @@ def check_sample_time(sample_time: float) -> None:
 
 def _uneven(log: Draft, steps: FloatArray) -> RecordingError:
     time = log.time
-    every = np.diff(time)
-    changes = np.flatnonzero(np.abs(np.diff(every)) > MOST_JITTER * every.min())
+    changes = _changes(np.diff(time))
     remedy = "record at a fixed rate, or write the time with more digits"
     if len(changes) == 1:
         there = f"{time[changes[0] + 1]:.6g} s"
@@ -263,6 +307,11 @@ def _uneven(log: Draft, steps: FloatArray) -> RecordingError:
         f"the time steps vary between {steps.min() * 1e3:.4g} and {steps.max() * 1e3:.4g} ms: "
         f"{remedy}",
     )
+
+
+def _changes(steps: FloatArray) -> NDArray[np.int64]:
+    """Where the next step is another one."""
+    return np.flatnonzero(np.abs(np.diff(steps)) > MOST_JITTER * steps.min())
 
 
 def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> None:
