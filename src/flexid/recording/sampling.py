@@ -22,6 +22,7 @@ FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept o
 GAP = 1.5  # sample times between two samples; a single lost sample makes 2
 _WIDE_GAP = 4.0  # likewise, where the steps vary: interpolation bridges two samples, not more
 MOST_GAPS = 0.05  # share of the steps
+_BY_CHANCE = 5.0  # standard deviations: five samples in a row judge by each other
 EVEN = 1e-3  # of a sample time: what a printed time is off by
 MOST_JITTER = 0.1  # of a sample time, where steps tell gaps and lost samples
 _OF_STAMPS = (
@@ -176,7 +177,8 @@ def _jitter(steps: FloatArray) -> float:
 def _is_smoother_if_even(log: Draft, recordings: Iterable[slice]) -> bool:
     """Whether samples were taken at even times, and stamped late.
 
-    Most of them then lie closer to the cubic through their neighbours than at the stamped times.
+    Most of them then lie closer to the cubic through their neighbours than at the stamped times,
+    which are believed as far as chance may have made the difference.
     """
     even, stamped = 0, 0
     for part in recordings:
@@ -186,7 +188,7 @@ def _is_smoother_if_even(log: Draft, recordings: Iterable[slice]) -> bool:
             off_stamped = _off_neighbours(time, log[name][part])
             even += np.count_nonzero(off_even < off_stamped)
             stamped += np.count_nonzero(off_stamped < off_even)
-    return even > stamped
+    return even - stamped > _BY_CHANCE * np.sqrt(even + stamped)
 
 
 def _off_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
