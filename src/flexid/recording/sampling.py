@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from functools import reduce
 from itertools import pairwise
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -188,7 +189,7 @@ def _is_smoother_if_even(log: Draft, recordings: Iterable[slice]) -> bool:
             off_stamped = _off_neighbours(time, log[name][part])
             even += np.count_nonzero(off_even < off_stamped)
             stamped += np.count_nonzero(off_stamped < off_even)
-    return even - stamped > _BY_CHANCE * np.sqrt(even + stamped)
+    return float(even - stamped) > _BY_CHANCE * sqrt(even + stamped)
 
 
 def _off_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
