@@ -130,6 +130,7 @@ ORIGINS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
     "a torque twice": (TWICE, {}),
     "a torque twice, without a word": (TWICE, {"time": "time"}),
     "neither of both": (TWICE, {"motor_torque": False}),
+    "a usual name beside a map": (renamed(motor_torque="tau"), {"time": "time"}),
     "two in other letters": (IN_LETTERS | {"Q_M": TORQUE}, LETTERS),
     "one of two units": (IN_LETTERS | {"q_m [deg]": TORQUE}, LETTERS | {"motor_position": "q_m"}),
 }

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joint_log import read_columns, refused, said
+from joint_log import read_columns, said
 from tests.identification.made_joint import made
 
 from flexid.arrays import FloatArray
@@ -143,6 +143,8 @@ CASES: dict[str, Columns] = {
     "a velocity that is scaled": CLEAN | {LINK_SPEED: 1.28 * CLEAN[LINK_SPEED]},
     "a velocity that is late": CLEAN | {MOTOR_SPEED: np.roll(CLEAN[MOTOR_SPEED], 10)},
     "one that is 2 ms late": CLEAN | {MOTOR_SPEED: np.roll(CLEAN[MOTOR_SPEED], 1)},
+    "a torque that is a speed": with_changes(torque=lambda _: CLEAN[MOTOR_SPEED]),
+    "a torque that is a position": with_changes(torque=lambda _: CLEAN[LINK] + 1e-4 * WHITE),
     "a velocity of noise": CLEAN | {LINK_SPEED: WHITE},
     "one missing sample": {name: np.delete(CLEAN[name], 3000) for name in POSITIONS},
     **{
@@ -159,31 +161,26 @@ def test_faults_of_a_known_joint(golden: Any):
     golden({name: said(read_columns, columns) for name, columns in CASES.items()})
 
 
+LATE = {25: "-0.05", -51: "0.102", 10: ""}  # by samples
+BEGINNING = CLEAN[TORQUE] * (np.arange(COUNT) < 50)
+
+
 @pytest.mark.parametrize(
-    ("torque", "words"),
-    [(MOTOR_SPEED, "same signal as the derivative of motor_posit"), (LINK, "signal as link_posit")],
+    ("torque", "delay"),
+    [*((np.roll(CLEAN[TORQUE], n), d) for n, d in LATE.items()), (BEGINNING, "")],
 )
-def test_a_copied_channel_is_refused(torque: str, words: str):
-    """Assert that what can be identified from nothing is refused at once."""
-    assert words in refused(lambda: changed(torque=lambda _: CLEAN[torque]))
+def test_an_input_that_is_far_off_in_time(torque: FloatArray, delay: str):
+    """Assert that a delay that no fit seeks is named to a sample, and one that is sought is not.
 
-
-@pytest.mark.parametrize(("samples", "delay"), [(25, "-0.05"), (-51, "0.102"), (10, "")])
-def test_an_input_that_is_far_off_in_time(samples: int, delay: str):
-    """Assert that a delay that no fit seeks is named to a sample, and one that is sought is not."""
-    log = changed(torque=lambda values: np.roll(values, samples))
+    Nothing is said where the input acts at the beginning alone.
+    """
+    log = changed(torque=lambda _: torque)
     assert log.warnings == ()
     found = [*late_input(log.recordings[0])]
     assert len(found) == bool(delay)
     for warning in found:
         assert f"give --input-delay={delay}" in warning
         assert rank_of(warning) == Rank.SCALE
-
-
-def test_an_input_that_stands_still_is_not_late():
-    """Assert that nothing is said where the input acts at the beginning alone."""
-    log = changed(torque=lambda values: values * (np.arange(COUNT) < 50))
-    assert [*late_input(log.recordings[0])] == []
 
 
 def test_lost_samples_are_put_back():

@@ -118,13 +118,6 @@ def test_names_of_columns(golden: Any) -> None:
     golden({name: said(read_columns, columns) for name, columns in NAMED.items()})
 
 
-def test_a_map_leaves_nothing_to_guess() -> None:
-    """Assert that with a column map only a channel's own name is taken."""
-    log = read_columns(named(motor_torque="tau"), {"time": "time"})
-    assert log.recordings[0].input is None
-    assert any("name its column in columns" in warning for warning in log.warnings)
-
-
 UNITS = {
     (pi / 180, "rad"): ("deg", "°", "DEGREES"),
     (2 * pi, "rad"): ("turn", "rev"),

@@ -211,12 +211,3 @@ SAID: dict[str, dict[str, FloatArray]] = {
 def test_what_is_said_of_channels(golden: Any) -> None:
     """Assert what is read of a log, what is warned of, and that uneven times are refused."""
     golden({name: said(read_columns, columns) for name, columns in SAID.items()})
-
-
-def test_deflection_gives_the_link_position() -> None:
-    """Assert that link = motor + deflection where the link is not measured."""
-    columns = without(joint_columns(), "link_position")
-    link = joint_columns()["link_position"]
-    columns["deflection"] = link - columns["motor_position"]
-    (recording,) = read_columns(columns).recordings
-    np.testing.assert_allclose(recording.needed_link_position, link, atol=1e-15)

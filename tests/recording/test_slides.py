@@ -37,12 +37,18 @@ def axis(link: str, motor: str, force: str, /, **changed: Any) -> dict[str, Any]
             axis("link_position", "m [turn]", "t [N m]", motor=-TURNS, force=-TORQUE),
             {"lead": -LEAD, "motor_position": "m", "motor_torque": "t"},
         ),
-        (
-            axis("link_position", "motor_position [turn]", "motor_torque [N]", motor=TURNS),
-            {"lead": LEAD},
+        *(
+            (
+                axis("link_position", "motor_position [turn]", "motor_torque [N]", motor=turns),
+                {"lead": LEAD},
+            )
+            for turns in (TURNS, np.mod(TURNS, 1.0))  # an absolute encoder begins again each turn
         ),
     ],
-    ids=["SI", "link alone", "force alone", "prefixes", "stated", "usual names", "screw", "force"],
+    ids=[
+        *("SI", "link alone", "force alone", "prefixes", "stated", "usual names", "screw"),
+        *("force", "an absolute encoder"),
+    ],
 )
 def test_units_say_that_it_slides(columns: Any, column_map: Any) -> None:
     """Assert that all channels are in m and N, whichever of them has a unit."""
@@ -51,16 +57,6 @@ def test_units_say_that_it_slides(columns: Any, column_map: Any) -> None:
     assert recording.link_position == pytest.approx(LINK, abs=1e-12)
     assert recording.motor_position == pytest.approx(MOTOR, abs=1e-12)
     assert recording.input == pytest.approx(FORCE, abs=1e-9)
-
-
-def test_an_absolute_encoder_in_front_of_a_screw_is_unwrapped() -> None:
-    """Assert that a motor's encoder that begins again each turn follows the slide."""
-    columns = axis("link_position [m]", "motor_position [turn]", "motor_torque [N]")
-    columns["motor_position [turn]"] = np.mod(TURNS, 1.0)
-    log = read_columns(columns, {"lead": LEAD})
-    moved = log.recordings[0].motor_position
-    assert moved - moved[0] == pytest.approx(MOTOR - MOTOR[0], abs=1e-12)
-    assert any("was unwrapped" in warning for warning in log.warnings)
 
 
 def test_a_slide_that_jumps_by_metres_has_made_no_turn() -> None:

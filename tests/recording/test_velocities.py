@@ -75,15 +75,10 @@ def test_derivative_of_a_noisy_motion(
     assert rms(velocity(noisy, sample_time) - derivative) < bound
 
 
-@pytest.mark.parametrize(("bits", "bound"), [(12, 4e-3), (14, 1.5e-3), (20, 5e-5)])
+@pytest.mark.parametrize(("bits", "bound"), [(12, 4e-3), (14, 1.5e-3), (20, 5e-5), (52, 1e-9)])
 def test_derivative_of_an_encoder(bits: int, bound: float) -> None:
-    """Assert that the velocity from an encoder's steps stays below a bound."""
+    """Assert that the error from an encoder's steps stays below a bound: without them, of order."""
     assert rms(velocity(quantised(bits), 1e-3) - DERIVATIVE) < bound
-
-
-def test_derivative_of_an_exact_motion() -> None:
-    """Assert that without noise the narrowest window is used and the error is that of its order."""
-    assert rms(velocity(POSITION, 1e-3) - DERIVATIVE) < 1e-9
 
 
 @pytest.mark.parametrize("count", [3, 4, 5, 8, 13, 20, 40])

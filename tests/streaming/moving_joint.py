@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from flexid.identification.preparation.joint import Kind
+from flexid.identification.result import Identification
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
-from flexid.streaming.options import WatchOptions
+from flexid.streaming.options import StreamChannels, WatchOptions, options_of_stream
 from flexid.streaming.session import Session
 
 TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
@@ -57,6 +59,17 @@ def loaded_stream(before: float, after: float, factor: float = 1.5, seed: int = 
     positions = np.vstack((first[:-1], second))[:, ::2]
     positions = positions + NOISE * np.random.default_rng(seed).standard_normal(positions.shape)
     return np.column_stack((time, positions, u))
+
+
+def options_of(
+    made: Identification | None = None,
+    kind: Kind = "flexible",
+    unit: str = "N m",
+    h: float = H,
+    **chosen: object,
+) -> WatchOptions:
+    """Options of a stream, with an estimate or without."""
+    return options_of_stream(chosen, made, StreamChannels(kind, unit, False, ()), h)
 
 
 def watched(samples: np.ndarray, options: WatchOptions = OPTIONS) -> Session:

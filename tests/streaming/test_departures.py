@@ -5,27 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from moving_joint import OPTIONS, H, stream, watched
+from moving_joint import OPTIONS, options_of, stream, watched
 
-import flexid
-from flexid.errors import SettingError
 from flexid.identification.full_model.amplifier import Amplifier
-from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Delay
-from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.report.terminal import as_text
 from flexid.report.watch import parts
 from flexid.streaming.health import Health
 from flexid.streaming.learner import departures
-from flexid.streaming.options import (
-    StreamChannels,
-    WatchOptions,
-    check_comparable,
-    not_accounted_for,
-    options_of_stream,
-    wanted_kind,
-)
+from flexid.streaming.options import WatchOptions, not_accounted_for, wanted_kind
 
 TRUTH = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
 
@@ -71,27 +60,15 @@ def test_what_counts_as_a_departure(now: float, half: float, count: int):
     assert len(departures(reference, estimated(now, half), widths=2.0, least=0.1)) == count
 
 
-def turned(was: float, now: float):
-    """What is said of the zero of a link's encoder."""
-    found = replace(estimated(now, 0.01)["a"], name="gravity_angle", unit="rad")
-    return departures({found.name: (was, 0.01)}, {found.name: found}, widths=2.0, least=0.1)
-
-
-def test_an_angle_departs_round_the_circle():
+@pytest.mark.parametrize(("was", "now", "count"), [(3.1, -3.1, 0), (0.0, 0.09, 0), (3.1, -3.0, 1)])
+def test_an_angle_departs_round_the_circle(was: float, now: float, count: int):
     """Assert that an angle goes the shorter way, and that its limit is one in rad."""
-    assert turned(3.1, -3.1) == ()
-    assert turned(0.0, 0.09) == ()
-    (found,) = turned(3.1, -3.0)
-    assert found.sentence == ("gravity_angle is -3 rad, and 3.1 in the estimate")
-    assert np.isnan(found.change)
-
-
-def options_of(
-    made: Identification | None = None, kind: Kind = "flexible", unit: str = "N m", h: float = H,
-    **chosen: object,
-) -> WatchOptions:  # fmt: skip
-    """Options of a stream."""
-    return options_of_stream(chosen, made, StreamChannels(kind, unit, False, ()), h)
+    angle = replace(estimated(now, 0.01)["a"], name="gravity_angle", unit="rad")
+    found = departures({angle.name: (was, 0.01)}, {angle.name: angle}, widths=2.0, least=0.1)
+    assert len(found) == count
+    for one in found:
+        assert one.sentence == "gravity_angle is -3 rad, and 3.1 in the estimate"
+        assert np.isnan(one.change)
 
 
 @pytest.fixture(scope="module")
@@ -108,56 +85,22 @@ def test_a_stream_takes_model_and_filter_of_the_estimate(result):
     assert options.reference.keys() >= TRUTH.keys()
     options = options_of(result, terms=("gravity",), hold="linear", filter_rate=10.0)
     assert (options.terms, options.hold, options.filter_rate) == (("gravity",), "linear", 10.0)
-
-
-def test_terms_are_those_of_the_joint():
-    """Assert that a rigid joint has its own terms, which other joints' names may mean."""
-    assert options_of(kind="rigid").terms == ("gravity", "viscous", "coulomb")
-    options = options_of(kind="rigid", terms=("motor_viscous", "viscous_asymmetry"))
-    assert options.terms == ("viscous", "viscous_asymmetry")
-    refused: dict[Kind, str] = {
-        "rigid": "joint_damping",
-        "link": "motor_drag",
-        "flexible": "viscous",
-    }
-    for kind, term in refused.items():
-        with pytest.raises(SettingError, match=f"'{term}' is no term of the {kind} joint; it has"):
-            options_of(kind=kind, terms=(term,))
-
-
-def test_a_filter_that_the_samples_are_too_few_for_is_slowed():
-    """Assert that without a rate of its own a slow stream gets one that it allows."""
-    options = options_of(h=0.02)
-    assert options.filter_rate == pytest.approx(0.125 / 0.02)
-
-
-def test_what_was_given_is_given(result):
-    """Assert that a coefficient that was not estimated is none of the stream's, either."""
-    beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)
+    assert wanted_kind({}, replace(result, model="link")) == "link"
+    beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)  # given, not estimated
     options = options_of(replace(result, coefficients=result.coefficients | {"beta1": beta}))
     assert options.given == {"beta1": 3.0}
     assert "beta1" not in options.system.coefficients
 
 
-def test_what_cannot_be_held_against(result):
-    """Assert that another joint or input, a memory, a guess and a missing value are refused."""
-    with pytest.raises(SettingError, match="has model flexible, and the stream rigid"):
-        options_of(result, "rigid")
-    with pytest.raises(SettingError, match="has input in N m, and the stream in A"):
-        options_of(result, unit="A")
-    with_memory = replace(result.choices, terms=("gravity", "spring_hysteresis"))
-    with pytest.raises(SettingError, match=r"remembers the path .* --terms gravity, and"):
-        check_comparable(replace(result, choices=with_memory))
-    beta = replace(result.coefficients["beta1"], value=np.nan, std=0.0)
-    with pytest.raises(SettingError, match="has no value of beta1"):
-        check_comparable(replace(result, coefficients=result.coefficients | {"beta1": beta}))
-    with pytest.raises(SettingError, match="is not positive"):
-        options_of(result, coulomb_velocity=0.0)
-    with pytest.raises(SettingError, match="holds no estimate"):
-        flexid.watch(sample_time=H, estimate={})
-    open_ones = {n: replace(p, verdict="undetermined") for n, p in result.parameters.items()}
-    with pytest.raises(SettingError, match="determines nothing"):
-        check_comparable(replace(result, parameters=open_ones))
+def test_terms_and_filter_are_those_of_the_joint():
+    """Assert that a rigid joint has its own terms, which other joints' names may mean.
+
+    A filter that the samples are too few for is slowed.
+    """
+    assert options_of(kind="rigid").terms == ("gravity", "viscous", "coulomb")
+    options = options_of(kind="rigid", terms=("motor_viscous", "viscous_asymmetry"))
+    assert options.terms == ("viscous", "viscous_asymmetry")
+    assert options_of(h=0.02).filter_rate == pytest.approx(0.125 / 0.02)
 
 
 @pytest.mark.parametrize("part", ["value", "std", "interval"])
@@ -212,30 +155,6 @@ def test_what_is_known_otherwise_is_contradicted():
     health, reason = watched(stream(), known).health
     assert health is Health.INCONSISTENT
     assert "link_inertia is known as 2" in reason
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"known": {"magic": 1.0}}, "magic"),
-        ({"known": {"joint_damping": 1.0}}, "have no joint_damping"),
-        ({"known": {"motor_inertia": -1.0}}, "motor_inertia"),
-        ({"known": {"motor_inertia": 1.0}, "input_unit": "A"}, "needs a torque"),
-        ({"terms": ("spring_hysteresis",)}, "'spring_hysteresis' is unknown"),
-        ({"terms": ("backlash",)}, "needs a backlash_width, which an estimate has"),
-    ],
-)
-def test_what_cannot_be_known(options: dict, words: str):
-    """Assert that a name that this model has not is refused, with those that it has."""
-    with pytest.raises(SettingError, match=words):
-        replace(OPTIONS, **options)
-
-
-def test_kinds_are_those_of_identify(result):
-    """Assert that another model is refused with those there are."""
-    with pytest.raises(SettingError, match="must be auto, flexible, link or rigid, got 'elastic'"):
-        wanted_kind({"kind": "elastic"}, None)
-    assert wanted_kind({}, replace(result, model="link")) == "link"
 
 
 def test_no_change_is_a_share_of_what_may_be_zero():

@@ -7,7 +7,6 @@ import polars as pl
 import pytest
 from moving_joint import CHOSEN, LINK, MOTOR, TIME, TORQUE, same, stream, watched
 
-from flexid.errors import RecordingError, SettingError
 from flexid.streaming import incoming
 from flexid.streaming.incoming import Replay
 from flexid.streaming.session import Follower
@@ -58,13 +57,3 @@ def test_a_parquet_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.Mo
         found.append(part)
     assert max(map(len, found)) <= 130
     np.testing.assert_array_equal(np.concatenate(found), samples)
-
-
-def test_what_cannot_be_played(tmp_path: Path):
-    """Assert that a log without an input, and a header for one, are refused."""
-    log = tmp_path / "log.parquet"
-    pl.DataFrame({"time": [0.0, 1.0], "motor_position": [0.0, 1.0]}).write_parquet(log)
-    with pytest.raises(RecordingError, match="no motor_torque"):
-        Replay(log, None)
-    with pytest.raises(SettingError, match="leave it out"):
-        next(iter(Follower(str(log), CHOSEN, header="time").turns(1.0)))

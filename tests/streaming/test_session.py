@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from moving_joint import LINK, MOTOR, OPTIONS, TORQUE, H, same, stream, watched
 
-from flexid.errors import SettingError
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
@@ -94,25 +93,3 @@ def test_any_samples_leave_a_state_that_is_finite_or_flagged(samples: np.ndarray
     for found in session.parameters.values():
         assert found.verdict == "undetermined" or np.isfinite(found.interval).all()
     assert set(session.excitation) == {"link", "motor"}
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"sample_time": 0.0}, "sample_time: 0 s is outside"),
-        ({"sample_time": 1e-320}, "sample_time"),
-        ({"sample_time": np.nan}, "sample_time"),
-        ({"sample_time": 0.51}, "sample_time"),
-        ({"filter_rate": 0.0199}, "filter_rate: 0.0199 1/s does not suit"),
-        ({"filter_rate": 1e-320}, "filter_rate"),
-        ({"filter_rate": 63.0}, "filter_rate"),
-    ],
-)
-def test_clocks_that_no_drive_has(options: dict, words: str):
-    """Assert that sample times and filters beyond what drives have are refused."""
-    WatchOptions(sample_time=H, filter_rate=0.0201)
-    WatchOptions(sample_time=H, filter_rate=62.0)
-    with pytest.raises(SettingError, match=words):
-        WatchOptions(**{"sample_time": H, **options})
-    with pytest.raises(SettingError, match="give 4 numbers"):
-        Session(OPTIONS).feed(np.zeros((3, 3)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from moving_joint import CHOSEN, same, stream, watched
 
-from flexid.errors import RecordingError, SettingError
+from flexid.errors import RecordingError
 from flexid.streaming.session import Follower
 from flexid.streaming.sources import Source, open_source
 
@@ -107,17 +107,3 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch):
         assert source.read() == LINES[0]
         os.close(writing)
         assert source.read() is None
-
-
-@pytest.mark.parametrize(
-    ("text", "error", "words"),
-    [
-        ("tcp://127.0.0.1:9000", SettingError, "let another program write to standard input"),
-        ("no/such/file.csv", RecordingError, "no such file"),
-        (".", RecordingError, "is a folder"),
-    ],
-)
-def test_what_is_no_source(text: str, error: type[Exception], words: str):
-    """Assert that each gets a sentence with what to give instead."""
-    with pytest.raises(error, match=words):
-        open_source(text)

@@ -1,6 +1,5 @@
 """Bytes of a stream become the samples that a log of the same text holds."""
 
-import gzip
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -8,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexid.errors import RecordingError
 from flexid.recording.read import read_log
 from flexid.streaming.incoming import TextStream, sample_time_of
 
@@ -99,14 +97,6 @@ def test_a_stream_that_is_joined_in_the_midst_of_a_line(form: str):
         assert len(samples) == len(rows) - 1 or np.isnan(samples[0]).any()
 
 
-def test_a_stamp_is_no_number():
-    """Assert that a stream with too many stamps where numbers should be is refused as a log is."""
-    bad = ["10:00:00.5"] * 80 + ["fault"] * 30
-    rows = [row[: row.rindex(",") + 1] + cell for row, cell in zip(ROWS, bad, strict=False)]
-    with pytest.raises(RecordingError, match=r"line 92, column 'motor_position .*10:00:00.5"):
-        samples_of("\n".join([HEADER, *ROWS[:90], *rows, ""]))
-
-
 def test_a_line_that_is_no_row_is_a_sample_without_numbers():
     """Assert that text, a short line and an empty cell are counted as samples, not skipped."""
     rows = [*ROWS]
@@ -124,34 +114,11 @@ def test_a_last_line_without_its_end_is_no_sample(end: str, count: int):
     assert len(samples_of("\n".join([HEADER, *ROWS]) + end)) == count
 
 
-def encoded(first: str = HEADER) -> bytes:
-    """A stream below some header."""
-    return "\n".join([first, *ROWS, ""]).encode()
-
-
-@pytest.mark.parametrize(
-    ("raw", "header", "words"),
-    [
-        (encoded("time,x,motor_position,y"), None, "no motor_torque"),
-        (encoded("time,foo,bar,motor_torque"), None, "there is no"),
-        (encoded("time,link_position [parsec],motor_position,motor_torque"), None, "parsec"),
-        (gzip.compress(encoded()) + b"\n" * 4, None, "packed file, not text: unpack it"),
-        (encoded().decode().encode("utf-16"), None, "in UTF-16: send it in UTF-8"),
-        (encoded().replace(b",", b"\0"), None, "a binary or packed file"),
-        (b"time,motor_torque\n1,2\n", None, "ended before"),
-    ],
-    ids=lambda value: value[:30] if isinstance(value, str) else "",
-)
-def test_what_is_no_stream(raw: bytes, header: str | None, words: str):
-    """Assert that one that lacks something, is no text or too short is refused."""
-    with pytest.raises(RecordingError, match=words):
-        TextStream("stream", header=header).samples(raw, ended=True)
-
-
 def test_names_of_its_own_count():
     """Assert that a header that is given does not take the place of the stream's."""
-    samples = TextStream("stream", header=HEADER.replace("ms", "s")).samples(encoded())
-    np.testing.assert_array_equal(samples, samples_of(encoded().decode()))
+    text = "\n".join([HEADER, *ROWS, ""])
+    found = samples_of(text, header=HEADER.replace("ms", "s"))
+    np.testing.assert_array_equal(found, samples_of(text))
 
 
 def test_a_line_without_an_end():
@@ -161,8 +128,6 @@ def test_a_line_without_an_end():
     samples = stream.samples(lines + b"1" * 1_000_001)
     assert samples is not None
     assert samples.tolist() == [[0.0, 0.0, 1.0], [1.0, 0.0, 2.0], [2.0, 0.0, 3.0]]
-    with pytest.raises(RecordingError, match="more than 1000000 bytes"):
-        stream.samples(b"1")
 
 
 def test_sample_time():
@@ -171,7 +136,3 @@ def test_sample_time():
     time[[50, 51]] = time[[51, 50]]
     time[70] = time[69]
     assert sample_time_of("stream", time) == pytest.approx(1e-3, rel=1e-3)
-    with pytest.raises(RecordingError, match="unit of the time"):
-        sample_time_of("stream", 20.0 * np.arange(200, dtype=np.float64))
-    with pytest.raises(RecordingError, match=r"do not increase.*more digits"):
-        sample_time_of("stream", np.full(200, np.nan))

@@ -18,11 +18,10 @@ from moving_joint import (
     watched,
 )
 
-from flexid.errors import RecordingError, SettingError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 from flexid.streaming.health import Health
-from flexid.streaming.options import WatchOptions, chosen_channels
+from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Follower
 
 OPTIONS = WatchOptions(H, ("gravity",), "link")
@@ -69,13 +68,3 @@ def test_a_log_without_a_torque_is_followed(tmp_path: Path):
         list(follower.turns(1.0))
         assert follower.session is not None
         assert same(follower.session, watched(motion(2.0), OPTIONS))
-
-
-def test_what_the_link_alone_cannot_be(tmp_path: Path):
-    """Assert that a motor alone without a torque, and a hold without an input, are refused."""
-    with pytest.raises(RecordingError, match="no torque, current or voltage"):
-        chosen_channels("log", {"time": None, "motor_position": None}, ())  # type: ignore[dict-item]
-    with pytest.raises(RecordingError, match="link position"):
-        chosen_channels("log", {"time": None, "motor_position": None}, (), "link")  # type: ignore[dict-item]
-    with pytest.raises(SettingError, match="the link alone has none"):
-        WatchOptions(H, (), "link", hold="zero")
