@@ -12,14 +12,14 @@ import pytest
 from flexid.errors import SettingError
 from flexid.exports.mjcf import Scene, mjcf_scene
 from flexid.library.export import export
+from flexid.library.identify import load
 from flexid.library.logs import read_log
 from flexid.stored_estimates.estimate_file import sealed
+from made_estimates import TRUE
 
 # MuJoCo's compiled half has no type stubs, so pyright cannot see what it exports.
 # pyright: reportAttributeAccessIssue=false
 
-
-PAPER = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 
 _LINK_INERTIA, _MOTOR_INERTIA = 1.0, 0.3
 
@@ -34,7 +34,7 @@ def _both(**torques: float) -> dict[str, float]:
 
 
 def _scene(more: Mapping[str, float], unit: str = "N m", **keywords: object) -> Scene:
-    return mjcf_scene("flexible", {**PAPER, **more}, unit, **keywords)  # pyright: ignore[reportArgumentType]
+    return mjcf_scene("flexible", {**TRUE, **more}, unit, **keywords)  # pyright: ignore[reportArgumentType]
 
 
 def _accelerations(scene: Scene, x: np.ndarray, u: float) -> np.ndarray:
@@ -86,7 +86,7 @@ SLIDES = {"theta1": 0.0, "theta_cosine": 0.0}
 )
 def test_accelerations_are_those_of_the_model(unit, joint, own):
     """Assert that every term without a corner acts as its equation says, whatever the input is."""
-    coefficients = {**PAPER, **SMOOTH, **own}
+    coefficients = {**TRUE, **SMOOTH, **own}
     scene = mjcf_scene("flexible", coefficients, unit, joint)
     for x in np.random.default_rng(1).normal(size=(8, 4)) * (1.0, 3.0, 1.0, 5.0):
         found = _accelerations(scene, x, 1.7)
@@ -112,39 +112,31 @@ def test_a_rigid_joint_is_one_hinge():
     assert model.njnt == 1
 
 
-@pytest.mark.parametrize(("side", "place"), [("theta", 0), ("alpha", 1)])
-def test_dry_friction_slides_and_sticks(side, place):
-    """Assert that friction opposes motion with its torque, and holds what it can at rest."""
-    scene = _scene({"theta1": 0.0, "alpha2": 0.0, f"{side}_coulomb": 2.0})
-    assert not scene.notes
-    moving, resting = np.zeros(4), np.zeros(4)
-    moving[2 * place + 1] = 1.0
-    found = _accelerations(scene, moving, 0.0)
-    assert found[place] == pytest.approx(-2.0, rel=1e-6)
-    # A deflection that pulls with nine tenths of the friction, then with eleven.
-    pull = PAPER["theta2" if place == 0 else "alpha1"]
-    for share, expected in ((0.9, 0.0), (1.1, 0.2)):
-        resting[2 * place] = -2.0 * share / pull
-        found = _accelerations(scene, resting, 0.0)
-        assert found[place] == pytest.approx(expected, abs=1e-3)
+FREE = {"theta1": 0.0, "alpha2": 0.0}
+LINK_DRY, MOTOR_DRY = FREE | {"theta_coulomb": 2.0}, FREE | {"alpha_coulomb": 2.0}
+PLAY = {"theta1": 0.0, **_both(backlash=0.2)}  # of 2 mrad to either side
+HYSTERESIS = {**FREE, **_both(hysteresis=0.3), "hysteresis_grip": 20.0}
+EXACT, HELD = 2e-6, 1e-3
+CORNERS = {  # values, the state, accelerations of link and motor, and how far off they may be
+    "a link slides": (LINK_DRY, (0, 1, 0, 0), (-2.0, 0.0), EXACT),
+    "nine tenths of its friction pull": (LINK_DRY, (-0.018, 0, 0, 0), (0.0, -6.0), HELD),
+    "eleven": (LINK_DRY, (-0.022, 0, 0, 0), (0.2, -22 / 3), HELD),
+    "a motor slides": (MOTOR_DRY, (0, 0, 0, 1), (0.0, -2.0), EXACT),
+    "nine tenths of its friction": (MOTOR_DRY, (0, 0, -0.0054, 0), (-0.54, 0.0), HELD),
+    "eleven of its": (MOTOR_DRY, (0, 0, -0.0066, 0), (-0.66, 0.2), HELD),
+    "within the play": (PLAY, (0.0018, 0, 0, 0), (0.0, 0.0), 1e-9),
+    "beyond it": (PLAY, (0, 0, 0.006, 0), (0.4, -0.4 / 0.3), 4e-7),
+    "friction within the spring": (HYSTERESIS, (0, 1, 0, -1), (-0.3, 1.0), 3e-7),
+}
 
 
-def test_play_is_a_dead_zone():
-    """Assert that within the play nothing pulls, and beyond it what is beyond."""
-    scene = _scene({"theta1": 0.0, **_both(backlash=0.2)})
-    half_gap = 0.2 / 100.0
-    inside = _accelerations(scene, np.array([0.9 * half_gap, 0.0, 0.0, 0.0]), 0.0)
-    beyond = _accelerations(scene, np.array([0.0, 0.0, 3.0 * half_gap, 0.0]), 0.0)
-    np.testing.assert_allclose(inside, 0.0, atol=1e-9)
-    np.testing.assert_allclose(beyond, [0.4, -0.4 / 0.3], rtol=1e-6)
-    assert not scene.notes
-
-
-def test_friction_within_the_spring():
-    """Assert that it acts on both sides, against the rate of the deflection."""
-    scene = _scene({"theta1": 0.0, "alpha2": 0.0, **_both(hysteresis=0.3), "hysteresis_grip": 20.0})
-    found = _accelerations(scene, np.array([0.0, 1.0, 0.0, -1.0]), 0.0)
-    np.testing.assert_allclose(found, [-0.3, 1.0], rtol=1e-6)
+@pytest.mark.parametrize("case", CORNERS)
+def test_friction_and_play_act_by_hand(case):
+    """Assert the accelerations by hand of dry friction, of friction in the spring, and of play."""
+    values, x, expected, tolerance = CORNERS[case]
+    scene = _scene(values)
+    found = _accelerations(scene, np.array(x, dtype=float), 0.0)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance)
     assert not scene.notes
 
 
@@ -241,8 +233,6 @@ def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
     """Assert that a friction that remembers its path becomes one of the tendon, and is refused
     where there is no place for it.
     """
-    from flexid.library.identify import load
-
     found = document["coefficients"]
     for name in ("theta_hysteresis", "alpha_hysteresis", "hysteresis_grip"):
         found[name] = found["alpha2"] | {"name": name}
@@ -258,8 +248,6 @@ def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
 
 def test_offsets_that_differ_from_log_to_log(document, tmp_path):
     """Assert that the first log's offset stands in the scene, and that this is said."""
-    from flexid.library.identify import load
-
     for number, value in enumerate((1.5, 2.5), 1):
         own = document["coefficients"]["alpha2"] | {"value": value}
         document["coefficients"][f"alpha_offset[{number}]"] = own
