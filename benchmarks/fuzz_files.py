@@ -5,16 +5,26 @@ from __future__ import annotations
 import io
 import json
 import tempfile
+from collections.abc import Callable
 from datetime import date, datetime, timedelta
 from datetime import time as dt_time
 from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 
+Columns = dict[str, np.ndarray]
+Message = tuple[str, int, dict[str, Any]]
 
-def log_columns(rows: int = 100) -> dict[str, np.ndarray]:
+STAMPS = [1_700_000_000_000_000_000 + 5_000_000 * index for index in range(100)]
+"""Of messages, in ns."""
+
+_STATE, _NOTE = "sensor_msgs/msg/JointState", "std_msgs/msg/String"
+
+
+def log_columns(rows: int = 100) -> Columns:
     """A small log with two encoders."""
     t = 0.005 * np.arange(rows)
     motor = np.sin(20.0 * t) + 0.4 * np.sin(53.0 * t)
@@ -80,27 +90,50 @@ def log_matlab() -> tuple[bytes, ...]:
     return tuple(files)
 
 
-def log_hdf5(*, is_matlab: bool = False) -> tuple[bytes, ...]:
-    """It as HDF5 files, or as MATLAB's of version 7.3, which have another header."""
+def log_hdf5() -> tuple[bytes, ...]:
+    """It as HDF5 files."""
     import h5py
 
     files = []
     for compression, libver in ((None, "earliest"), ("gzip", "latest")):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "log.h5"
-            with h5py.File(path, "w", libver=libver, userblock_size=512 * is_matlab) as file:
-                for name, values in log_columns().items():
-                    data = file.create_dataset(
-                        f"run/{name}", data=np.atleast_2d(values), compression=compression
-                    )
-                    data.attrs["MATLAB_class" if is_matlab else "units"] = np.bytes_(
-                        "double" if is_matlab else "s" if name == "time" else ""
-                    )
-                file["note"] = "text"
-            raw = path.read_bytes()
-        header = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
-        files.append(header + raw[len(header) :] if is_matlab else raw)
+        buffer = io.BytesIO()
+        with h5py.File(buffer, "w", libver=libver) as file:
+            for name, values in log_columns().items():
+                data = file.create_dataset(
+                    f"run/{name}", data=np.atleast_2d(values), compression=compression
+                )
+                data.attrs["units"] = np.bytes_("s" if name == "time" else "")
+            file["note"] = "text"
+        files.append(buffer.getvalue())
     return tuple(files)
+
+
+def matlab_73(path: Path, variables: Columns, compression: str | None = None, **form: Any) -> Path:
+    """A file as MATLAB's ``save -v7.3`` lays it out: HDF5 behind a header, dimensions reversed."""
+    import h5py
+
+    with h5py.File(path, "w", userblock_size=512, **form) as file:
+        group = file.create_group("log")
+        group.attrs["MATLAB_class"] = np.bytes_("struct")
+        for name, values in variables.items():
+            data = np.atleast_2d(values)
+            dataset = group.create_dataset(name, data=data, compression=compression)
+            dataset.attrs["MATLAB_class"] = np.bytes_("double")
+        text = file.create_dataset("note", data=np.array([[104, 105]], dtype=np.uint16))
+        text.attrs["MATLAB_class"] = np.bytes_("char")
+        file.create_dataset("#refs#/a", data=np.zeros(5))
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+def log_matlab_73() -> tuple[bytes, ...]:
+    """It as MATLAB files of version 7.3."""
+    with tempfile.TemporaryDirectory() as folder:
+        return tuple(
+            matlab_73(Path(folder) / "a.mat", log_columns(), packed, libver=libver).read_bytes()
+            for packed, libver in ((None, "earliest"), ("gzip", "latest"))
+        )
 
 
 def log_mdf() -> tuple[bytes, ...]:
@@ -122,77 +155,104 @@ def log_mdf() -> tuple[bytes, ...]:
     return tuple(files)
 
 
-def log_bag1() -> tuple[bytes, ...]:
-    """It as bags of ROS 1."""
+def bag1(path: Path, columns: Columns, compression: Any = None) -> Path:
+    """A bag of ROS 1."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
-    store, files = get_typestore(Stores.ROS1_NOETIC), []
-    for compression in (None, Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4):
-        with tempfile.TemporaryDirectory() as folder:
-            writer = Writer(Path(folder) / "log.bag")
-            if compression is not None:
-                writer.set_compression(compression)
-            with writer:
-                _write_states(writer, store, store.serialize_ros1)
-            files.append((Path(folder) / "log.bag").read_bytes())
-    return tuple(files)
+    store, writer = get_typestore(Stores.ROS1_NOETIC), Writer(path)
+    if compression is not None:
+        writer.set_compression(writer.CompressionFormat[compression])
+    with writer:
+        _write_states(writer, columns, store, store.serialize_ros1)
+    return path
 
 
-def log_bag2(plugin: str) -> tuple[bytes, ...]:
-    """It as the database of a bag of ROS 2, or as the MCAP file of one."""
+def bag2(path: Path, columns: Columns, plugin: str = "SQLITE3") -> Path:
+    """A bag of ROS 2, which is a folder."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(path, version=9, storage_plugin=StoragePlugin[plugin]) as writer:
+        _write_states(writer, columns, store, store.serialize_cdr)
+    return path
+
+
+def log_bag1() -> tuple[bytes, ...]:
+    """It as bags of ROS 1."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "log"
-        with Writer(path, version=9, storage_plugin=StoragePlugin[plugin]) as writer:
-            _write_states(writer, store, store.serialize_cdr)
+        return tuple(
+            bag1(Path(folder) / f"{form}.bag", log_columns(), form).read_bytes()
+            for form in (None, "BZ2", "LZ4")
+        )
+
+
+def log_bag2(plugin: str) -> tuple[bytes, ...]:
+    """It as the database of a bag of ROS 2, or as the MCAP file of one."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = bag2(Path(folder) / "log", log_columns(), plugin)
         return tuple(one.read_bytes() for one in path.iterdir() if one.suffix != ".yaml")
 
 
-def _write_states(writer, store, serialize) -> None:
-    """The log as joint states."""
-    kind, columns = "sensor_msgs/msg/JointState", log_columns()
-    connection = writer.add_connection("/joint_states", kind, typestore=store)
-    header_type = store.types["std_msgs/msg/Header"]
-    for index, time in enumerate(columns["time"]):
-        nanoseconds = 10**18 + round(1e9 * time)
-        stamp = store.types["builtin_interfaces/msg/Time"](
-            sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9
-        )
-        more = {"seq": index} if "seq" in header_type.__dataclass_fields__ else {}
-        message = store.types[kind](
-            header=header_type(stamp=stamp, frame_id="", **more),
-            name=["motor", "link"],
-            position=np.array([columns[f"{side}_position"][index] for side in ("motor", "link")]),
-            velocity=np.array([]),
-            effort=np.array([columns["motor_torque"][index], 0.0]),
-        )
-        writer.write(connection, nanoseconds, serialize(message, kind))
+def _write_states(
+    writer: Any, columns: Columns, store: Any, serialize: Callable[[Any, str], Any]
+) -> None:
+    """The log as joint states, the joints in one order or the other, and a note on its own."""
+    states = writer.add_connection("/joint_states", _STATE, typestore=store)
+    notes = writer.add_connection("/note", _NOTE, typestore=store)
+    for index, stamp in enumerate(STAMPS):
+        late = 700_000 * (index % 3)  # the recorder is later than the sensor
+        writer.write(states, stamp + late, serialize(_state(columns, store, index), _STATE))
+    writer.write(notes, STAMPS[-1] + 10**9, serialize(store.types[_NOTE](data="hello"), _NOTE))
+
+
+def _state(columns: Columns, store: Any, index: int) -> Any:
+    """A message of both encoders and the motor's torque."""
+    names = ("motor", "link") if index % 2 else ("link", "motor")
+    stamp = store.types["builtin_interfaces/msg/Time"](
+        sec=STAMPS[index] // 10**9, nanosec=STAMPS[index] % 10**9
+    )
+    kind = store.types["std_msgs/msg/Header"]
+    sequence = {"seq": index} if "seq" in kind.__dataclass_fields__ else {}
+    effort = {"motor": columns["motor_torque"][index], "link": 0.0}
+    return store.types[_STATE](
+        header=kind(stamp=stamp, frame_id="", **sequence),
+        name=list(names),
+        position=np.array([columns[f"{name}_position"][index] for name in names]),
+        velocity=np.array([]),
+        effort=np.array([effort[name] for name in names]),
+    )
+
+
+def mcap(path: Path, messages: list[Message], compression: str = "NONE", **form: Any) -> Path:
+    """An MCAP file of JSON messages, each with topic and time in ns."""
+    from mcap.writer import CompressionType, Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType[compression], **form)
+        writer.start()
+        channels: dict[str, int] = {}
+        for topic, stamp, message in messages:
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "json", 0)
+            writer.add_message(channels[topic], stamp, json.dumps(message).encode(), stamp)
+        writer.finish()
+    return path
 
 
 def log_json_mcap() -> tuple[bytes, ...]:
     """It as an MCAP file of JSON, in compressed chunks and without chunks."""
-    from mcap.writer import CompressionType, Writer
-
-    columns, files = log_columns(), []
-    for compression in (CompressionType.LZ4, CompressionType.ZSTD, None):
-        buffer = io.BytesIO()
-        writer = Writer(
-            buffer,
-            compression=compression or CompressionType.NONE,
-            use_chunking=compression is not None,
+    columns = log_columns()
+    messages = [
+        ("/drive", stamp, {n: v[index] for n, v in columns.items() if n != "time"})
+        for index, stamp in enumerate(STAMPS)
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        return tuple(
+            mcap(Path(folder) / "a.mcap", messages, form, use_chunking=chunked).read_bytes()
+            for form, chunked in (("LZ4", True), ("ZSTD", True), ("NONE", False))
         )
-        writer.start()
-        channel = writer.register_channel("/drive", "json", 0)
-        for index, time in enumerate(columns["time"]):
-            values = {name: float(of[index]) for name, of in columns.items() if name != "time"}
-            writer.add_message(channel, 10**18 + round(1e9 * time), json.dumps(values).encode(), 0)
-        writer.finish()
-        files.append(buffer.getvalue())
-    return tuple(files)
 
 
 SEEDS = {

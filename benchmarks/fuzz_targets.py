@@ -111,7 +111,7 @@ def _logs() -> dict[str, Callable[[], Target]]:
     for one in FORMATS:
         seeds = fuzz_files.SEEDS.get(one.name, lambda one=one: (*one.magic, b"anything"))
         found[f"log, {one.name}"] = apart(one.suffixes[0], seeds)
-    found["log, MATLAB 7.3"] = apart(".mat", lambda: fuzz_files.log_hdf5(is_matlab=True))
+    found["log, MATLAB 7.3"] = apart(".mat", fuzz_files.log_matlab_73)
     found["log, stream"] = apart(".parquet", fuzz_files.SEEDS["Parquet"], stream)
     return found
 

@@ -6,6 +6,7 @@ import log_files
 import numpy as np
 import polars as pl
 import pytest
+from benchmarks.fuzz_files import mcap
 from joint_log import assert_words, refused
 
 from flexid.recording import read_log
@@ -21,7 +22,7 @@ IN_PARTS = {
         "a.mf4",
         lambda p: log_files.mdf(p, log_files.in_groups()[0], TORQUE_OF_MDF),
     ),
-    "MCAP in blocks": ("a.mcap", lambda p: log_files.mcap(p, LATE)),
+    "MCAP in blocks": ("a.mcap", lambda p: mcap(p, LATE)),
 }
 CUT = ("MATLAB 5", "HDF5", "ROS 1", "ROS 2, database", "ROS 2, MCAP")
 
