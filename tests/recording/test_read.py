@@ -192,6 +192,8 @@ SAID: dict[str, dict[str, FloatArray]] = {
     "a misspelt input": NO_INPUT | {"motor_torqe": TORQUE},
     "no link": MOTOR,
     "a misspelt link": MOTOR | {"lnk_position": COLUMNS["link_position"]},
+    "a deflection": without(COLUMNS, "link_position")
+    | {"deflection": COLUMNS["link_position"] - COLUMNS["motor_position"]},
     "a link's velocity alone": MOTOR | {"link_velocity": COLUMNS["link_velocity"]},
     "a motor alone": without(MOTOR, "torque"),
     "a motor in degrees": FAST,
