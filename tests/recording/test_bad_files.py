@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from joint_log import assert_words, csv_text, joint_columns, refused, said, written
+from joint_log import assert_words, csv_text, joint_columns, refused, said, without, written
 
 from flexid.recording import channel, read_log, series
 from flexid.streaming.incoming import Replay
@@ -45,17 +45,6 @@ def added(number: int, *texts: str) -> Edit:
     return lambda lines: [*lines[: number - 1], *texts, *lines[number - 1 :]]
 
 
-def without(name: str) -> Edit:
-    """Remove a column."""
-
-    def edit(lines: list[str]) -> list[str]:
-        index = lines[0].split(",").index(name)
-        rows = [line.split(",") for line in lines]
-        return [",".join(row[:index] + row[index + 1 :]) for row in rows]
-
-    return edit
-
-
 def clocked(step: int) -> Edit:
     """Let the time count by so much from row to row."""
     return lambda lines: [
@@ -77,7 +66,7 @@ TEXTS: dict[str, Edit] = {
     "one sample": lambda lines: lines[:2],
     "two samples": lambda lines: lines[:3],
     "no header": lambda lines: lines[1:],
-    "no motor": without("motor_position"),
+    "no motor": lambda _: csv_text(without(joint_columns(60), "motor_position")).splitlines(),
     "a misspelt motor": header("motor_position", "motor_positon"),
     "a unit that is none": FURLONGS,
     "counts": header("link_position", "link_position [count]"),
