@@ -5,6 +5,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from tests.recording.joint_log import refused
 
 from flexid.errors import RecordingError
 from flexid.readers import formats, guard
@@ -52,16 +53,6 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Readers:
     return register
 
 
-def refusal(path: Path) -> str:
-    """The one line with which a file is refused."""
-    with pytest.raises(RecordingError) as caught:
-        table_of_file(path, None)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert message.startswith(str(path))
-    return message
-
-
 def test_one_function_and_one_line(reader: Readers):
     """Assert that a function `read` and a registration are a format, whatever a library prints."""
     source = "import os\ndef read(path):\n    print('{'); os.write(1, b'noise'); return table()"
@@ -93,7 +84,7 @@ def test_one_function_and_one_line(reader: Readers):
 )
 def test_what_a_reader_may_do(reader: Readers, body: str, words: str):
     """Assert that a crash, a bomb, a hang and an error are one sentence."""
-    assert words in refusal(reader(f"def read(path):\n    {body}"))
+    assert words in refused(table_of_file, reader(f"def read(path):\n    {body}"), None)
 
 
 @pytest.mark.parametrize(
@@ -119,11 +110,11 @@ def test_what_a_reader_may_do_later(reader: Readers, body: str, words: str):
 def test_too_much_at_once(reader: Readers):
     """Assert that an answer of more bytes than a limit is not read, nor a file that is larger."""
     source = "def read(path):\n    return pl.concat([table()] * 10_000)"
-    assert "more memory or time than it may have" in refusal(reader(source))
+    assert "more memory or time than it may have" in refused(table_of_file, reader(source), None)
     path = reader("")
     with path.open("wb") as file:
         file.truncate(2_000_000)
-    assert "the file is larger than 1 MB" in refusal(path)
+    assert "the file is larger than 1 MB" in refused(table_of_file, path, None)
 
 
 def test_a_child_ends_with_its_reading(reader: Readers):
@@ -158,6 +149,5 @@ def test_without_a_package(
     (tmp_path / f"{package}.py").write_text(stub)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / name).write_bytes(b"anything")
-    assert f"read by {package}, which is not installed: pip install 'flexid[{extra}]'" in refusal(
-        tmp_path / name
-    )
+    words = f"read by {package}, which is not installed: pip install 'flexid[{extra}]'"
+    assert words in refused(table_of_file, tmp_path / name, None)

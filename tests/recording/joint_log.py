@@ -41,10 +41,10 @@ def without(columns: Columns, *words: str) -> dict[str, FloatArray]:
     return {name: v for name, v in columns.items() if not any(word in name for word in words)}
 
 
-def csv_text(columns: Columns) -> str:
+def csv_text(columns: Mapping[str, Any], separator: str = ",") -> str:
     """Columns as CSV text with all digits."""
-    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
+    lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]
     return "\n".join(lines) + "\n"
 
 

@@ -43,11 +43,9 @@ MOMENTS = [BEGIN + k * STEP for k in range(COUNT)]
 ISO = [*map(FORMS["iso"], MOMENTS)]
 
 
-def text_of(stamps: list[str], header: str = "time", cells: dict[str, list[float]] = CELLS) -> str:
+def text_of(stamps: list[str], header: str = "time") -> str:
     """A log with such stamps, between semicolons."""
-    rows = zip(stamps, *cells.values(), strict=True)
-    lines = [";".join([header, *cells]), *(";".join(map(str, row)) for row in rows)]
-    return "\n".join(lines) + "\n"
+    return csv_text({header: stamps, **CELLS}, ";")
 
 
 def read(folder: Path, stamps: list[str], header: str = "time") -> Log:

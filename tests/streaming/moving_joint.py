@@ -2,6 +2,7 @@
 
 from dataclasses import fields, is_dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from flexid.identification.result import Identification
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 from flexid.streaming.options import StreamChannels, WatchOptions, options_of_stream
-from flexid.streaming.session import Session
+from flexid.streaming.session import Follower, Session
 
 TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 """Huang (2003), Table I, and the inverse of the motor's inertia."""
@@ -79,6 +80,20 @@ def watched(samples: np.ndarray, options: WatchOptions = OPTIONS) -> Session:
     return session
 
 
+def log_text(samples: np.ndarray, *columns: int) -> str:
+    """A log of some columns of samples; numbers come back as they were."""
+    names = ("time", "link_position", "motor_position", "motor_torque")
+    rows = [",".join(map(repr, row)) for row in samples[:, columns].tolist()]
+    return "\n".join([",".join(names[column] for column in columns), *rows, ""])
+
+
+def followed(path: Path, chosen: dict[str, Any] | None = None, **options: Any) -> Follower:
+    """Who followed a log to its end."""
+    follower = Follower(str(path), chosen or CHOSEN, stop_at_end=True, **options)
+    assert sum(follower.turns(1.0)) > 0
+    return follower
+
+
 def errors(session: Session, truth=None) -> np.ndarray:
     """Relative errors of the coefficients."""
     right = np.array(list((truth or TRUTH).values()))
@@ -94,7 +109,7 @@ def all_hold(session: Session, truth=None) -> bool:
     )
 
 
-def same(one: Session, other: Session) -> bool:
+def same(one: Session | None, other: Session) -> bool:
     """Whether two sessions know the same of the drive, bit for bit."""
     return all(_plain(getattr(one, name)) == _plain(getattr(other, name)) for name in _KNOWN)
 

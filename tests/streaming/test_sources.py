@@ -5,12 +5,10 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
-from moving_joint import CHOSEN, same, stream, watched
+from moving_joint import LINK, MOTOR, TIME, TORQUE, followed, log_text, same, stream, watched
 
 from flexid.errors import RecordingError
-from flexid.streaming.session import Follower
 from flexid.streaming.sources import Source, open_source
 
 LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]
@@ -79,19 +77,11 @@ def test_a_file_that_ends(log: Path):
     source.close()
 
 
-def text(samples: np.ndarray) -> str:
-    """A log of samples; numbers come back as they were."""
-    rows = [",".join(map(repr, row)) for row in samples.tolist()]
-    return "\n".join(["time,link_position,motor_position,motor_torque", *rows, ""])
-
-
 def test_a_last_line_without_an_end(tmp_path: Path):
     """Assert that half a sample is left out of what is learnt, with a warning."""
     samples, log = stream(3.0), tmp_path / "log.csv"
-    log.write_text(text(samples)[:-9])
-    follower = Follower(str(log), CHOSEN, stop_at_end=True)
-    list(follower.turns(1.0))
-    assert follower.session is not None
+    log.write_text(log_text(samples, TIME, LINK, MOTOR, TORQUE)[:-9])
+    follower = followed(log)
     assert same(follower.session, watched(samples[:-1]))
     assert "half a sample" in follower.warnings[-1]
 

@@ -12,6 +12,8 @@ from moving_joint import (
     TRUTH,
     H,
     all_hold,
+    followed,
+    log_text,
     same,
     stream,
     torque,
@@ -22,7 +24,6 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
-from flexid.streaming.session import Follower
 
 OPTIONS = WatchOptions(H, ("gravity",), "link")
 DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")
@@ -60,11 +61,7 @@ def test_damping_is_found():
 def test_a_log_without_a_torque_is_followed(tmp_path: Path):
     """Assert that the columns decide, and that --model link leaves a torque aside."""
     for columns, model in (([TIME, LINK, MOTOR], "auto"), ([TIME, LINK, MOTOR, TORQUE], "link")):
-        names = np.array(["time", "link_position", "motor_position", "motor_torque"])[columns]
-        rows = [",".join(map(repr, row)) for row in stream(2.0)[:, columns].tolist()]
-        (tmp_path / "log.csv").write_text("\n".join([",".join(names), *rows, ""]))
+        (tmp_path / "log.csv").write_text(log_text(stream(2.0), *columns))
         chosen = {"terms": OPTIONS.terms, "sample_time": H, "kind": model}
-        follower = Follower(str(tmp_path / "log.csv"), chosen, stop_at_end=True)
-        list(follower.turns(1.0))
-        assert follower.session is not None
-        assert same(follower.session, watched(motion(2.0), OPTIONS))
+        session = followed(tmp_path / "log.csv", chosen).session
+        assert same(session, watched(motion(2.0), OPTIONS))
