@@ -36,8 +36,7 @@ def test_units_are_those_of_the_estimate(result):
     """Assert that inputs have the unit that the log had, and coefficients theirs."""
     units = request_of_identification(result).units
     assert (units["u"], units["theta2"], units["beta1"]) == ("N m", "1/s^2", "rad/s^2/(N m)")
-    gain = dataclasses.replace(result.coefficients["beta1"], unit="rad/s^2/A")
-    current = dataclasses.replace(result, coefficients=result.coefficients | {"beta1": gain})
+    current = doubted(result, "beta1", unit="rad/s^2/A")
     assert request_of_identification(current).units["u"] == "A"
 
 

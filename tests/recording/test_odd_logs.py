@@ -48,6 +48,8 @@ LABELS = (
 HUNDREDTHS = {n: 100.0 * v if "position" in n else v for n, v in DEGREES.items()}
 HEADERS = {  # of columns in SI
     "topics of states": "__time,/link/joint_states/pos,/motor/joint_states/pos,/js/effort",
+    "round brackets": "time (s),link_position(rad),motor_position,motor_torque (N m)",
+    "capitals and blanks": "TIME,Link position [RAD],MotorPosition,Motor-Torque (Nm)",
     "a control input": "t,q_l,q_m,u_Nm",
     "functions of time": "t,q_l(t),q_m(t),tau(t)",
     "blanks that do not break": "time,link\u00a0position\u00a0[rad],motor\u00a0position,"

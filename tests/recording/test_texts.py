@@ -77,18 +77,6 @@ def below(line: str) -> joint_log.Change:
     return lambda text: text.replace("\n", f"\n{line}\n", 1)
 
 
-def named(**names: str) -> joint_log.Change:
-    """Rename columns."""
-
-    def change(text: str) -> str:
-        header, _, body = text.partition("\n")
-        for old, new in names.items():
-            header = header.replace(old, new)
-        return f"{header}\n{body}"
-
-    return change
-
-
 def tabbed(text: str) -> str:
     """Tabs for commas."""
     return text.replace(",", "\t")
@@ -143,21 +131,13 @@ READ: dict[str, joint_log.Change] = {
     "the same with blanks": lambda text: "# " + text.replace(",", " "),
     "comments before the header": lambda text: "# made by hand, at 200 Hz\n%\n// x\n" + text,
     "comment below the header": below("# now the numbers"),
-    "units below the names": below(UNITS),
     "units in brackets below the names": below("[s],(rad),(rad),(Nm)"),
-    "units in a comment": below("# " + UNITS),
     "only the units that matter": below("s,,,Nm"),
     "units in semicolons": lambda text: german(below(UNITS)(text)),
-    "units in round brackets": named(
-        time="time (s)", link_position="link_position(rad)", motor_torque="motor_torque (N m)"
-    ),
     "a preamble": lambda text: PREAMBLE + below(UNITS)(text),
     "units that convert": lambda text: below("us,rad,rad,N m")(rows(scaled)(text)),
     **dict.fromkeys(IN_DEGREES, degrees),
     "carriage returns alone": lambda text: text.replace("\n", "\r"),
-    "capitals": named(time="TIME", link_position="Link_Position", motor_position="MotorPosition"),
-    "blanks in names": named(link_position="Link position", motor_torque="Motor-Torque (Nm)"),
-    "capitals in units": named(link_position="link_position [RAD]"),
 }
 
 
