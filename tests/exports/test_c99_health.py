@@ -168,10 +168,7 @@ def test_a_rest_contradicts_nothing(drive):
 
 
 def test_a_gap_brings_no_noise_of_its_own(drive):
-    """Assert that, with noise, estimates after many gaps are as good as the samples allow.
-
-    The filter begins at rest after each, and would take the first noise for a motion.
-    """
+    """Assert that estimates after many gaps, at which the filter begins, are right with noise."""
     samples = measured(motion(12.0))
     noise = np.random.default_rng(4).normal(0.0, 1e-4, samples.shape) * [1.0, 1.0, 0.0]
     estimation = drive()

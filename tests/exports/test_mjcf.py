@@ -200,10 +200,7 @@ def played(scene, torque: np.ndarray, sample_time: float) -> np.ndarray:
 
 
 def test_the_example_goes_round(example_estimate, examples, tmp_path):
-    """Assert that the scene, played the log's torque, is as far off as the fit itself.
-
-    The log begins at rest. Its encoders' noise is 1e-4 rad, and rounded to 16 bits.
-    """
+    """Assert that the scene, played the log's torque from rest, is as far off as the fit itself."""
     (scene,), warnings = export(example_estimate, to="mjcf", out=tmp_path / "scene")
     log = read_log(examples / "flexible_joint.csv")
     (recorded,) = log.recordings
@@ -226,9 +223,7 @@ def test_the_command_writes_the_same(example_estimate, document, tmp_path, flexi
 
 
 def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
-    """Assert that a friction that remembers its path becomes one of the tendon, and is refused
-    where there is no place for it.
-    """
+    """Assert that a friction that remembers its path is one of the tendon, or is refused."""
     found = document["coefficients"]
     for name in ("theta_hysteresis", "alpha_hysteresis", "hysteresis_grip"):
         found[name] = found["alpha2"] | {"name": name}

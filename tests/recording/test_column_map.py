@@ -101,13 +101,10 @@ MAPS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
 
 @pytest.mark.parametrize("name", MAPS)
 def test_maps_give_the_log(name: str) -> None:
-    """Assert that the channels are those of the log, and the origins the formula that they are by.
-
-    With a map, columns that are not used are no surprise.
-    """
+    """Assert that the channels are those of the log, and that origins are their formulas."""
     columns, column_map = MAPS[name]
     log = read_columns(columns, column_map)
-    assert log.warnings == ()
+    assert log.warnings == ()  # with a map, columns that are not used are no surprise
     (recording,) = log.recordings
     found = {**{one: getattr(recording, one) for one in COLUMNS if one != "motor_torque"}}
     found["motor_torque"] = recording.input

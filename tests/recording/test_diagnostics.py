@@ -170,10 +170,7 @@ BEGINNING = CLEAN[TORQUE] * (np.arange(COUNT) < 50)
     [*((np.roll(CLEAN[TORQUE], n), d) for n, d in LATE.items()), (BEGINNING, "")],
 )
 def test_an_input_that_is_far_off_in_time(torque: FloatArray, delay: str):
-    """Assert that a delay that no fit seeks is named to a sample, and one that is sought is not.
-
-    Nothing is said where the input acts at the beginning alone.
-    """
+    """Assert that a delay that no fit seeks is named to a sample, and no other one."""
     log = changed(torque=lambda _: torque)
     assert log.warnings == ()
     found = [*late_input(log.recordings[0])]

@@ -47,11 +47,7 @@ def test_inputs_do_not_overshoot():
 
 
 def test_a_fast_input_acts_by_its_mean():
-    """Assert that the impulse of a noisy torque is kept, which single samples of it miss.
-
-    The torque is held for a millisecond, ten of which are a sample of the slower clock: a sum of
-    samples is off by the sum of so many independent numbers.
-    """
+    """Assert that the impulse of a noisy torque is kept, which one in ten of its samples misses."""
     fast = 0.001 * np.arange(1000.0)
     noise = np.random.default_rng(4).normal(size=len(fast))
     impulse = 0.001 * np.cumsum(noise)

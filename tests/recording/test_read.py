@@ -153,25 +153,22 @@ def test_a_switched_input_does_not_overshoot() -> None:
     assert np.isfinite(read_columns(columns).recordings[0].needed_input).all()
 
 
-@pytest.mark.parametrize("rate", [300.0, 400.0, 450.0, 600.0, 900.0, 970.0, 995.0, 1500.0, 2000.0])
-def test_whole_milliseconds_are_even(rate: float) -> None:
-    """Assert that times that fit an even grid but for their last digit are taken for even.
-
-    No sample is changed; interpolated to even times, positions would be 1e-3 rad off.
-    """
-    columns = joint_columns(sample_time=1.0 / rate)
-    columns["time"] = np.round(columns["time"], 3)
-    log = read_columns(columns)
-    (recording,) = log.recordings
-    assert recording.sample_time == pytest.approx(1.0 / rate, rel=1e-4)
-    np.testing.assert_array_equal(recording.link_position, columns["link_position"])
-    (warning,) = log.warnings
-    assert_words("rounded to 1 ms; they fit even steps.*write the time with more digits", warning)
-
-
 def coarse(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """The same in whole milliseconds."""
     return {**columns, "time": np.round(columns["time"], 3)}
+
+
+@pytest.mark.parametrize("rate", [300.0, 400.0, 450.0, 600.0, 900.0, 970.0, 995.0, 1500.0, 2000.0])
+def test_whole_milliseconds_are_even(rate: float) -> None:
+    """Assert that times that fit an even grid but for their last digit are taken for even."""
+    columns = coarse(joint_columns(sample_time=1.0 / rate))
+    log = read_columns(columns)
+    (recording,) = log.recordings
+    assert recording.sample_time == pytest.approx(1.0 / rate, rel=1e-4)
+    # Interpolated to even times, positions would be 1e-3 rad off.
+    np.testing.assert_array_equal(recording.link_position, columns["link_position"])
+    (warning,) = log.warnings
+    assert_words("rounded to 1 ms; they fit even steps.*write the time with more digits", warning)
 
 
 COLUMNS = joint_columns()

@@ -93,10 +93,7 @@ def test_a_stream_takes_model_and_filter_of_the_estimate(result):
 
 
 def test_terms_and_filter_are_those_of_the_joint():
-    """Assert that a rigid joint has its own terms, which other joints' names may mean.
-
-    A filter that the samples are too few for is slowed.
-    """
+    """Assert that a rigid joint has its own terms, which other names may mean; filters are slow."""
     assert options_of(kind="rigid").terms == ("gravity", "viscous", "coulomb")
     options = options_of(kind="rigid", terms=("motor_viscous", "viscous_asymmetry"))
     assert options.terms == ("viscous", "viscous_asymmetry")

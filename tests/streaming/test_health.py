@@ -90,11 +90,7 @@ WITH_COULOMB = WatchOptions(H, ("gravity", "motor_viscous", "motor_coulomb"), ho
 
 @pytest.mark.parametrize(("noise", "expected"), [(3.0, "determined"), (30.0, "undetermined")])
 def test_a_friction_that_is_not_there_is_judged_by_what_it_could_do(noise, expected):
-    """Assert that of a friction whose interval holds zero its share of the acceleration decides.
-
-    It is determined to be as small as it is where half its interval, in rad/s², is a small part of
-    the motor's acceleration, as in an identification, and not otherwise.
-    """
+    """Assert that of a friction whose interval holds zero its share of the acceleration decides."""
     samples = stream(3.0)
     acceleration = np.gradient(np.gradient(samples[::25, MOTOR], 25 * H), 25 * H)
     rng = np.random.default_rng(2)
