@@ -156,7 +156,7 @@ def test_nothing_it_is_given_breaks_it(units, tmp_path):
 
 
 def opened(unit, folder, guid=None):
-    """An initialised instance of an FMU, its value references by name, and two functions of reals."""
+    """An initialised instance of an FMU, its value references by name, and two functions."""
     fmpy.extract(str(unit), str(folder))
     described = fmpy.read_model_description(str(unit))
     kinds = {"2.0": FMU2Slave, "3.0": FMU3Slave}

@@ -16,31 +16,17 @@ COLUMNS = without(joint_columns(100), "velocity")
 SIGNALS = without(COLUMNS, "time")
 
 
-def hdf5(path: Path, arrays: dict[str, Any], **attributes: object) -> Path:
-    """Arrays by path, and attributes of each."""
+def hdf5(path: Path, arrays: dict[str, Any]) -> Path:
+    """Arrays by path."""
     with h5py.File(path, "w") as file:
         for name, values in arrays.items():
             file[name] = values
-            file[name].attrs.update(attributes)
     return path
 
 
-def matlab(path: Path, variables: dict[str, Any], **form: Any) -> Path:
-    """Variables of a MATLAB file of version 4 or 5."""
-    savemat(path, variables, **form)
-    return path
-
-
-def numpy_archive(path: Path, **arrays: Any) -> Path:
-    """Arrays of NumPy by name."""
-    np.savez(path, **arrays)
-    return path
-
-
-def parquet(path: Path, *columns: Any) -> Path:
+def parquet(path: Path, *columns: Any) -> None:
     """Columns of a Parquet file, made of the log's."""
     pl.DataFrame(COLUMNS).select(*columns).write_parquet(path)
-    return path
 
 
 def signal(name: str, values: Any, time: Any = COLUMNS["time"], unit: str = "") -> Signal:
@@ -48,13 +34,12 @@ def signal(name: str, values: Any, time: Any = COLUMNS["time"], unit: str = "") 
     return Signal(values, time, name=name, unit=unit)
 
 
-def mdf(path: Path, *groups: Iterable[Signal], version: str = "4.10") -> Path:
+def mdf(path: Path, *groups: Iterable[Signal], version: str = "4.10") -> None:
     """A file of groups, each with a clock of its own."""
     with MDF(version=version) as file:
         for number, group in enumerate(groups):
             file.append([*group], acq_name=f"task{number}", common_timebase=True)
         file.save(path, overwrite=True)
-    return path
 
 
 def in_groups() -> tuple[list[Signal], ...]:
@@ -77,14 +62,14 @@ MATRIX = np.column_stack([*COLUMNS.values()])
 RECORDS = np.rec.fromarrays([*COLUMNS.values()], names=",".join(COLUMNS))  # pyright: ignore[reportArgumentType, reportCallIssue]
 OBJECTS = np.array([{}], dtype=object)
 GROUP = {f"run/1/{name}": values for name, values in COLUMNS.items()}
-WRITERS: dict[str, tuple[str, Callable[[Path], Path]]] = {
+WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "Parquet": ("a.parquet", lambda p: parquet(p, pl.all())),
-    "NumPy, one of objects": ("a.npz", lambda p: numpy_archive(p, **COLUMNS, note=OBJECTS)),
-    "NumPy, records": ("a.npz", lambda p: numpy_archive(p, run=RECORDS)),
-    "NumPy, matrix": ("log.npy", lambda p: (np.save(p, MATRIX), p)[1]),
-    "MATLAB 4": ("a.mat", lambda p: matlab(p, {**COLUMNS, "note": "hello"}, format="4")),
-    "MATLAB 5": ("a.mat", lambda p: matlab(p, COLUMNS, do_compression=True, oned_as="row")),
-    "MATLAB, struct": ("a.mat", lambda p: matlab(p, {"run": COLUMNS, "gain": 3.0})),
+    "NumPy, one of objects": ("a.npz", lambda p: np.savez(p, **COLUMNS, note=OBJECTS)),
+    "NumPy, records": ("a.npz", lambda p: np.savez(p, run=RECORDS)),
+    "NumPy, matrix": ("log.npy", lambda p: np.save(p, MATRIX)),
+    "MATLAB 4": ("a.mat", lambda p: savemat(p, {**COLUMNS, "note": "hello"}, format="4")),
+    "MATLAB 5": ("a.mat", lambda p: savemat(p, COLUMNS, do_compression=True, oned_as="row")),
+    "MATLAB, struct": ("a.mat", lambda p: savemat(p, {"run": COLUMNS, "gain": 3.0})),
     "MATLAB 7.3": ("a.mat", lambda p: matlab_73(p, COLUMNS)),
     "HDF5": ("a.h5", lambda p: hdf5(p, GROUP)),
     "MDF 4": ("a.mf4", lambda p: mdf(p, *in_groups())),
@@ -93,9 +78,9 @@ WRITERS: dict[str, tuple[str, Callable[[Path], Path]]] = {
     "ROS 1, bz2": ("a.bag", lambda p: bag1(p, COLUMNS, "BZ2")),
     "ROS 1, lz4": ("a.bag", lambda p: bag1(p, COLUMNS, "LZ4")),
     "ROS 2, folder": ("log", lambda p: bag2(p, COLUMNS)),
-    "ROS 2, database": ("log", lambda p: bag2(p, COLUMNS) / "log.db3"),
+    "ROS 2, database": ("log/log.db3", lambda p: bag2(p.parent, COLUMNS)),
     "ROS 2, MCAP in a folder": ("log", lambda p: bag2(p, COLUMNS, "MCAP")),
-    "ROS 2, MCAP": ("log", lambda p: bag2(p, COLUMNS, "MCAP") / "log.mcap"),
+    "ROS 2, MCAP": ("log/log.mcap", lambda p: bag2(p.parent, COLUMNS, "MCAP")),
     "MCAP, NONE": ("a.mcap", lambda p: mcap(p, measured())),
     "MCAP, LZ4": ("a.mcap", lambda p: mcap(p, measured(), "LZ4")),
     "MCAP, ZSTD": ("a.mcap", lambda p: mcap(p, measured(), "ZSTD")),
@@ -113,4 +98,5 @@ MAPS: dict[str, dict[str, object]] = {
 def log_file(folder: Path, form: str) -> Path:
     """The log in a format."""
     name, write = WRITERS[form]
-    return write(folder / name)
+    write(folder / name)
+    return folder / name

@@ -42,7 +42,8 @@ def test_channels_are_the_same_bits(name: str, tmp_path: Path):
 def test_parts_are_the_whole(name: str, tmp_path: Path):
     """Assert that a file is read in parts, of one clock or of two, as it is at once."""
     file, write = IN_PARTS[name]
-    path, column_map = write(tmp_path / file), log_files.TORQUE if "MCAP" in name else None
+    path, column_map = tmp_path / file, log_files.TORQUE if "MCAP" in name else None
+    write(path)
     parts = [table.frame for table in tables_of_file(path, column_map, 30)]
     assert [part.height for part in parts[:2]] == [30, 30]
     assert pl.concat(parts).equals(table_of_file(path, column_map).frame)

@@ -17,14 +17,13 @@ from log_files import (
     hdf5,
     in_groups,
     log_file,
-    matlab,
     mdf,
     measured,
-    numpy_archive,
     parquet,
     signal,
 )
 from rosbags.typesys.store import Typestore
+from scipy.io import savemat
 
 from flexid.readers import guard, ros
 from flexid.recording import read_log
@@ -34,6 +33,7 @@ TIME, LINK, MOTOR, INPUT = COLUMNS.values()
 BOTH = np.stack([MOTOR, LINK], axis=1)
 ENCODERS = in_groups()[0]
 FAST = np.arange(0.0, 0.5, 0.001)
+Write = Callable[[Path], object]
 
 
 def with_units(path: Path) -> None:
@@ -51,7 +51,7 @@ def table_and_matrices(path: Path) -> None:
     hdf5(path, {"table": table, "q": BOTH, "p": BOTH.T})
 
 
-def runs(*names: str) -> Callable[[Path], object]:
+def runs(*names: str) -> Write:
     """The log in groups of an HDF5 file, with a picture beside it."""
     arrays = {f"{group}/{name}": values for group in names for name, values in COLUMNS.items()}
     others = {"picture": np.zeros((200, 300), dtype=np.uint8), "note": "hello"}
@@ -77,14 +77,21 @@ def much_of_nothing(path: Path) -> None:
             file.create_dataset(name, (10**12,), "f8", chunks=(1000,))
 
 
-def of_type(kind: int) -> Callable[[Path], object]:
+def edited(write: Write, change: Callable[[bytes], bytes]) -> Write:
+    """A file of other bytes."""
+
+    def written(path: Path) -> None:
+        write(path)
+        path.write_bytes(change(path.read_bytes()))
+
+    return written
+
+
+def of_type(kind: int) -> Write:
     """An element of a type that is none, of which SciPy crashes."""
     double = (9).to_bytes(4, "little") + (800).to_bytes(4, "little")
-    return lambda path: path.write_bytes(
-        matlab(path, {"run": COLUMNS})
-        .read_bytes()
-        .replace(double, kind.to_bytes(4, "little") + double[4:])
-    )
+    other = kind.to_bytes(4, "little") + double[4:]
+    return edited(lambda p: savemat(p, {"run": COLUMNS}), lambda raw: raw.replace(double, other))
 
 
 def invalid(path: Path) -> None:
@@ -94,12 +101,12 @@ def invalid(path: Path) -> None:
     mdf(path, [*ENCODERS, torque])
 
 
-def changed(change: Callable[[bytes], bytes]) -> Callable[[Path], object]:
+def changed(change: Callable[[bytes], bytes]) -> Write:
     """An MDF file of other bytes."""
-    return lambda path: path.write_bytes(change(mdf(path, ENCODERS).read_bytes()))
+    return edited(lambda p: mdf(p, ENCODERS), change)
 
 
-def out_of_order(by: int) -> Callable[[Path], object]:
+def out_of_order(by: int) -> Write:
     """A message that others overtook."""
     messages = measured()
     messages.insert(20 + 2 * by, messages.pop(20))
@@ -113,30 +120,22 @@ def without_a_number(path: Path) -> None:
     mcap(path, messages)
 
 
-def damaged(form: str, place: int, size: int) -> Callable[[Path], object]:
+def damaged(form: str, place: int, size: int) -> Write:
     """A first record of 900 MB, by what the file says."""
+    large = (900_000_000).to_bytes(size, "little")
+    return edited(
+        lambda path: log_file(path.parent, form).rename(path),
+        lambda raw: raw[:place] + large + raw[place + size :],
+    )
 
-    def write(path: Path) -> None:
-        raw = log_file(path.parent, form).read_bytes()
-        path.write_bytes(raw[:place] + (900_000_000).to_bytes(size, "little") + raw[place + size :])
 
-    return write
-
-
-def promising(count: int) -> Callable[[Path], object]:
+def promising(count: int) -> Write:
     """A page that promises 2^61 values in the place of 100, which ends Polars."""
     value = (count << 1) ^ (count >> 63)  # as Thrift writes it
     other = bytes([value & 127 | 128, value >> 7 & 127])
-    draw = np.random.default_rng(1)
-    table = pl.DataFrame(
-        {name: draw.normal(size=100) for name in ("time", "motor_position", "tau")}
-    )
-
-    def write(path: Path) -> None:
-        table.write_parquet(path)
-        path.write_bytes(path.read_bytes().replace(bytes([0xC8, 0x01]), other, 1))
-
-    return write
+    values = np.random.default_rng(1).normal(size=(3, 100))
+    table = pl.DataFrame(dict(zip(("time", "motor_position", "tau"), values, strict=True)))
+    return edited(table.write_parquet, lambda raw: raw.replace(bytes([0xC8, 0x01]), other, 1))
 
 
 MISSING = pl.when(pl.col("time") > 0.0).then("time").alias("time")
@@ -161,15 +160,15 @@ FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "no rows": ("a.parquet", lambda p: parquet(p, pl.all().head(0))),
     "much that is not read": ("a.parquet", lambda p: parquet(p, pl.all(), BIG)),
     **{f"a page of {count}": ("a.parquet", promising(count)) for count in (-1, 63, 127)},
-    "durations": ("a.npz", lambda p: numpy_archive(p, **{**COLUMNS, "time": DURATIONS})),
-    "times": ("a.npz", lambda p: numpy_archive(p, **{**COLUMNS, "time": MOMENTS})),
-    "a matrix": ("a.mat", lambda p: matlab(p, {"t": TIME, "q": BOTH, "s": STRUCTS})),
-    "its columns": ("a.mat", lambda p: matlab(p, {"t": TIME, "q": BOTH, "s": {"tau": 3 * MOTOR}})),
+    "durations": ("a.npz", lambda p: np.savez(p, **{**COLUMNS, "time": DURATIONS})),
+    "times": ("a.npz", lambda p: np.savez(p, **{**COLUMNS, "time": MOMENTS})),
+    "a matrix": ("a.mat", lambda p: savemat(p, {"t": TIME, "q": BOTH, "s": STRUCTS})),
+    "its columns": ("a.mat", lambda p: savemat(p, {"t": TIME, "q": BOTH, "s": {"tau": 3 * MOTOR}})),
     "one of MATLAB 7.3": ("a.mat", lambda p: matlab_73(p, {"t": TIME, "q": BOTH.T})),
-    "another length": ("a.mat", lambda p: matlab(p, {**COLUMNS, "motor_torque": INPUT[:50]})),
-    "no signals": ("a.mat", lambda p: matlab(p, {"note": "hello", "gain": 3.0})),
+    "another length": ("a.mat", lambda p: savemat(p, {**COLUMNS, "motor_torque": INPUT[:50]})),
+    "no signals": ("a.mat", lambda p: savemat(p, {"note": "hello", "gain": 3.0})),
     **{f"type {kind}": ("a.mat", of_type(kind)) for kind in (0, 99, 2**15, 2**31 - 1)},
-    "MATLAB by another name": ("a.csv", lambda p: matlab(p, COLUMNS, appendmat=False)),
+    "MATLAB by another name": ("a.csv", lambda p: savemat(p, COLUMNS, appendmat=False)),
     "units of HDF5": ("a.hdf5", with_units),
     "a table": ("a.h5", table_and_matrices),
     "a matrix in columns": ("a.h5", table_and_matrices),
@@ -234,13 +233,15 @@ def test_invalid_samples_of_a_part(tmp_path: Path) -> None:
 
 def test_a_bomb_of_matlab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that what unpacks, or claims to, to more than a limit is refused."""
-    path = matlab(tmp_path / "4.mat", {"time": np.arange(100.0)}, format="4")
-    raw = bytearray(path.read_bytes())
-    raw[4:12] = (100_000).to_bytes(4, "little") * 2
-    path.write_bytes(raw)
-    refused(read_log, path)
+    size = (100_000).to_bytes(4, "little") * 2
+    claim = edited(
+        lambda p: savemat(p, {"time": np.arange(100.0)}, format="4"),
+        lambda raw: raw[:4] + size + raw[12:],
+    )
+    claim(tmp_path / "4.mat")
+    refused(read_log, tmp_path / "4.mat")
     monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=300_000_000))
-    matlab(tmp_path / "log.mat", {"zeros": np.zeros(40_000_000)}, do_compression=True)
+    savemat(tmp_path / "log.mat", {"zeros": np.zeros(40_000_000)}, do_compression=True)
     assert (tmp_path / "log.mat").stat().st_size < 1_000_000
     assert "more memory or time than it may have" in refused(read_log, tmp_path / "log.mat")
 
