@@ -60,11 +60,11 @@ def measured(delay: int = 0) -> list[Message]:
 
 MATRIX = np.column_stack([*COLUMNS.values()])
 RECORDS = np.rec.fromarrays([*COLUMNS.values()], names=",".join(COLUMNS))  # pyright: ignore[reportArgumentType, reportCallIssue]
-OBJECTS = np.array([{}], dtype=object)
+ARRAYS: dict[str, Any] = {**COLUMNS, "note": np.array([{}], dtype=object)}
 GROUP = {f"run/1/{name}": values for name, values in COLUMNS.items()}
 WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "Parquet": ("a.parquet", lambda p: parquet(p, pl.all())),
-    "NumPy, one of objects": ("a.npz", lambda p: np.savez(p, **COLUMNS, note=OBJECTS)),
+    "NumPy, one of objects": ("a.npz", lambda p: np.savez(p, **ARRAYS)),
     "NumPy, records": ("a.npz", lambda p: np.savez(p, run=RECORDS)),
     "NumPy, matrix": ("log.npy", lambda p: np.save(p, MATRIX)),
     "MATLAB 4": ("a.mat", lambda p: savemat(p, {**COLUMNS, "note": "hello"}, format="4")),

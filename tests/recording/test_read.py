@@ -117,7 +117,7 @@ def late_stamps(kind: str, steps: float) -> FloatArray:
     """Times of 2000 samples that are even, and are stamped too late: sometimes by steps."""
     rng = np.random.default_rng(8)
     late = rng.uniform(0.0, steps, 2000) if kind == "uniform" else rng.exponential(steps, 2000)
-    return np.sort(0.005 * (np.arange(2000) + np.minimum(late, 3.0)))
+    return np.sort(0.005 * (np.arange(2000) + np.minimum(late, 3.0))).astype(np.float64)
 
 
 @pytest.mark.parametrize(
