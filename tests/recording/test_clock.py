@@ -24,11 +24,12 @@ from flexid.streaming.incoming import Replay
 COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz: 1.7e9 s as a number would be 0.1 % off
 BEGIN = datetime(2024, 5, 1, 23, 59, 59, 950_000, tzinfo=UTC)  # midnight is among them
 COLUMNS = joint_columns(COUNT, STEP.total_seconds())
+HOUR = timedelta(hours=1)
 CELLS = {name: values.tolist() for name, values in COLUMNS.items() if name != "time"}
 FORMS: dict[str, Callable[[datetime], str]] = {
     "iso": lambda t: t.isoformat(),  # leaves the fraction out where it is zero
     "iso, Z": lambda t: t.isoformat().replace("+00:00", "Z"),
-    "iso, summer": lambda t: (t + timedelta(hours=2)).isoformat().replace("+00:00", "+0200"),
+    "iso, summer": lambda t: (t + 2 * HOUR).isoformat().replace("+00:00", "+0200"),
     "blank": lambda t: f"{t:%Y-%m-%d %H:%M:%S.%f}",
     "blank, UTC": lambda t: f"{t:%Y-%m-%d %H:%M:%S.%f} UTC",
     "comma": lambda t: f"{t:%Y-%m-%dT%H:%M:%S,%f}",
@@ -46,11 +47,6 @@ ISO = [*map(FORMS["iso"], MOMENTS)]
 def text_of(stamps: list[str], header: str = "time") -> str:
     """A log with such stamps, between semicolons."""
     return csv_text({header: stamps, **CELLS}, ";")
-
-
-def read(folder: Path, stamps: list[str], header: str = "time") -> Log:
-    """A log with such stamps, from a file."""
-    return read_log(written(folder, text_of(stamps, header)))
 
 
 def assert_is_the_log(log: Log) -> None:
@@ -103,9 +99,8 @@ def test_times_are_seconds_from_the_first(tmp_path: Path, name: str):
     assert_is_the_log(read_log(written(tmp_path, text), column_map))
 
 
-LATE = [t + timedelta(hours=13) * (k >= 200) for k, t in enumerate(MOMENTS)]
-HOUR = timedelta(hours=1)
-DECIMALS = [f"1714557600.{k:04d}" for k in range(COUNT)]
+LATE = [t + 13 * HOUR * (k >= 200) for k, t in enumerate(MOMENTS)]
+DECIMALS = [f"{1_714_557_600 + k // 5_000}.{2 * (k % 5_000):04d}" for k in range(COUNT)]
 
 
 def with_eighth(stamps: list[str], cell: str) -> list[str]:
@@ -141,13 +136,10 @@ NONE_IS_READ: dict[str, list[Any]] = {
 }
 
 
-COMPUTED: tuple[dict[str, object], ...] = (
-    *(
-        {"column": "time", key: value}
-        for key, value in (("scale", 2), ("offset", 1), ("unit", "ms"))
-    ),
+COMPUTED: list[dict[str, object]] = [
+    *({"column": "time", **one} for one in ({"scale": 2}, {"offset": 1}, {"unit": "ms"})),
     {"sum": ["time", "motor_torque"]},
-)
+]
 
 
 def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch):
@@ -156,7 +148,7 @@ def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.
 
     def log(stamps: list[Any]) -> Log:
         if isinstance(stamps[0], str):
-            return read(Path(), stamps)
+            return read_log(written(Path(), text_of(stamps)))
         return log_of_table(table_of_frame(pl.DataFrame({"time": stamps} | CELLS)))
 
     found = {name: said(log, stamps) for name, stamps in NONE_IS_READ.items()}
@@ -169,7 +161,6 @@ def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.
 
 TIMES = pl.Series("time", MOMENTS)
 TICKS = [int(tick) for tick in since_1970(0)]
-DECIMAL = [f"{1_714_557_600 + k // 5_000}.{2 * (k % 5_000):04d}" for k in range(COUNT)]
 TYPES = {
     "nanoseconds": TIMES.dt.replace_time_zone(None).cast(pl.Datetime("ns")),
     "microseconds": TIMES.dt.replace_time_zone(None),
@@ -177,7 +168,7 @@ TYPES = {
     "times of day": TIMES.dt.time(),
     "durations": TIMES - MOMENTS[0],
     "text": TIMES.dt.to_string("iso"),
-    "decimals": pl.Series("time", DECIMAL).cast(pl.Decimal(18, 6)),
+    "decimals": pl.Series("time", DECIMALS).cast(pl.Decimal(18, 6)),
     "whole ns": pl.Series("time [ns]", TICKS),
     "whole us": pl.Series("time [us]", [tick // 1000 for tick in TICKS]),
 }

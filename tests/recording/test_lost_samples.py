@@ -8,10 +8,10 @@ from flexid.recording.outliers import _usual, counted_anew, counted_on, lost_sam
 STEP = 0.01
 
 
-def motion(noise: float, seed: int = 1) -> np.ndarray:
+def motion(noise: float, seed: int = 1, rate: float = 100.0) -> np.ndarray:
     """Positions of a link and a motor that swing, shape (2, 3000), in rad."""
     rng = np.random.default_rng(seed)
-    time = STEP * np.arange(3000)
+    time = np.arange(3000) / rate
     motor = 0.8 * np.sin(3.0 * time) + 0.3 * np.sin(7.1 * time + 1.0)
     link = motor + 0.02 * np.sin(3.0 * time + 0.3)
     return np.stack([link, motor]) + noise * rng.standard_normal((2, len(time)))
@@ -89,10 +89,7 @@ def test_a_clock_that_was_read_is_left_alone():
 def coarse(rate: float, lost: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     """Times in hundredths of a second, and the positions, of a motion without some samples."""
     kept = np.setdiff1d(np.arange(3000), lost)
-    time = kept / rate
-    motor = 0.8 * np.sin(3.0 * time) + 0.3 * np.sin(7.1 * time + 1.0)
-    noise = 1e-4 * np.random.default_rng(3).standard_normal((2, len(time)))
-    return np.round(time, 2), [0.5 * motor + noise[0], motor + noise[1]]
+    return np.round(kept / rate, 2), [*motion(1e-4, 3, rate)[:, kept]]
 
 
 @pytest.mark.parametrize("lost", [[], [*range(20, 2900, 90)]])

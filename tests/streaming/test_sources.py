@@ -39,18 +39,12 @@ def test_a_file_that_grows(log: Path, source: Source):
     assert source.read() == LINES[1]
 
 
-def replaced(path: Path) -> None:
-    """Put another file in the place of one, as logs are rotated."""
-    path.rename(path.with_suffix(".1"))
-    path.touch()
-
-
 @pytest.mark.parametrize(
     "act",
     [
         lambda path: path.write_bytes(b"x\n"),
         lambda path: path.write_bytes(b"time,b\n0.1,4\n0.2,5\n0.3,6\n"),
-        replaced,
+        lambda path: (path.rename(path.with_suffix(".1")), path.touch()),  # as logs are rotated
     ],
     ids=["cut", "written again", "replaced"],
 )

@@ -60,27 +60,27 @@ def test_samples_are_those_of_the_log(tmp_path: Path, parts: int, lines: list[st
     np.testing.assert_allclose(samples, right, rtol=1e-12, atol=1e-15)
 
 
+BEGIN = datetime(2024, 5, 1, 23, 59, 59, 900_000, tzinfo=UTC)
+
+
+def stamped(form: str) -> list[str]:
+    """The rows with time stamps for numbers, over midnight."""
+    stamps = [(BEGIN + k * timedelta(milliseconds=2)).strftime(form) for k in range(len(ROWS))]
+    return [stamp + row[row.index(",") :] for stamp, row in zip(stamps, ROWS, strict=True)]
+
+
 @pytest.mark.parametrize("parts", [1, 40])
 def test_time_stamps_count_from_1970(parts: int):
     """Assert that they are read as in a log, and one that is none leaves its sample without."""
-    begin = datetime(2024, 5, 1, 23, 59, 59, 900_000, tzinfo=UTC)
-    stamps = [(begin + k * timedelta(milliseconds=2)).isoformat() for k in range(len(ROWS))]
-    stamps[250] = "2024-05-02"
-    rows = [stamp + row[row.index(",") :] for stamp, row in zip(stamps, ROWS, strict=True)]
+    rows = stamped("%Y-%m-%dT%H:%M:%S.%f+00:00")
+    rows[250] = f"2024-05-02{rows[250][rows[250].index(',') :]}"
     header = HEADER.replace("time [ms]", "time [UTC]")
     samples = samples_of("\n".join([header, *rows, ""]), parts)
-    right = begin.timestamp() + 2e-3 * np.arange(len(ROWS))
+    right = BEGIN.timestamp() + 2e-3 * np.arange(len(ROWS))
     right[250] = np.nan
     np.testing.assert_allclose(samples[:, 0], right, rtol=0.0, atol=1e-6)
     whole = samples_of("\n".join([HEADER, *ROWS, ""]))
     np.testing.assert_array_equal(samples[:, 1:], whole[:, 1:])
-
-
-def stamped(form: str) -> list[str]:
-    """The rows with time stamps for numbers."""
-    begin = datetime(2024, 5, 1, 21, 0, 0, tzinfo=UTC)
-    stamps = [(begin + k * timedelta(milliseconds=2)).strftime(form) for k in range(len(ROWS))]
-    return [stamp + row[row.index(",") :] for stamp, row in zip(stamps, ROWS, strict=True)]
 
 
 @pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%H:%M:%S.%f", ""])
