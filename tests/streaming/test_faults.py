@@ -1,7 +1,7 @@
 """One fault of a stream after the other, each on a joint whose truth is known."""
 
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,60 +31,48 @@ CLOSE = 0.004
 """Errors of eight seconds at 0.1 mrad, at most; without faults they are five times as small."""
 
 
-def damaged(damage) -> np.ndarray:
-    """The stream after something was done to it in place."""
+Change = tuple[Any, Any, float]  # rows, columns, and what is added there
+
+
+def displaced(*changes: Change) -> np.ndarray:
+    """The stream with something added in places."""
     samples = stream()
-    damage(samples)
+    for rows, columns, added in changes:
+        samples[rows, columns] += added
     return samples
 
 
-def nothing(samples: np.ndarray) -> None:
-    """A clean stream."""
-
-
-def not_numbers(samples: np.ndarray) -> None:
-    """Values that are missing, infinite or absurd."""
-    samples[500::700, LINK] = np.nan
-    samples[900::700, TORQUE] = np.inf
-    samples[1100, MOTOR] = 1e30
-
-
-def outliers(samples: np.ndarray) -> None:
-    """Single readings that jump; learnt from, they would spoil it all."""
-    samples[300::400, LINK] += 0.05
-    samples[500::400, MOTOR] -= 0.02
-
-
-def within_the_noise(samples: np.ndarray) -> None:
-    """Readings that noise may make: the other side of the gate."""
-    samples[300::400, LINK] += 2e-4
-
-
-def zero_moved(samples: np.ndarray) -> None:
-    """A motion that goes on elsewhere: encoders whose zeros were moved."""
-    samples[2000:, [LINK, MOTOR]] += 0.4
-
-
-@pytest.mark.parametrize(
-    ("damage", "counts"),
-    [
-        (nothing, {"taken": 4001, "outliers": 0}),
-        (not_numbers, {"no_number": 6 + 5 + 1, "gaps": 0}),  # the clock went on
-        (outliers, {"outliers": 10 + 9}),
-        (within_the_noise, {"outliers": 0}),
-        (zero_moved, {"jumps": 1, "outliers": 3, "taken": 3998}),
-    ],
+NO_NUMBERS: tuple[Change, ...] = (
+    *((slice(500, None, 700), LINK, np.nan), (slice(900, None, 700), TORQUE, np.inf)),
+    (1100, MOTOR, 1e30),
 )
-def test_bad_values_are_left_out(damage, counts: dict[str, int]):
+OUTLIERS: tuple[Change, ...] = (  # learnt from, they would spoil it all
+    *((slice(300, None, 400), LINK, 0.05), (slice(500, None, 400), MOTOR, -0.02)),
+)
+BAD_VALUES: dict[str, tuple[tuple[Change, ...], dict[str, int]]] = {
+    "none": ((), {"taken": 4001, "outliers": 0}),
+    "no numbers": (NO_NUMBERS, {"no_number": 6 + 5 + 1, "gaps": 0}),  # the clock went on
+    "outliers": (OUTLIERS, {"outliers": 10 + 9}),
+    "readings that noise may make": (((slice(300, None, 400), LINK, 2e-4),), {"outliers": 0}),
+    "zeros that moved": (
+        ((slice(2000, None), [LINK, MOTOR], 0.4),),
+        {"jumps": 1, "outliers": 3, "taken": 3998},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_VALUES)
+def test_bad_values_are_left_out(name: str):
     """Assert that they are counted, and cost hardly anything."""
-    session = watched(damaged(damage))
+    changes, counts = BAD_VALUES[name]
+    session = watched(displaced(*changes))
     assert {name: getattr(session.counts, name) for name in counts} == counts
     assert session.counts.fed == len(stream())
     assert session.changes == ()
-    if damage is not zero_moved:  # where gravity acts is another angle from then on
+    if name != "zeros that moved":  # where gravity acts is another angle from then on
         assert errors(session).max() < CLOSE
         assert session.health.health is Health.CONVERGED
-    if damage in (nothing, outliers):
+    if name in ("none", "outliers"):
         assert all_hold(session)
 
 
@@ -138,28 +126,32 @@ GEAR = 40.0
 GEARED = replace(OPTIONS, motor_turn=2.0 * np.pi / GEAR)
 
 
-def in_front_of_the_gear(turns: float, samples: np.ndarray) -> None:
-    """Let the motor's encoder stand there, and wrap after so many turns."""
+def in_front_of_the_gear(turns: float) -> np.ndarray:
+    """The stream with the motor's encoder there, which wraps after so many turns."""
+    samples = stream()
     samples[:, MOTOR] %= turns * GEARED.motor_turn
+    return samples
 
 
-def about_zero(begins: float, samples: np.ndarray) -> None:
-    """Let both encoders wrap after a turn, that of the link from a place behind its zero on."""
+def about_zero(begins: float) -> np.ndarray:
+    """That of both encoders wrapped after a turn, the link's from a place behind its zero on."""
+    samples = stream()
     samples[:, LINK] = (samples[:, LINK] + begins) % (2.0 * np.pi) - begins
     samples[:, MOTOR] %= 2.0 * np.pi
+    return samples
 
 
 @pytest.mark.parametrize(
-    ("options", "wrap", "least"),
+    ("options", "samples", "least"),
     [
-        *((OPTIONS, partial(about_zero, begins), 4) for begins in (0.3, -0.3)),
-        *((GEARED, partial(in_front_of_the_gear, turns), 20 / turns) for turns in (1, 4)),
+        *((OPTIONS, about_zero(begins), 4) for begins in (0.3, -0.3)),
+        *((GEARED, in_front_of_the_gear(turns), 20 / turns) for turns in (1, 4)),
     ],
     ids=["from 0.3", "from -0.3", "a turn of a gear", "four turns"],
 )
-def test_encoders_that_wrap_are_unwrapped(options, wrap, least):
+def test_encoders_that_wrap_are_unwrapped(options, samples, least):
     """Assert that they may pass zero at any time, and by the motor's turns in front of a gear."""
-    session, right = watched(damaged(wrap), options), watched(stream())
+    session, right = watched(samples, options), watched(stream())
     assert session.counts.wraps > least
     assert session.counts.outliers == session.counts.jumps == 0
     values = [one.learner.values(one.now.states) for one in (session, right)]
@@ -169,7 +161,7 @@ def test_encoders_that_wrap_are_unwrapped(options, wrap, least):
 @pytest.mark.parametrize("turns", [1, 4])
 def test_bad_samples_beside_wraps_do_no_harm(turns: int):
     """Assert that wraps in front of a gear are counted beside outliers, holes and a lost sample."""
-    samples = damaged(partial(in_front_of_the_gear, turns))
+    samples = in_front_of_the_gear(turns)
     session = watched(samples, GEARED)
     wraps = np.flatnonzero(np.abs(np.diff(samples[:, MOTOR])) > 0.5 * GEARED.motor_turn)
     samples[wraps[5], MOTOR] += 0.4 * GEARED.motor_turn
@@ -243,34 +235,26 @@ def test_a_load_that_is_picked_up_is_noticed_and_learnt():
     assert session.n_changes == 1
 
 
-def at_rest(samples: np.ndarray) -> None:
-    """A drive that stands still, but for noise."""
-    noise = np.random.default_rng(3).standard_normal((len(samples), 2))
-    samples[:, [LINK, MOTOR]] = 0.1 + 1e-4 * noise
-    samples[:, TORQUE] = 0.5
-
-
-def wrong_sign(samples: np.ndarray) -> None:
-    """A torque of the wrong sign."""
-    samples[:, TORQUE] *= -1.0
-
-
-def every_third_lost(samples: np.ndarray) -> None:
-    """A line that loses every third sample."""
-    samples[::3, LINK] = np.nan
+RESTING = np.column_stack((stream()[:, TIME], np.full((4001, 2), 0.1), np.full(4001, 0.5)))
+RESTING[:, [LINK, MOTOR]] += 1e-4 * np.random.default_rng(3).standard_normal((4001, 2))
 
 
 @pytest.mark.parametrize(
-    ("damage", "health", "words"),
+    ("samples", "health", "words"),
     [
-        (at_rest, Health.NOT_EXCITED, ["move"]),
-        (wrong_sign, Health.INCONSISTENT, ["beta1", "sign"]),
-        (every_third_lost, Health.SENSOR_FAULT, ["no number or too large"]),
+        (RESTING, Health.NOT_EXCITED, ["move"]),
+        (stream() * [1.0, 1.0, 1.0, -1.0], Health.INCONSISTENT, ["beta1", "sign"]),
+        (
+            displaced((slice(None, None, 3), LINK, np.nan)),
+            Health.SENSOR_FAULT,
+            ["no number or too large"],
+        ),
     ],
+    ids=["a drive that stands still", "a torque of the wrong sign", "every third lost"],
 )
-def test_what_the_health_says(damage, health: Health, words: list[str]):
+def test_what_the_health_says(samples, health: Health, words: list[str]):
     """Assert that what is wrong has its state, and a reason that says what to check."""
-    judgement = watched(damaged(damage)).health
+    judgement = watched(samples).health
     assert judgement.health is health
     assert all(word in judgement.reason for word in words)
 
