@@ -83,6 +83,16 @@ SAID = {
     | {"motor_velocity": 1e3 * np.gradient(MOTOR, TIME)},
     "one in rad": axis("link_position [rad]", "motor_position [m]", "force"),
 }
+
+
+def in_units(**units: str) -> dict[str, Any]:
+    """A column map of channels whose columns have their names and some units."""
+    return {name: {"column": name, "unit": unit} for name, unit in units.items()}
+
+
+TURNED = in_units(motor_position="turn", motor_torque="N m", link_position="m")
+TURNED["motor_position"]["scale"], TURNED["link_position"]["scale"] = 100, 1000
+IN_RADIANS = in_units(motor_position="rad", motor_torque="N m", link_position="m")
 MAPS = {
     "no such joint": {"joint": "linear"},
     "no lead": {"lead": 0.0},
@@ -90,30 +100,11 @@ MAPS = {
     "a lead and a gear": {"lead": 0.01, "gear_ratio": 10},
     "a gear of a slide": {"joint": "prismatic", "gear_ratio": 10},
     "a lead of columns without a unit": {"lead": 0.01},
-    "a lead of an input without a unit": {
-        "lead": 0.01,
-        "motor_position": {"column": "motor_position", "unit": "m"},
-    },
-    "a lead that is too long": {
-        "lead": 10.0,
-        "motor_position": {"column": "motor_position", "unit": "turn", "scale": 100},
-        "motor_torque": {"column": "motor_torque", "unit": "N m"},
-        "link_position": {"column": "link_position", "unit": "m", "scale": 1000},
-    },
-    "a lead that is too short": {
-        "lead": 1e-4,
-        "motor_position": {"column": "motor_position", "unit": "rad"},
-        "motor_torque": {"column": "motor_torque", "unit": "N m"},
-        "link_position": {"column": "link_position", "unit": "m"},
-    },
-    "a slide that is said to turn": {
-        "joint": "revolute",
-        "link_position": {"column": "link_position", "unit": "mm"},
-    },
-    "a gear of columns that slide": {
-        "gear_ratio": 10,
-        "motor_torque": {"column": "motor_torque", "unit": "N"},
-    },
+    "a lead of an input without a unit": {"lead": 0.01, **in_units(motor_position="m")},
+    "a lead that is too long": {"lead": 10.0, **TURNED},
+    "a lead that is too short": {"lead": 1e-4, **IN_RADIANS},
+    "a slide that is said to turn": {"joint": "revolute", **in_units(link_position="mm")},
+    "a gear of columns that slide": {"gear_ratio": 10, **in_units(motor_torque="N")},
 }
 
 
