@@ -31,55 +31,18 @@ TRUE |= {"alpha_coulomb": 0.4, "alpha_cubic": 120.0, "beta1": 4.0}
 STEP = 1e-3
 
 
-@pytest.fixture(scope="module")
-def joint():
-    """A joint with powers and friction in it."""
-    return flexid.flexible_joint(("gravity", "motor_viscous", "motor_coulomb", "cubic_stiffness"))
+JOINT = flexid.flexible_joint(("gravity", "motor_viscous", "motor_coulomb", "cubic_stiffness"))
+PAPER = flexid.flexible_joint(known={"beta1": 4.0})
+PLAIN = ExportRequest(PAPER, {name: TRUE[name] for name in PAPER.coefficients})
 
 
 @pytest.fixture(scope="module")
-def request_of_joint(joint):
-    """That joint with its values."""
-    known = {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)", "u": "N m", "coulomb_velocity": "rad/s"}
-    return ExportRequest(joint, TRUE, known)
-
-
-@pytest.fixture(scope="module")
-def units(request_of_joint, tmp_path_factory):
-    """The FMUs of that joint, and what was said of them."""
+def units(tmp_path_factory):
+    """The FMUs of a joint with powers and friction in it, and what was said of them."""
     tool("gcc")
     directory = tmp_path_factory.mktemp("units")
-    return directory, write_fmu(request_of_joint, directory)
-
-
-@pytest.fixture
-def plain():
-    """A plant of the paper's joint."""
-    system = flexid.flexible_joint(known={"beta1": 4.0})
-    return ExportRequest(system, {name: TRUE[name] for name in system.coefficients})
-
-
-def signals(time, **inputs):
-    """Inputs as FMPy takes them."""
-    table = np.zeros(len(time), dtype=[("time", float), *((name, float) for name in inputs)])
-    table["time"] = time
-    for name, values in inputs.items():
-        table[name] = values
-    return table
-
-
-def simulated(unit, time, inputs, outputs, **options):
-    """Trajectories of an FMU, shape (n, n_outputs)."""
-    found = fmpy.simulate_fmu(
-        str(unit),
-        stop_time=time[-1],
-        step_size=STEP,
-        output_interval=STEP,
-        input=signals(time, **inputs),
-        output=list(outputs),
-        **options,
-    )
-    return np.array([found[name] for name in outputs]).T
+    known = {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)", "u": "N m", "coulomb_velocity": "rad/s"}
+    return directory, write_fmu(ExportRequest(JOINT, TRUE, known), directory)
 
 
 def torque(time):
@@ -87,20 +50,34 @@ def torque(time):
     return 12 * np.sin(3 * time) + 6 * np.sin(17 * time)
 
 
+def simulated(unit, time, outputs, **options):
+    """Trajectories of an FMU under that torque, shape (n, n_outputs)."""
+    found = fmpy.simulate_fmu(
+        str(unit),
+        stop_time=time[-1],
+        step_size=STEP,
+        output_interval=STEP,
+        input=np.rec.fromarrays([time, torque(time)], names="time,u"),
+        output=list(outputs),
+        **options,
+    )
+    return np.array([found[name] for name in outputs]).T
+
+
 @pytest.mark.parametrize("version", [2, 3])
-def test_the_plant_moves_as_in_python(units, joint, version):
+def test_the_plant_moves_as_in_python(units, version):
     """Assert that it is valid, and moves as the free run under a held input, from any start."""
     time = STEP * np.arange(1500)
     unit = units[0] / f"plant_fmi{version}.fmu"
     assert validate_fmu(str(unit)) == []
     states = ("x1", "x2", "x3", "x4")
     start = {"x1": 0.2, "x3": 0.1}
-    found = simulated(unit, time, {"u": torque(time)}, states, start_values=start)
-    own = free_run(joint, TRUE, np.array([0.2, 0, 0.1, 0]), torque(time), STEP, "zero")
+    found = simulated(unit, time, states, start_values=start)
+    own = free_run(JOINT, TRUE, np.array([0.2, 0, 0.1, 0]), torque(time), STEP, "zero")
     np.testing.assert_allclose(found, own, atol=1e-9)
     softer = {"theta2": 50.0, "coulomb_velocity": 0.5}
-    found = simulated(unit, time, {"u": torque(time)}, states, start_values=softer)
-    other = joint.with_constants({"coulomb_velocity": 0.5})
+    found = simulated(unit, time, states, start_values=softer)
+    other = JOINT.with_constants({"coulomb_velocity": 0.5})
     own = free_run(other, TRUE | {"theta2": 50.0}, np.zeros(4), torque(time), STEP, "zero")
     # With other values the poles are others, and so may be the number of steps.
     np.testing.assert_allclose(found, own, atol=1e-7)
@@ -120,9 +97,7 @@ def test_fmpy_compiles_the_sources(units, version, tmp_path, monkeypatch):
     build_platform_binary(bare, tmp_path / "build", "Unix Makefiles")
     assert list((bare / "binaries").glob("*/plant.*"))
     time = STEP * np.arange(200)
-    compiled, here = (
-        simulated(one, time, {"u": torque(time)}, ("x1", "x3")) for one in (bare, unit)
-    )
+    compiled, here = (simulated(one, time, ("x1", "x3")) for one in (bare, unit))
     np.testing.assert_allclose(compiled, here, atol=1e-12)
 
 
@@ -224,12 +199,12 @@ def test_what_cannot_be_is_refused(units, version, tmp_path):
         opened(units[0] / f"plant_fmi{version}.fmu", tmp_path / "again", "{another}")
 
 
-def test_what_it_lacks_is_said(units, joint, plain, tmp_path, monkeypatch):
+def test_what_it_lacks_is_said(units, tmp_path, monkeypatch):
     """Assert that smoothed friction, a missing compiler and missing values are sentences."""
     assert [w for w in units[1] if "coulomb_velocity" in w] == units[1]
     monkeypatch.setattr(shutil, "which", lambda _: None)
     (tmp_path / "bare").mkdir()
-    (said,) = write_fmu(plain, tmp_path / "bare")
+    (said,) = write_fmu(PLAIN, tmp_path / "bare")
     assert "only sources" in said
     names = sorted(path.name for path in (tmp_path / "bare").iterdir())
     assert names == ["plant_fmi2.fmu", "plant_fmi3.fmu"]
@@ -261,7 +236,7 @@ FAILURES = {
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the compilers are shell scripts")
 @pytest.mark.parametrize("kind", FAILURES)
-def test_a_compiler_that_fails_is_quoted(plain, tmp_path, monkeypatch, kind):
+def test_a_compiler_that_fails_is_quoted(tmp_path, monkeypatch, kind):
     """Assert that the error is quoted as it is, and nothing else is blamed."""
     script, words = FAILURES[kind]
     program = tmp_path / "cc"
@@ -269,14 +244,14 @@ def test_a_compiler_that_fails_is_quoted(plain, tmp_path, monkeypatch, kind):
     program.chmod(0o755)
     monkeypatch.setattr(shutil, "which", lambda _: str(program))
     with pytest.raises(SettingError, match=words):
-        write_fmu(plain, tmp_path)
+        write_fmu(PLAIN, tmp_path)
 
 
-def test_names_that_it_has_itself_and_missing_values_are_refused(joint, tmp_path, refusals):
+def test_names_that_it_has_itself_and_missing_values_are_refused(tmp_path, refusals):
     """Assert that a state called time, and a plant without values, are no invalid units."""
     row = flexid.Row("arm", "time", "v", {"stiffness": "-time"}, "u")
     odd = ExportRequest(flexid.ParametricSystem("odd", (row,)), {"stiffness": 1.0})
     some = {name: value for name, value in TRUE.items() if name != "alpha2"}
-    cases = {"a state called time": odd, "bare": ExportRequest(joint)}
-    cases["a value missing"] = ExportRequest(joint, some)
+    cases = {"a state called time": odd, "bare": ExportRequest(JOINT)}
+    cases["a value missing"] = ExportRequest(JOINT, some)
     refusals({name: partial(write_fmu, one, tmp_path) for name, one in cases.items()})
