@@ -43,6 +43,17 @@ OTHERS = {
     # Gravity, which acts, is not among the terms; what is not forgotten matters the more.
     "a term that is missing": {"log": LOG, "terms": ("motor_viscous",), "memory": 2.0},
 }
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory) -> dict[str, Path]:
+    """Directories of every kind of exported estimator, written once."""
+    folder = tmp_path_factory.mktemp("drives")
+    for number, options in enumerate(DRIVES.values()):
+        flexid.export("flexible-joint", to="c99", out=folder / str(number), **options)
+    return {name: folder / str(number) for number, name in enumerate(DRIVES)}
+
+
 thorough = partial(pytest.param, marks=pytest.mark.thorough)
 REPLAYS = [
     *(("gcc", name, precision) for name in DRIVES for precision in PRECISIONS),
