@@ -10,8 +10,10 @@ from scipy.stats import norm
 
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation import doubts
+from flexid.identification.estimation.answers import between_lengths
 from flexid.identification.estimation.final_fits import hidden_covariance
 from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 20.0, "beta1": 3.0}
 DELAY = 5e-4  # s
@@ -132,6 +134,39 @@ def test_a_lag_passes_less_than_a_delay(delay: float):
     found = doubted(delay=delay)
     expected = {"beta1": np.sqrt(0.5 * np.mean(lost**2))}
     assert shares(doubts.lag(found), found) == pytest.approx(expected, rel=0.05)
+
+
+def fit_over(duration: float, values: list[float], excess: float, kind: str = "rigid") -> Any:
+    """A fit of two values, of which chance makes 0.03 each."""
+    return SimpleNamespace(
+        values=np.array(values),
+        unit_deviations=np.full(2, 0.03),
+        names=("gamma1", "beta1"),
+        excess=excess,
+        duration=duration,
+        structure=SimpleNamespace(joint=SimpleNamespace(kind=kind)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "short", "excess", "moved"),
+    [
+        ("rigid", 1.02, 1.5, True),
+        ("rigid", 1.02, 1.05, False),
+        ("rigid", 1.3, 1.5, True),
+        ("flexible", 1.02, 1.5, False),
+    ],
+)
+def test_a_rigid_joint_that_long_segments_contradict(
+    kind: str, short: float, excess: float, moved: bool
+):
+    """Assert that its values are off by what they change with the length, and others are not."""
+    own = fit_over(0.2, [1.0, 2.0], short, kind)
+    longer = [fit_over(0.4, [1.0, 2.4], 1.02), fit_over(0.8, [0.7, 2.0], excess)]
+    fits = cast(Any, SimpleNamespace(reported=own, lengths_fitted=[own, *longer]))
+    found = np.sqrt(np.diag(doubts.covariance_of(between_lengths(fits, THRESHOLDS))))
+    expected = np.array([0.3, 0.4]) / np.sqrt(2.0) if moved else np.zeros(2)
+    np.testing.assert_allclose(found, expected, rtol=5e-3)
 
 
 def test_covariances_add():

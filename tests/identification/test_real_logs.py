@@ -97,13 +97,14 @@ def test_pendulum_has_gravity_and_inertia(identified):
 
     That balance, which uses no acceleration, gives 3.77 N m and 0.202 kg m². DFKI's pendulum has
     one encoder: it swings through the held-out end as predicted, and there is no word of a
-    stiffness.
+    stiffness. Its halves differ by more than chance, so that its interval is no narrower than what
+    is determined.
     """
     pendulum = identified("dfki-pendulum/ddp.csv", "columns_pendulum.toml")
     for name, value in {"gravity_torque": 3.77, "inertia": 0.202}.items():
         lower, upper = pendulum.parameters[name].interval
         assert lower <= value <= upper
-        assert upper - lower < 0.3 * value
+        assert upper - lower < 0.4 * value
     assert pendulum.validation.fit_percent["motor_position"] > 95.0
     assert pendulum.model == "rigid"
     assert not pendulum.compliance.visible

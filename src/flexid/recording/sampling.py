@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from functools import reduce
 from itertools import pairwise
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +22,9 @@ FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept o
 GAP = 1.5  # sample times between two samples; a single lost sample makes 2
 _WIDE_GAP = 4.0  # likewise, where the steps vary: interpolation bridges two samples, not more
 MOST_GAPS = 0.05  # share of the steps
-_BY_CHANCE = 5.0  # standard deviations: five samples in a row judge by each other
+_MOST_OF = 0.9  # of the samples
+_SMOOTHER = 1.05  # times: DFKI's pendulum, whose encoder's steps hide its clock, has 1.00004
+_ROUNDING = 1e-9  # of a position's range
 EVEN = 1e-3  # of a sample time: what a printed time is off by
 MOST_JITTER = 0.1  # of a sample time, where steps tell gaps and lost samples
 _OF_STAMPS = (
@@ -178,18 +179,19 @@ def _jitter(steps: FloatArray) -> float:
 def _is_smoother_if_even(log: Draft, recordings: Iterable[slice]) -> bool:
     """Whether samples were taken at even times, and stamped late.
 
-    Most of them then lie closer to the cubic through their neighbours than at the stamped times,
-    which are believed as far as chance may have made the difference.
+    They then lie closer to the cubic through their neighbours than at the stamped times, which are
+    believed where noise hides the difference. Jumps and wraps are few, so quantiles are compared.
     """
-    even, stamped = 0, 0
+    gains, lengths = [0.0], [1]
     for part in recordings:
         time = log.time[part]
         for name in log.those_of(POSITIONS):
-            off_even = _off_neighbours(np.arange(len(time), dtype=np.float64), log[name][part])
-            off_stamped = _off_neighbours(time, log[name][part])
-            even += np.count_nonzero(off_even < off_stamped)
-            stamped += np.count_nonzero(off_stamped < off_even)
-    return float(even - stamped) > _BY_CHANCE * sqrt(even + stamped)
+            at = (np.arange(len(time), dtype=np.float64), time)
+            off = [np.quantile(_off_neighbours(times, log[name][part]), _MOST_OF) for times in at]
+            if min(off) > _ROUNDING * np.ptp(log[name][part]):  # what rests is no evidence
+                gains.append(float(np.log(off[1] / off[0])))
+                lengths.append(len(time))
+    return float(np.average(gains, weights=lengths)) > np.log(_SMOOTHER)
 
 
 def _off_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import NEARLY_NOISE
 from flexid.estimators.segments import side_by_side
@@ -27,6 +28,8 @@ from flexid.identification.estimation.doubts import (
     OF_A_VOLTAGE,
     OF_AN_EXACT_FIT,
     Doubted,
+    Repeat,
+    between_bands,
     covariance_of,
     widened,
 )
@@ -57,11 +60,13 @@ from flexid.identification.vocabulary.evidence import (
     Validation,
     balance_of,
 )
+from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.caution import Caution, Rank
 
 PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
 UNEXPLAINED = 0.1  # of a balance's acceleration: with less, its spring is there all the same
+OF_A_LENGTH = "segments of other lengths give other values"
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold can be told"
 
@@ -156,8 +161,26 @@ def _exact(job: Job, chosen: tuple[Choice, Validation], *, anyhow: bool) -> Answ
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
     doubted = Doubted(fits.reported, {}, {}, job.input_unit, None, by_lag=lagged(fits.reported))
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
+    errors.append((covariance_of(between_lengths(fits, thresholds)), OF_A_LENGTH))
     estimate, widest = widened(estimate, errors)
     return Answer(fits, validation, estimate, widest=widest)
+
+
+def between_lengths(fits: FinalFits, thresholds: Thresholds) -> FloatArray:
+    """Directions of errors of a model that does not explain long segments, shape (k, n).
+
+    Noise hides over short segments what is missing, but not what that does to the values: these
+    change with the length. Of two encoders the deflection tells how much it is.
+    """
+    own, every = fits.reported, fits.lengths_fitted
+    explained = every[-1].excess <= thresholds.sensor_excess
+    if explained or own.structure.joint.kind != "rigid":
+        return np.zeros((len(own.names), 0))
+    first, *others = (
+        Repeat(each.values, each.unit_deviations**2 * max(each.excess, 1.0))
+        for each in (own, *(each for each in every if each.duration != own.duration))
+    )
+    return between_bands(first, others)
 
 
 def _if_possible(job: Job) -> Answer | None:
