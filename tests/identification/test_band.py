@@ -38,10 +38,7 @@ def middle(values: np.ndarray, share: float = 0.1) -> np.ndarray:
 
 
 def test_the_band_keeps_the_resonance_and_rejects_what_lies_above():
-    """Assert that a sine at the resonance keeps its phase, and its amplitude to 0.5 %.
-
-    One above the new Nyquist frequency is weakened to a hundredth, and all channels alike.
-    """
+    """Assert 0.5 % of a sine at the resonance, a hundredth of one above the new Nyquist rate."""
     position = sine(RESONANCE, 1000.0)
     data = log_of(position, 1000.0, position)
     samples = replace(data.samples[0], velocities=np.column_stack((position, position)))
@@ -96,11 +93,7 @@ def test_a_held_input_is_the_mean_of_before_and_after():
 
 
 def test_directions_follow_motion_and_not_noise():
-    """Assert that fast motion has one direction, by its sign, and that those of noise cancel.
-
-    What is expected of the sign of pure noise is spread evenly from -1 to 1: 0.58 root mean square.
-    A row that is never known to be slow rests nowhere.
-    """
+    """Assert that those of noise cancel: their signs spread evenly from -1 to 1, 0.58 RMS."""
     time = np.arange(5000) / 1000.0
     noise = 1e-4 * np.random.default_rng(1).standard_normal(40_000)
     for sign in (1.0, -1.0):

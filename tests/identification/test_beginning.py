@@ -55,11 +55,7 @@ def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNames
 
 @pytest.fixture
 def by_length(monkeypatch):
-    """Return a function that lets climbs end as is said, by start and number of halvings.
-
-    Each is a list of excesses over the divisions, or nothing where it fails. The answer is the
-    excesses of what is taken, or nothing, and the starts that were tried.
-    """
+    """Let fits by length end with these excesses, or fail; return what is taken and tried."""
 
     def set_up(ends: dict[tuple[str, int], list[float]], late=0.0, finest=FINEST, *, insist=True):
         tried: list[tuple[str, int]] = []
@@ -137,10 +133,7 @@ WAYS = {
 
 @pytest.mark.parametrize(("ends", "taken", "starts"), WAYS.values(), ids=[*WAYS])
 def test_what_is_taken(by_length, ends, taken, starts):
-    """Assert which fits are taken, and from which starts, with how many halvings, they are sought.
-
-    Segments that could be halved once are halved once.
-    """
+    """Assert which fits are taken, and which starts are tried with how many halvings."""
     assert by_length(ends) == (taken, starts)
 
 
@@ -227,10 +220,7 @@ def reported(monkeypatch):
 
 @pytest.mark.parametrize("failing", [0, 1, 2])
 def test_a_fit_to_all_data_begins_where_the_choice_ended(reported, failing):
-    """Assert that where it fails the data are fitted from their own starts, as they may show more.
-
-    Where that fails too the choice's values stand, and a sentence says so.
-    """
+    """Assert that the data's own starts are next, the choice's values, with a sentence, last."""
     fitted, lengths_fitted, retreat, tried, before = reported(failing)
     ways = [{"link_delay": 0.1, "theta2": 1.0}, {"theta2": 2.0}]
     assert tried == [(way, 3.0) for way in ways[: failing + 1]]

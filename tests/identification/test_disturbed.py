@@ -154,10 +154,7 @@ def test_a_spring_is_no_delay():
 
 @pytest.mark.parametrize("stiffness", [np.inf, 2e4])
 def test_a_delay_between_encoders_is_found(stiffness: float):
-    """Assert that 3 ms are found, also where a spring makes a small part of the deflection.
-
-    Of a rigid joint they make all of it.
-    """
+    """Assert that 3 ms are found, be the joint rigid or its deflection mostly a skew."""
     time, rates = np.arange(0.0, 16.0, 2e-3), np.geomspace(1.0, 26.0, 15)  # s, rad/s
     rng = np.random.default_rng(6)
     phases = rng.uniform(0.0, 2.0 * np.pi, len(rates))
@@ -215,10 +212,7 @@ def nth_fit(monkeypatch: pytest.MonkeyPatch, n: int, becomes: Any) -> None:
 
 @pytest.mark.parametrize("has_fit", [True, False])
 def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch, has_fit: bool):
-    """Assert that what least squares takes for play does not count where a fit of it is worse.
-
-    Where there is no such fit, least squares says by how much the spring may be stiffer.
-    """
+    """Assert that it does not count where a fit of it is worse, and does where there is no fit."""
 
     def likely_play(structure: Structure, _: Data) -> gap.LikelyPlay:
         without = structure.without(HARDENING)
@@ -235,10 +229,7 @@ def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch, h
 
 
 def test_likely_play_that_does_not_stay_is_a_doubt(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a spring is as uncertain as play makes it stiffer that was likelier than none.
-
-    It need not look like one that hardens.
-    """
+    """Assert that a spring is as uncertain as the play makes it stiffer that was eliminated."""
     eliminate = disturbed.eliminate
 
     def too_much(fitted: Fitted, kept: Collection[str], thresholds: Thresholds) -> Any:
@@ -286,10 +277,7 @@ def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pyt
 def test_a_fit_that_explains_little_begins_with_few_terms_too(
     monkeypatch: pytest.MonkeyPatch, fails: bool
 ):
-    """Assert that the likelier is kept of fits from all terms, and from those of the paper.
-
-    These may lead nowhere.
-    """
+    """Assert that the likelier is kept of fits from all terms and from the paper's."""
     usual = fitted("a drive that stops")[0]
     made: list[Structure] = []
     fit = disturbed.fit_in_band

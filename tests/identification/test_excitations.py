@@ -47,10 +47,7 @@ def made_row(zero: float, *, constant: bool, moved: float = 1e-3) -> Any:
 # Two regressors of the acceleration's size, with correlation c, can make 1 - c of its square.
 @pytest.mark.parametrize(("share", "lost"), [(0.0071, False), (0.0069, True)])
 def test_seven_thousandths_of_the_acceleration_are_the_edge(share, lost):
-    """Assert that below them the confounded pair is lost, and what the spring couples with it.
-
-    A row in which all is given says nothing.
-    """
+    """Assert that below them the confounded pair is lost, and what the spring couples with it."""
     correlation = 1.0 - share**2
     one, other, third = np.sqrt(3.0) * np.eye(3)
     second = correlation * one + np.sqrt(1.0 - correlation**2) * other
@@ -112,10 +109,7 @@ def test_gravity_that_looks_like_a_constant_leaves_the_spring(apart, lost):
 
 @pytest.mark.parametrize("light", [200.0, 1000.0])
 def test_torques_that_all_but_cancel_say_what_they_leave(light):
-    """Assert that a row is seen whose acceleration is a small part of each of its torques.
-
-    The coefficients of a hundredth of the size would leave as little of it.
-    """
+    """Assert that a row is seen whose acceleration is a small part of each of its torques."""
     rng = np.random.default_rng(5)
     torque, left = rng.standard_normal((2, 400))
     columns = {"alpha1": torque - left / light, "beta1": torque}
@@ -139,10 +133,7 @@ def noisy_sine(noise: np.ndarray) -> RowFit:
 
 @pytest.mark.parametrize(("count", "lost"), [(100, True), (4000, False)])
 def test_noise_is_no_motion(count: int, lost: bool):
-    """Assert that what noise makes of a direction does not count; many values know its part.
-
-    There the deflection moves beside the link by half its sensor's noise.
-    """
+    """Assert that what noise makes of a direction does not count; many values know its part."""
     rng = np.random.default_rng(6)
     noise, added = 1e-3 * rng.standard_normal((2, 2, 4000))
     noise[1] += 5e-4 * np.sqrt(2.0) * np.sin(0.03 * np.arange(4000))

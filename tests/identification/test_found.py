@@ -304,10 +304,7 @@ def identified_engine(seed):
 
 @pytest.mark.parametrize("seed", [0, pytest.param(10, marks=pytest.mark.thorough)])
 def test_every_parameter_is_determined(seed):
-    """Assert that all, dry friction too, is within three thousandths, and the truth inside.
-
-    Friction needs no velocity, and a held torque without delay is seen.
-    """
+    """Assert that all, dry friction too, is within three thousandths, and the truth inside."""
     result = identified_engine(seed)
     for name, value in ENGINE_TRUTH.items():
         assert result.parameters[name].value == pytest.approx(value, rel=0.003), name

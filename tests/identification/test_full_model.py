@@ -62,10 +62,7 @@ def test_what_data_know(late):
 
 
 def test_lengths_double():
-    """Assert that each length holds two segments of the one before, down to short ones.
-
-    Both ends of the log are left to what is late.
-    """
+    """Assert that each length holds two segments of the one before, between free ends of 30 ms."""
     divisions = lengths(data(made(1, 12.0, noise=0.0)))
     durations = [float(np.mean(s.lengths * s.sample_times)) for s in divisions]
     assert durations[0] < 2.0 * SHORTEST
@@ -78,10 +75,7 @@ def test_lengths_double():
 
 
 def test_short_segments_forgive_a_bad_start(late):
-    """Assert that from values two or three times wrong short segments lead to long ones.
-
-    A start from which even these run away is an error.
-    """
+    """Assert that from values two or three times wrong short segments lead to long ones."""
     timing = Timing("cubic", {INPUT: 1.3e-3, model.LINK: 0.7e-3})
     start = {"theta1": 0.0, "theta2": 40.0, "alpha1": 800.0, "alpha2": 0.0, "beta1": 7.0}
     found = fit_by_length(replace(PAPER, timing=timing), late, start, lengths(late))
@@ -92,11 +86,7 @@ def test_short_segments_forgive_a_bad_start(late):
 
 
 def test_least_squares_starts_no_motion_that_runs_away(late):
-    """Assert that frictions start from zero on, and springs and inertias above it.
-
-    Least squares of a log whose link is read 20 ms late finds frictions that feed energy in, of one
-    whose torque has the wrong sign a negative inertia.
-    """
+    """Assert that frictions start from zero on, and springs and inertias above it."""
     early = replace(PAPER, absent=PAPER.absent - {"theta_viscous", "alpha_cubic", "theta_cubic"})
     seen = replace(late.samples[0], positions=late.samples[0].positions.copy())
     seen.positions[10:, 0] = late.samples[0].positions[:-10, 0]
@@ -125,10 +115,7 @@ def test_least_squares_starts_no_motion_that_runs_away(late):
     ],
 )
 def test_which_lengths_are_fitted(monkeypatch, ends, kept):
-    """Assert that those up to a failure are kept, or the first and the last of what explains all.
-
-    For each length: o where noise is left, + where more is, x where it cannot be fitted.
-    """
+    """Assert which are kept: o where noise is left, + where more is, x where no fit is."""
     counts = [2 ** (len(ends) - i) for i in range(len(ends))]
 
     def fitted_over(_structure, _data, segments, _start, states, *_, **__):
@@ -154,10 +141,7 @@ def test_which_lengths_are_fitted(monkeypatch, ends, kept):
 
 
 def test_fit_to_other_data():
-    """Assert that values nearly right are fitted to other data over segments of a given length.
-
-    A friction ends at its bound, and a wrong gain that is given is not made up for.
-    """
+    """Assert values, those at a bound, and that a wrong gain that is given is not made up for."""
     other = data(made(12, 4.0))
     near = {c: 1.02 * v for c, v in COEFFICIENTS.items()}
     found, lengths_fitted = fit_to(PAPER, other, near, 1.0)
@@ -181,10 +165,7 @@ def test_fit_to_other_data():
 
 
 def test_the_rest_follows_what_is_gone(monkeypatch):
-    """Assert that where there is no way from a wider fit, the leaner one starts where it ends.
-
-    Viscous friction of the link stands in for that of the motor, in noise that hides which it is.
-    """
+    """Assert that where no way leads from a wider fit, the leaner one starts where it ends."""
     link_viscous = replace(PAPER, absent=PAPER.absent - {"theta_viscous"})
     wide, _ = fit_to(link_viscous, data(made(12, 1.0, noise=1e-3)), COEFFICIENTS, 0.5)
     lean = fitting.fit_like(PAPER, wide)
@@ -218,10 +199,7 @@ def test_margin_is_small_in_a_short_log():
 
 
 def test_terms_of_a_structure():
-    """Assert that a spring's damping counts by its motor side, and that what is taken away goes.
-
-    Delays become zero, offsets of every log go together, and a shape takes its tie along.
-    """
+    """Assert that terms count by the motor's side, and what goes together where one is taken."""
     only = [
         model.Structure(JOINT, frozenset(JOINT.optional - {"theta1", name}), Timing("zero")).terms
         for name in ("alpha_damping", "theta_damping")
@@ -271,10 +249,7 @@ def by_length(noise: float) -> tuple[Fitted, ...]:
 
 
 def test_fine_encoders_want_shorter_steps():
-    """Assert that a fit ends in steps whose error is negligible, and does not begin with them.
-
-    What the noise of coarse ones hides is not computed.
-    """
+    """Assert that a fit ends in steps whose error is negligible, and that noise hides it else."""
     assert {fit.data.refinement for fit in with_steps_refined(by_length(COARSE_NOISE))} == {1}
     found = by_length(FINE_NOISE)
     times = refinement(found[-1].problem, found[-1].minimum)

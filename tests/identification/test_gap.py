@@ -53,10 +53,7 @@ def test_a_gap_is_found_as_wide_as_it_is(true_gap):
     ("play", "cubic", "share"), [(2e-2, 0.0, 1.0), (4e-2, 1e3, 1.0 / 3.0), (0.0, 2e4, 0.0)]
 )
 def test_play_and_hardening_are_distinguished(play: float, cubic: float, share: float):
-    """Assert that a gap is seen to be none of a curve, with the stiffness that it hides.
-
-    Beside hardening a third of that, or more, is doubted: a curve is not all.
-    """
+    """Assert that the hidden stiffness is doubted, or a third of it or more beside hardening."""
     structure, data = posed(made(1, 10.0, half_gap=play, cubic_stiffness=cubic), "cubic_stiffness")
     found = gap.likely_play(structure, data)
     if not play:
@@ -113,10 +110,7 @@ def test_a_gap_beside_what_is_given(true_gap, given):
 
 @pytest.mark.parametrize("terms", [{"half_gap": HALF_GAP}, {"cubic_stiffness": 4e3}], ids=str)
 def test_encoders_need_not_share_a_zero(terms: dict[str, Any]):
-    """Assert that a spring that curves or has play is the same wherever encoders have their zeros.
-
-    About no deflection a cube is nearly a line there, and a gap is nowhere.
-    """
+    """Assert that a spring that curves or has play is the same wherever encoders' zeros are."""
     recording = made(1, 10.0, **terms)
     apart = replace(recording, link_position=recording.needed_link_position + 0.7)
     found, other = (identify([log(own)]) for own in (recording, apart))
@@ -147,10 +141,7 @@ LARGE = 0.3  # rad, of deflections of 0.6
 
 @cache
 def with_large_gap(noise_of: int) -> Fitted:
-    """The paper's model with play, fitted to a drive half of whose deflection is play.
-
-    Its noise is drawn again for each number; play has the width that follows from it.
-    """
+    """Play of half the deflection, fitted as wide as its gap, with noise drawn for each number."""
     recording = made(1, 10.0, half_gap=LARGE, noise=0.0)
     link, motor = 1e-4 * np.random.default_rng(noise_of).standard_normal((2, len(recording)))
     recording = seen(recording, link, motor)
@@ -175,10 +166,7 @@ def test_an_interval_knows_that_the_width_follows():
 
 @pytest.mark.parametrize("true_gap", [pytest.param(0.1, marks=pytest.mark.thorough), LARGE])
 def test_a_gap_as_large_as_the_deflection(true_gap, fits_seen: list[FinalFits]):
-    """Assert that play is found to which no fit without it leads, and hold and terms with it.
-
-    What is reported knows that its width follows the gap.
-    """
+    """Assert that play is found to which no fit without it leads, and its width is in intervals."""
     found = identify([log(made(1, 10.0, half_gap=true_gap, noise=1e-4))])
     assert found.choices.terms == (*PAPER_TERMS, "backlash")
     assert found.choices.hold == "cubic"

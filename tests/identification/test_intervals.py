@@ -39,10 +39,7 @@ def of(name: str, fit: Estimate) -> intervals.Propagated:
 
 
 def test_symmetrical_interval_is_students():
-    """Assert that the half-width is Student's quantile times the standard deviation.
-
-    With infinite degrees of freedom it is the normal one.
-    """
+    """Assert that the half-width is Student's quantile times the standard deviation."""
     low, high = intervals.interval(3.0, 0.5, 7.5)
     assert (high - low) / 2 == pytest.approx(0.5 * t.ppf(0.975, 7.5))
     assert (high + low) / 2 == pytest.approx(3.0)
@@ -59,10 +56,7 @@ def test_symmetrical_interval_is_students():
     ],
 )
 def test_nothing_known_is_the_whole_line(std, freedom, ends, logarithmic):
-    """Assert that no information gives every number, or every positive one on the logarithm.
-
-    A known value has no width, whatever the freedom.
-    """
+    """Assert that no information gives every number, or every positive one on the logarithm."""
     assert intervals.interval(2.0, std, freedom) == ends
     assert intervals.logarithmic_interval(2.0, std, freedom) == logarithmic
 
@@ -78,10 +72,7 @@ def test_delta_method_of_a_ratio():
 
 
 def test_the_least_known_coefficient_decides():
-    """Assert that of those involved the fewest degrees of freedom count, and infinite variances.
-
-    What was given is repeated without an interval.
-    """
+    """Assert that of those involved the fewest degrees of freedom and infinite variances count."""
     covariance = np.diag((0.01 * VALUES) ** 2)
     fit = made(VALUES, covariance, degrees_of_freedom=(2.0, 9.0, 8.0, 2.0, 7.0))
     assert of("joint_stiffness", fit).degrees_of_freedom == 7.0

@@ -58,10 +58,7 @@ def moving(size: float) -> Samples:
 
 
 def test_shapes_scale_with_the_motion():
-    """Assert that twice the motion makes every width twice as wide, and needs no other kernel.
-
-    Least squares of a rigid joint smooths friction over a tenth of its speed.
-    """
+    """Assert that twice the motion makes every width twice as wide, and needs no other kernel."""
     one, two = (FLEXIBLE.scaled([moving(size)]) for size in (1.0, 2.0))
     assert one.first["hysteresis_grip"] == pytest.approx(2.0 * two.first["hysteresis_grip"])
     width, smoothing = (

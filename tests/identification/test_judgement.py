@@ -40,10 +40,7 @@ def verdict_on(half: float, value: float = 10.0, effect: float = np.inf) -> str:
 )
 @pytest.mark.parametrize("value", [10.0, -10.0])
 def test_width_decides(value, half, expected, words):
-    """Assert that a fifth of the value is determined and the whole weak, whatever its sign.
-
-    The reason is empty where determined, and otherwise gives the width.
-    """
+    """Assert that a fifth of the value is determined and the whole weak, with a reason else."""
     status, reason = verdict(value, (value - half, value + half))
     assert status == expected
     assert (reason == "") == (words == "")
@@ -58,11 +55,7 @@ def test_what_does_nothing_is_determined(value, effect, expected):
 
 
 def test_what_else_counts():
-    """Assert that effect does not spoil a narrow interval, and that zero has no relative width.
-
-    An interval that is longer above is judged by half its whole width; one without an end says that
-    there is no information.
-    """
+    """Assert that effect, zero, a longer upper end and ends at infinity count as they should."""
     assert verdict_on(1.9, effect=1.0) == "determined"
     assert verdict_on(1e-12, 0.0) == "undetermined"
     assert verdict(10.0, (9.0, 12.9))[0] == "determined"
@@ -125,10 +118,7 @@ def test_the_other_row_stands_for_itself(negative, own, other):
 
 @pytest.mark.parametrize("theta2", [-100.0, -1e-3])
 def test_a_negative_stiffness_leaves_the_motor_s_parameters_alone(theta2):
-    """Assert that nothing that rests on the link is determined, and all that is the motor's is.
-
-    A stiffness that the log leaves free says nothing of the rest, be it negative.
-    """
+    """Assert that nothing that rests on the link is determined, and all that is the motor's is."""
     found = {**(both := judged({**VALUES, "theta2": theta2}))[0], **both[1]}
     determined = {name for name, each in found.items() if each.verdict == "determined"}
     assert determined == MOTOR | {"joint_stiffness", "motor_inertia", "motor_viscous_friction"}
@@ -140,10 +130,7 @@ def test_a_negative_stiffness_leaves_the_motor_s_parameters_alone(theta2):
 
 
 def test_coefficients_and_parameters_by_hand():
-    """Assert values, intervals and slopes of what was estimated, and of what follows from it.
-
-    A delay among the unknowns is no coefficient.
-    """
+    """Assert values, intervals and slopes of what was estimated, and of what follows from it."""
     coefficients, parameters = judged({"input_delay": 0.0, **VALUES})
     assert {*coefficients} == {*VALUES}
     for name, value in VALUES.items():

@@ -77,10 +77,7 @@ def test_an_axis_is_found_in_its_own_units(axis):
     ("unit", "factor"), [("mm", 1e3), ("m", 1e-4), ("m", 1e4)], ids=["mm", "small", "large"]
 )
 def test_no_length_is_built_in(axis, unit, factor):
-    """Assert that an axis in other units is the same, and one of another size the same but for it.
-
-    A metre that is 10⁴ times as long makes masses and stiffness as much smaller.
-    """
+    """Assert that an axis in other units, or 10⁴ times as large, is the same but for its scale."""
     other = flexid.identify(log_of(unit, factor=factor))
     size = factor if unit == "m" else 1.0
     assert other.terms == axis.terms

@@ -29,10 +29,7 @@ def alone():
 
 
 def test_link_may_be_asked_for(alone):
-    """Assert that it comes out to the bit as if no torque had been recorded, without a warning.
-
-    `test_found.py` compares its values with the truth.
-    """
+    """Assert that it comes out to the bit as if no torque had been recorded, without a warning."""
     assert alone.warnings == ()
     assert {p.unit for p in alone.parameters.values()} == {"1/s^2"}
     assert alone.compliance.visible
@@ -54,10 +51,7 @@ def damped():
 
 
 def test_delay_may_pass_for_damping(damped):
-    """Assert that damping and friction span what a delay of the encoder would make of them.
-
-    With the delay given both are determined.
-    """
+    """Assert that both span what a delay would make of them, and are determined with it given."""
     result = identify([damped])
     assert {"joint_damping", "link_viscous"} <= set(result.choices.terms)
     lower, upper = result.choices.alignment.link_delay.interval
@@ -77,10 +71,7 @@ def test_delay_may_pass_for_damping(damped):
 
 
 def test_signs_tell_of_a_delay():
-    """Assert that a delay may be as long as damping and friction over the stiffness, no longer.
-
-    What is negative goes, and both where the spring itself is negative.
-    """
+    """Assert that a delay may be as long as damping and friction over the stiffness, no longer."""
     values = {"theta2": 100.0, "theta_damping": 0.5, "theta_viscous": 0.3}
     assert link_delay.possible(values) == (-0.005, 0.003)
     assert link_delay.doubtful(values) == set()
@@ -119,10 +110,7 @@ def test_delay_moves_damping_and_friction_by_as_much():
 
 
 def test_what_an_input_alone_gives_a_meaning_to_is_refused():
-    """Assert that settings are refused in a sentence, and the log that lacks the input is named.
-
-    There is no input whose delay or hold could be sought.
-    """
+    """Assert that settings and a log without the input are refused, and the model has none."""
     for settings in (
         Settings(hold="zero"),
         Settings(input_delay=1e-3),

@@ -42,11 +42,7 @@ def misses(found: Fitted, estimate: Any) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_right_model_is_not_widened(seed):
-    """Assert that white noise of the sensors is no model error, and is all there is in intervals.
-
-    What its blocks show by themselves differs from that more, and more from value to value. It
-    stays where residuals are larger than noise.
-    """
+    """Assert that white noise is all there is in intervals, unless residuals are larger."""
     found, error = fitted(seed)
     assert error.share == 0.0
     unit = found.unit_deviations
@@ -74,10 +70,7 @@ def test_a_step_that_was_not_taken_widens():
     [({"half_gap": 0.003}, 2.0), ({"ripple_torque": 0.5, "ripple_number": 10}, 0)],
 )
 def test_what_no_term_describes_widens(more: dict[str, float], missed: float, seed: int):
-    """Assert that a gap of 6 mrad and a ripple are seen, and that their bias is covered.
-
-    The gap's own intervals of the fit miss the stiffness by far.
-    """
+    """Assert that a gap of 6 mrad and a ripple are seen, and that their bias is covered."""
     found, error = fitted(seed, **more)
     assert error.share > 0.5
     assert misses(found, found.fit).max() > missed
@@ -127,10 +120,7 @@ ONE_END = replace(LIMITS, white_growth=0.6, repeated_growth=0.6)
     ],
 )
 def test_what_of_the_residuals_is_an_error(found, limits, share):
-    """Assert that share of residuals that are known by duration, size, and what is unexplained.
-
-    Each is of 10⁶ numbers and 200 states.
-    """
+    """Assert its share by duration, size and what is unexplained, of 10⁶ numbers and 200 states."""
 
     def fit(duration: float, excess: float, unexplained: float = 0.0) -> Any:
         return SimpleNamespace(
@@ -151,10 +141,7 @@ def test_what_of_the_residuals_is_an_error(found, limits, share):
 
 
 def test_what_is_unexplained_is_a_share_of_the_deflection():
-    """Assert that residuals beyond noise count beside the deflection, and noise does not.
-
-    What is unexplained is in proportion to a longer time, and no less over a shorter one.
-    """
+    """Assert the share, in proportion to a longer time, and no less over a shorter one."""
     right, _ = fitted(1)
     assert right.unexplained < 1e-3
     gapped, _ = fitted(1, half_gap=0.003)
@@ -168,10 +155,7 @@ def test_what_is_unexplained_is_a_share_of_the_deflection():
 
 
 def test_error_is_what_residuals_beyond_noise_allow():
-    """Assert that the whole allowance is the deviation for unit noise by the root of their sum.
-
-    Half the share, a quarter of the variance.
-    """
+    """Assert that the whole allowance is the deviation for unit noise by the root of their sum."""
     found, _ = fitted(1)
     freedom = found.problem.degrees_of_freedom
     none = widened(found, ModelError(9.0, 0.0, 0.0)).covariance
@@ -245,10 +229,7 @@ def driving():
 
 
 def test_a_negative_friction_may_be_none(driving, monkeypatch):
-    """Assert that it is uncertain by all of itself, and the others by what they move without it.
-
-    So it is where no fit is without it.
-    """
+    """Assert that it is uncertain by all of itself, and the others by what they move without it."""
     names = driving_frictions(driving, THRESHOLDS)
     assert "alpha_damping" in names
     bare, _ = fit_to(driving.structure.without(names), driving.data, driving.by_name, 1.0)

@@ -284,10 +284,7 @@ def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
 
 @pytest.mark.parametrize("encoders", [1, 2])
 def test_input_late_by_samples_keeps_its_values(encoders):
-    """Assert that a torque three samples late is that of three samples before, to the bit.
-
-    A rigid log's input is moved though there is no link encoder. Without delays nothing is touched.
-    """
+    """Assert that a torque three samples late is that of three samples before, to the bit."""
     recording = late_log() if encoders == 2 else replace(late_log(), link_position=None)
     assert aligned(recording, delays()) is recording
     moved = aligned(recording, delays(input_delay=3 * SAMPLE_TIME))

@@ -54,10 +54,7 @@ def test_known_parameters_fix_coefficients(known, given):
 
 
 def test_what_is_left_to_the_fit():
-    """Assert that a stiffness alone stays a condition on two coefficients.
-
-    A value with a standard deviation is not fixed.
-    """
+    """Assert that a stiffness alone is a condition, and an uncertain value is not fixed."""
     found = stating({"joint_stiffness": 100.0})
     assert found.given == {}
     assert [(k.name, k.value, k.std) for k in found.known] == [("joint_stiffness", 100.0, 0.0)]
@@ -125,10 +122,7 @@ def test_statements_that_exclude_each_other_are_refused(case):
 
 
 def test_what_a_model_does_not_have_is_refused():
-    """Assert that bounds of a term that is off are refused, and an inertia of a log in volts.
-
-    A rigid joint has parameters of its own.
-    """
+    """Assert refusals of a term that is off and an inertia in volts, and a rigid joint's names."""
     with pytest.raises(SettingError, match="have no alpha2"):
         stating(bounds={"alpha2": (0.0, 1.0)}, terms=("gravity",))
     assert stating({"joint_stiffness_per_link_inertia": 3.0}, unit="V").given == {"theta2": 3.0}
@@ -227,10 +221,7 @@ def drive(deviation: float = 0.05) -> Estimate:
 
 
 def test_linear_case_is_one_more_measurement():
-    """Assert that knowledge of b equals least squares with one weighted equation more.
-
-    Knowledge of two things gives what the one after the other gives, and certain knowledge fixes.
-    """
+    """Assert that knowledge of b equals least squares with one weighted equation more."""
     regressors, measured = straight_line()
     found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.2)])[0]
     more = least_squares(np.vstack((regressors, [0.0, 1.0 / 0.2])), np.append(measured, -1.3 / 0.2))
@@ -248,10 +239,7 @@ def test_linear_case_is_one_more_measurement():
 
 
 def test_a_known_inertia_is_met():
-    """Assert that one known exactly is what the joined values give, far off or not.
-
-    What correlates with it follows along their common uncertainty.
-    """
+    """Assert that one known exactly is what the joined values give, and correlates follow."""
     for inertia in (0.1, 0.25, 0.3, 0.6, 1.5):
         found, _ = informed(drive(), [Known("motor_inertia", inertia, 0.0)], PARAMETERS)
         assert 1.0 / found.values[1] == pytest.approx(inertia, rel=1e-9)

@@ -11,10 +11,7 @@ ARM, KUKA = "ist-flexible-arm/ist_square_1p5V.csv", "kr300/kr300_A.csv"
 
 @pytest.fixture(scope="module")
 def identified(shared_data, examples, tmp_path_factory):
-    """Return a function that identifies a log, with a column map of the examples or one given.
-
-    That is column and unit of each channel, and a scale if there is one.
-    """
+    """Return a function that identifies a log, with a column map or (column, unit, scale)."""
     own = tmp_path_factory.mktemp("columns") / "columns.toml"
 
     def result_of(file, shipped="", settings=None, **columns):
@@ -76,10 +73,7 @@ def test_arm_has_one_stiffness_whatever_the_voltage(identified):
 
 
 def test_slide_has_its_published_mass_and_friction(shared_data):
-    """Assert that EMPS has no gravity, and what Janot, Gautier and Brunot (2019) published.
-
-    It is known as a linear axis by the names of its columns.
-    """
+    """Assert what Janot, Gautier and Brunot (2019) published of EMPS, known as a linear axis."""
     slide = identify([read_log(shared_data / "emps/emps_train.csv")])
     assert slide.joint == "prismatic"
     assert slide.parameters["inertia"].unit == "kg"
@@ -114,10 +108,7 @@ def test_pendulum_has_gravity_and_inertia(identified):
 
 @pytest.mark.parametrize("number", [1, pytest.param(3, marks=pytest.mark.thorough)])
 def test_a_skew_is_no_stiffness(number, identified):
-    """Assert that nothing that rests on a stiffness is known, and a warning names the delay.
-
-    The encoders of a KUKA KR300 are 3 ms apart: all skew, hardly any deflection.
-    """
+    """Assert that no stiffness of a KUKA KR300 is known, and a warning names its delay of 3 ms."""
     axis = identified(
         KUKA,
         link_position=(f"a{number}_q_link_deg", "deg"),
@@ -135,10 +126,7 @@ def test_a_skew_is_no_stiffness(number, identified):
 
 
 def test_arm_without_its_voltage_has_its_stiffness(identified):
-    """Assert that the link alone, driven by the motor's measured motion, gives its stiffness.
-
-    The best fit of others is 463 1/s^2.
-    """
+    """Assert that the link alone gives its stiffness; the best fit of others is 463 1/s^2."""
     arm_alone = identified(
         ARM, motor_position=("pot_V", "deg", 35.32), deflection=("strain_V", "deg", 1.34)
     )

@@ -52,10 +52,7 @@ ENOUGH, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise 
 def test_a_constant_goes_where_the_sum_of_squares_is_least(
     terms, shape, made_with, truth, accuracy, aways
 ):
-    """Assert that it comes from either side, to within what noise makes of it.
-
-    A velocity comes from as far as candidates are apart.
-    """
+    """Assert that it comes from either side, to within what noise makes of it."""
     recording = made(3, **made_with)
     exact = fitted(recording, *terms, fixed={shape.constant: truth})
     assert shape.constant not in exact.names

@@ -69,11 +69,7 @@ def first_start(base: Structure, log: Data) -> dict[str, float]:
 
 
 def test_a_moving_motor_starts_better_than_a_sticking_one(stiff):
-    """Assert that a sticking motor misleads least squares, but not the start.
-
-    Least squares finds less than half of every coefficient of the motor's row. Where it keeps
-    moving its friction is known but for its size; who gives it is led as well.
-    """
+    """Assert that a sticking motor misleads least squares by half and more, but not the start."""
     base = posed_of(stiff)
     truth = {"alpha1": 10000.0, "beta1": 1.0, "alpha_coulomb": 13.7}
     plain, _ = least_squares_start(base, stiff, 20.0)
@@ -147,10 +143,7 @@ HOLDS = ("zero", "cubic", "linear")
 
 @pytest.mark.parametrize("held", [True, False])
 def test_long_segments_know_the_hold(held):
-    """Assert that the hold is found where short segments take either for the other.
-
-    The threshold says when holds are alike; one that is given is taken.
-    """
+    """Assert that the hold is found where short segments take either for the other."""
     log = log_of(held=held, noise=2e-7)
     if held:
         alike = replace(THRESHOLDS, hold_fall=1e9)
@@ -169,10 +162,7 @@ def test_long_segments_know_the_hold(held):
 
 
 def test_tied_holds_are_all_in_the_interval():
-    """Assert that a delay reaches to where another hold would put it, if noise hides the hold.
-
-    The torque is late, so that each hold needs a delay.
-    """
+    """Assert that a late torque's delay reaches to where another hold would put it."""
     log = log_of(held=True, noise=3e-4, input_delay=2.7e-3)
     found = fits_by_length.fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert {*found.tied} == {"cubic", "linear"}
@@ -265,10 +255,7 @@ def is_turned_round(recording, model: Kind = "flexible"):
 
 @pytest.mark.parametrize("model", ["flexible", "link"])
 def test_only_the_wrong_sign_is_found(right, model):
-    """Assert that it is found of the deflection turned round, with and without an input.
-
-    A link's own encoder has no such sign, nor has a joint that is not moved.
-    """
+    """Assert that a turned deflection is found, but none of an encoder or a joint at rest."""
     assert is_turned_round(mirrored(right), model)
     still = replace(made(4, 6.0, size=1e-9), link_from_deflection=True)
     encoder = replace(mirrored(right), link_from_deflection=False)

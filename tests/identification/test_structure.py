@@ -199,10 +199,7 @@ def test_delays_go_like_terms(side, size, margin, stays):
 
 
 def test_the_narrowest_fit_that_converged_is_best():
-    """Assert that a fit that has not ended counts where there is no other, be it as narrow as may.
-
-    Of two that are as narrow, but for 5 per cent, that over longer segments is taken.
-    """
+    """Assert that one that has not ended counts last, and the longer of two within 5 %."""
 
     def fit(width: float, converged: bool = True) -> Fitted:
         estimate = Estimate(("theta2",), np.ones(1), np.array([[width**2]]), (MANY,))

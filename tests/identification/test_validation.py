@@ -46,10 +46,7 @@ def predicted(
 
 
 def test_right_model_predicts_to_the_noise(recording):
-    """Assert that the true model's errors are hardly more than sensor noise, over any horizon.
-
-    Predictions begin again where there is room: 5 s do not fit into 3.6 s.
-    """
+    """Assert that the true model's errors are hardly more than sensor noise, over any horizon."""
     found = predicted(data(recording))
     (run,) = found.runs
     errors = (run.measured - run.simulated).std(axis=0)
@@ -61,10 +58,7 @@ def test_right_model_predicts_to_the_noise(recording):
 
 
 def test_fit_is_one_minus_error_over_spread(recording):
-    """Assert that the fit in per cent is that of the run that is shown, about the mean.
-
-    A recording predicted twice has the fit of one predicted once.
-    """
+    """Assert that the fit in per cent is that of the run that is shown, about the mean."""
     found = predicted(data(recording), beta1=3.2)
     (run,) = found.runs
     for place, channel in enumerate(CHANNELS):
@@ -89,10 +83,7 @@ def test_a_short_recording_keeps_no_other_from_a_horizon(recording):
 
 
 def test_wrong_models_predict_worse(recording):
-    """Assert that a soft spring shows in the deflection, a wrong friction over a long horizon.
-
-    A model that diverges has no fit at all in any channel, without an exception.
-    """
+    """Assert that a soft spring shows in the deflection, a wrong friction over a long horizon."""
     fit = predicted(data(recording), theta2=50.0, alpha1=500 / 3).fit_percent
     assert fit["deflection"] < min(30.0, fit["link_position"])
     horizons = predicted(data(recording), alpha2=0.0).horizons.values()

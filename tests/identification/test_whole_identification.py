@@ -117,10 +117,7 @@ def test_every_log_has_its_own_offset():
 
 
 def test_what_is_known_shifts_and_bounds(clean, alone):
-    """Assert that a known stiffness, one deviation off, draws the estimate halfway to it.
-
-    A coefficient that wants to leave its bounds ends there, and says so.
-    """
+    """Assert that a stiffness known one deviation off draws it halfway, and a bound is kept."""
     theta2, alpha2 = (alone.coefficients[name] for name in ("theta2", "alpha2"))
     known, least = theta2.value + theta2.std, alpha2.value + alpha2.std
     settings = replace(SETTINGS, known={"theta2": known}, known_deviations={"theta2": theta2.std})
