@@ -14,8 +14,6 @@ STRICT = ("-std=c99", *WARNINGS)
 PRECISIONS = {"double": "-UFLEXID_FLOAT", "float": "-DFLEXID_FLOAT"}
 """The definition that makes each."""
 
-CORTEX_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
-
 LOG = Path("examples/flexible_joint.csv")
 
 DRIVES = {
@@ -61,23 +59,3 @@ def compiled(compiler: str, directory: Path, *options: str, out: Path) -> Path:
     sources = [directory / "example_main.c", directory / "flexid_drive.c"]
     run(tool(compiler), *STRICT, "-O2", *options, *sources, "-lm", "-o", out)
     return out
-
-
-def compiled_for_cortex_m(main: Path, directory: Path, *options: str, out: Path) -> Path:
-    """A program for QEMU's mps2-an386, with an exported drive."""
-    board = HERE / "cortex_m"
-    run(
-        tool("arm-none-eabi-gcc"),
-        *(*CORTEX_M4F, *STRICT, "-O2", "-fno-math-errno", *options, "--specs=rdimon.specs"),
-        *("-T", board / "mps2.ld", f"-I{directory}"),
-        *(board / "startup.c", main, directory / "flexid_drive.c", "-lm", "-o", out),
-    )
-    return out
-
-
-def run_on_cortex_m(program: Path, *options: str) -> str:
-    """What a program prints on an emulated Cortex-M4F; it must return 0."""
-    board = ("-M", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none")
-    semihosting = ("-semihosting-config", "enable=on,target=native")
-    qemu = tool("qemu-system-arm")
-    return run(qemu, *board, *semihosting, *options, "-kernel", program, timeout=120.0)

@@ -7,21 +7,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from drive import (
-    CASES,
-    CORTEX_M4F,
-    DRIVES,
-    HERE,
-    LOG,
-    MAIN,
-    PRECISIONS,
-    STRICT,
-    compiled,
-    compiled_for_cortex_m,
-    run,
-    run_on_cortex_m,
-    tool,
-)
+from benchmarks.drive import QEMU, TARGET, build
+from drive import CASES, DRIVES, HERE, LOG, MAIN, PRECISIONS, STRICT, compiled, run, tool
 
 import flexid
 from flexid.errors import SettingError
@@ -82,11 +69,12 @@ def test_replay_agrees_with_python(drives, tmp_path, build, name, precision):
 @precisions
 def test_replay_on_cortex_m4f(drives, tmp_path, precision):
     """Assert the same of a microcontroller, whose floating point knows single precision only."""
-    directory = drives[MAIN]
-    program = compiled_for_cortex_m(
-        directory / "example_main.c", directory, PRECISIONS[precision], out=tmp_path / "drive.elf"
-    )
-    assert "health 1, difference" in run_on_cortex_m(program)
+    tool("arm-none-eabi-gcc")
+    qemu, program = tool(QEMU[0]), tmp_path / "drive.elf"
+    main, options = str(drives[MAIN] / "example_main.c"), (*STRICT, "-O2", PRECISIONS[precision])
+    build(drives[MAIN], main, options, program)
+    printed = run(qemu, *QEMU[1:], "-kernel", program, timeout=120.0)
+    assert "health 1, difference" in printed
 
 
 WRONG = (
@@ -117,7 +105,7 @@ def test_what_is_wrong_is_noticed(drives, tmp_path, precision, right, wrong):
 def test_nothing_but_mathematics_is_called(drives, tmp_path, name):
     """Assert that a float build calls functions of math.h in float, and nothing else."""
     run(
-        *(tool("arm-none-eabi-gcc"), *CORTEX_M4F, *STRICT, "-O2", "-DFLEXID_FLOAT"),
+        *(tool("arm-none-eabi-gcc"), *TARGET, *STRICT, "-O2", "-DFLEXID_FLOAT"),
         # Else the compiler makes memset and memcpy of loops.
         "-fno-tree-loop-distribute-patterns",
         *("-c", drives[name] / "flexid_drive.c", "-o", tmp_path / "drive.o"),

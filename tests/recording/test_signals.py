@@ -11,17 +11,7 @@ import pytest
 from asammdf import Signal
 from benchmarks.fuzz_files import STAMPS, matlab_73, mcap
 from joint_log import assert_words, refused, said
-from log_files import (
-    COLUMNS,
-    TORQUE,
-    hdf5,
-    in_groups,
-    log_file,
-    mdf,
-    measured,
-    parquet,
-    signal,
-)
+from log_files import COLUMNS, TORQUE, hdf5, in_groups, log_file, mdf, measured, parquet, signal
 from rosbags.typesys.store import Typestore
 from scipy.io import savemat
 
