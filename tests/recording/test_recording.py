@@ -13,39 +13,30 @@ from flexid.recording import Log, Recording, with_velocities
 MOTION = without(joint_columns(), "torque")
 
 
-@pytest.fixture
-def recording() -> Recording:
-    """Ten samples without link velocity."""
-    ramp = np.arange(10.0)
-    return Recording(0.1, 5.0, ramp, 2.0 * ramp, -ramp, "V", motor_velocity=ramp + 1.0)
+RAMP, TIME = np.arange(10.0), 0.01 * np.arange(300)
+RECORDING = Recording(0.1, 5.0, RAMP, 2.0 * RAMP, -RAMP, "V", motor_velocity=RAMP + 1.0)
+ALONE = Recording(0.01, 2.0, None, np.sin(TIME), np.cos(TIME), "N m", source="arm.csv")
 
 
-@pytest.fixture
-def alone() -> Recording:
-    """A motor's motion without a link."""
-    time = 0.01 * np.arange(300)
-    return Recording(0.01, 2.0, None, np.sin(time), np.cos(time), "N m", source="arm.csv")
-
-
-def test_windows(recording: Recording) -> None:
+def test_windows() -> None:
     """Assert that a window keeps the clock and shares memory, and lies within."""
-    np.testing.assert_allclose(recording.time, 5.0 + 0.1 * np.arange(10))
-    np.testing.assert_array_equal(recording.deflection, -np.arange(10.0))
-    part = recording.window(3, 7)
-    np.testing.assert_allclose(part.time, recording.time[3:7])
-    assert np.shares_memory(part.motor_velocity, recording.motor_velocity)
+    np.testing.assert_allclose(RECORDING.time, 5.0 + 0.1 * np.arange(10))
+    np.testing.assert_array_equal(RECORDING.deflection, -np.arange(10.0))
+    part = RECORDING.window(3, 7)
+    np.testing.assert_allclose(part.time, RECORDING.time[3:7])
+    assert np.shares_memory(part.motor_velocity, RECORDING.motor_velocity)
     assert (len(part), part.link_velocity, part.input_unit) == (4, None, "V")
     for start, stop in ((-1, 3), (3, 3), (4, 2), (0, 11)):
-        message = refused(recording.window, start, stop)
+        message = refused(RECORDING.window, start, stop)
         assert "choose 0 <= start < stop <= 10" in message
     with pytest.raises(RecordingError, match=r"input: .*\(9,\).*motor's position"):
-        replace(recording, input=np.arange(9.0))
+        replace(RECORDING, input=np.arange(9.0))
 
 
-def test_a_log_fits_a_line(recording: Recording) -> None:
+def test_a_log_fits_a_line() -> None:
     """Assert that a recording and a log show what they hold, and not their samples."""
-    assert_words(r"10 samples every 0\.1 s.*input \(V\), motor_velocity>", repr(recording))
-    assert repr(Log((recording, recording), (), "a.csv", "")) == "<Log a.csv: 1 s, 1 s>"
+    assert_words(r"10 samples every 0\.1 s.*input \(V\), motor_velocity>", repr(RECORDING))
+    assert repr(Log((RECORDING, RECORDING), (), "a.csv", "")) == "<Log a.csv: 1 s, 1 s>"
 
 
 def test_motion_alone() -> None:
@@ -67,23 +58,23 @@ def test_motion_alone() -> None:
     assert_words("input: .*identify the link alone", refused(samples_of_recording, recording))
 
 
-def test_no_deflection(alone: Recording) -> None:
+def test_no_deflection() -> None:
     """Assert that whoever asks for the link is told what is missing, in which file."""
     words = r"arm\.csv: link_position: .*log it, or identify the rigid joint"
-    assert_words(words, refused(lambda: alone.deflection))
-    assert_words(words, refused(samples_of_recording, alone))
+    assert_words(words, refused(lambda: ALONE.deflection))
+    assert_words(words, refused(samples_of_recording, ALONE))
 
 
-def test_samples_of_the_rigid_joint(alone: Recording) -> None:
+def test_samples_of_the_rigid_joint() -> None:
     """Assert that it has the motor's position alone, and its velocity where that is derived."""
-    part = with_velocities(alone).window(100, 200)
+    part = with_velocities(ALONE).window(100, 200)
     assert part.link_position is None
     assert part.link_velocity is None
     assert part.motor_velocity is not None
     np.testing.assert_allclose(part.motor_velocity, np.cos(part.time - 2.0), atol=1e-6)
-    samples = samples_of_recording(alone, "rigid")
+    samples = samples_of_recording(ALONE, "rigid")
     assert samples.velocities is None
-    np.testing.assert_array_equal(samples.positions, alone.motor_position[:, np.newaxis])
-    velocities = samples_of_recording(with_velocities(alone), "rigid").velocities
+    np.testing.assert_array_equal(samples.positions, ALONE.motor_position[:, np.newaxis])
+    velocities = samples_of_recording(with_velocities(ALONE), "rigid").velocities
     assert velocities is not None
     assert velocities.shape == (300, 1)
