@@ -11,6 +11,7 @@ from flexid.identification.preparation.joint import Kind
 from flexid.identification.result import Identification
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
+from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.options import StreamChannels, WatchOptions, options_of_stream
 from flexid.streaming.session import Follower, Session
 
@@ -92,6 +93,12 @@ def followed(path: Path, chosen: dict[str, Any] | None = None, **options: Any) -
     follower = Follower(str(path), chosen or CHOSEN, stop_at_end=True, **options)
     assert sum(follower.turns(1.0)) > 0
     return follower
+
+
+def counted(guard: Guard, *columns: np.ndarray) -> Counts:
+    """What a guard counts of times and what encoders show, with a sine as the input."""
+    samples = np.column_stack((*columns, np.sin(columns[0]))).astype(np.float64)
+    return guard.counts(guard.guard(guard.first_state(), samples).state)
 
 
 def errors(session: Session, truth=None) -> np.ndarray:

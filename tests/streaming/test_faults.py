@@ -14,6 +14,7 @@ from moving_joint import (
     TRUTH,
     H,
     all_hold,
+    counted,
     errors,
     loaded_stream,
     stream,
@@ -270,10 +271,8 @@ def test_without_a_known_hold_the_interval_covers_both():
 
 def guarded(positions: np.ndarray) -> Counts:
     """What a guard counts where both encoders show the same."""
-    time = H * np.arange(len(positions))
     guard = Guard(H, 2, 1, from_deflection=False)
-    samples = np.column_stack((time, positions, positions, np.sin(time))).astype(np.float64)
-    return guard.counts(guard.guard(guard.first_state(), samples).state)
+    return counted(guard, H * np.arange(len(positions)), positions, positions)
 
 
 def test_a_drive_that_starts_with_a_jerk_is_believed_after_the_first_time():

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from moving_joint import counted
 
 from flexid.arrays import FloatArray
 from flexid.recording.series import without_wraps
-from flexid.streaming.guard import Counts, Guard
+from flexid.streaming.guard import Guard
 
 H = 0.01
 TURN = 0.1
@@ -19,13 +20,7 @@ def moved(peak: float, count: int = 900) -> FloatArray:
 
 
 CLOCK: FloatArray = np.asarray(H * np.arange(900), dtype=np.float64)
-
-
-def counted(time: FloatArray, readings: FloatArray) -> Counts:
-    """What a guard counts of a drive with one encoder, in front of a gear."""
-    guard = Guard(H, 1, 1, from_deflection=False, motor_turn=TURN)
-    samples = np.column_stack((time, readings, np.sin(time)))
-    return guard.counts(guard.guard(guard.first_state(), samples).state)
+GUARD = Guard(H, 1, 1, from_deflection=False, motor_turn=TURN)  # of one encoder before a gear
 
 
 @pytest.mark.parametrize("turns", [1, 4])
@@ -38,7 +33,7 @@ def test_a_fast_motor(peak: float, turns: int):
     found, period = without_wraps(time, readings, TURN)
     assert np.ptp((found - position[kept])[1:]) < 1e-9
     assert period == pytest.approx(turns * TURN)
-    counts = counted(time, readings)
+    counts = counted(GUARD, time, readings)
     assert counts.wraps > 20 * peak
 
 
@@ -59,7 +54,7 @@ def test_a_fast_motor_whose_encoder_does_not_wrap(peak: float):
     readings = moved(peak)[75:]
     found, period = without_wraps(CLOCK[75:], readings, TURN)
     np.testing.assert_array_equal(found, readings)
-    counts = counted(CLOCK[75:], readings)
+    counts = counted(GUARD, CLOCK[75:], readings)
     assert (period, counts.wraps) == (0.0, 0)
 
 

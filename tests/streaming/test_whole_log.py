@@ -62,11 +62,12 @@ def _small(monkeypatch: pytest.MonkeyPatch) -> None:
 def write(tmp_path: Path, columns: Columns) -> Write:
     """A function that writes the log, without some of its rows, with other columns."""
 
-    def written(lost: tuple[int, ...] = (), **changed: np.ndarray) -> Path:
+    def written(lost: tuple[int, ...] = (), **changed: np.ndarray | None) -> Path:
         path = tmp_path / "log.parquet"
-        frame = pl.DataFrame({**columns, **changed})
-        kept = frame.filter(~pl.int_range(pl.len()).is_in(lost))
-        kept.write_parquet(path, row_group_size=7_000)
+        kept = {n: v for n, v in {**columns, **changed}.items() if v is not None}
+        frame = pl.DataFrame(kept)
+        rows = frame.filter(~pl.int_range(pl.len()).is_in(lost))
+        rows.write_parquet(path, row_group_size=7_000)
         return path
 
     return written
@@ -113,14 +114,11 @@ def test_the_evidence_of_a_stream(write: Write, monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_array_equal(again.fit.covariance, result.fit.covariance)
 
 
-def test_a_dead_zone_is_corrected_in_the_whole_log(tmp_path: Path, columns: Columns):
+def test_a_dead_zone_is_corrected_in_the_whole_log(write: Write, columns: Columns):
     """Assert that what the head shows of the amplifier is taken off every sample."""
     acting = columns["motor_torque"]
     commanded = acting + 0.4 * np.sign(acting)
-    path = tmp_path / "log.parquet"
-    frame = pl.DataFrame({**columns, "motor_voltage": commanded}).drop("motor_torque")
-    frame.write_parquet(path, row_group_size=7_000)
-    found = identify_stream(path, settings=CHOSEN)
+    found = identify_stream(write(motor_voltage=commanded, motor_torque=None), settings=CHOSEN)
     assert found.choices.amplifier.dead_zone == pytest.approx(0.4, abs=0.02)
     assert found.coefficients["beta1"].value == pytest.approx(TRUE["beta1"], rel=0.005)
     assert any("dead zone" in warning for warning in found.warnings)
