@@ -41,7 +41,7 @@ FORMS: dict[str, Callable[[datetime], str]] = {
     "time of day": lambda t: f"{t:%H:%M:%S.%f}".lstrip("0") if t.hour else f"{t:%H:%M:%S.%f}",
 }
 MOMENTS = [BEGIN + k * STEP for k in range(COUNT)]
-ISO = [*map(FORMS["iso"], MOMENTS)]
+ISO, DAYS_FIRST = ([*map(FORMS[form], MOMENTS)] for form in ("iso", "days first"))
 
 
 def text_of(stamps: list[str], header: str = "time") -> str:
@@ -57,35 +57,24 @@ def assert_is_the_log(log: Log) -> None:
     np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
 
 
-def decimal_commas() -> str:
-    """Stamps with points, beside numbers with commas."""
-    head, *rows = text_of([*map(FORMS["days first"], MOMENTS)]).splitlines()
-    cells = [row.partition(";") for row in rows]
-    return "\n".join([head, *(a + b + c.replace(".", ",") for a, b, c in cells)])
-
-
 def since_1970(places: int) -> list[str]:
     """Nanoseconds with a point before so many places."""
     ticks = [f"{1_714_607_999_950_000_000 + 200_000 * k}" for k in range(COUNT)]
     return [f"{t[: len(t) - places]}.{t[len(t) - places :]}".removesuffix(".") for t in ticks]
 
 
-def in_two_columns() -> str:
-    """Seconds and nanoseconds."""
-    rows = [f"{1_714_607_999 + k // 5000},{200_000 * (k % 5000)}" for k in range(COUNT)]
-    parts = zip(["sec,nanosec", *rows], csv_text(COLUMNS).splitlines(), strict=True)
-    return "\n".join(f"{a},{b}" for a, b in parts)
-
-
+COMMAS = {n: [str(value).replace(".", ",") for value in values] for n, values in CELLS.items()}
+SECONDS = {"sec": [1_714_607_999 + k // 5000 for k in range(COUNT)]}
+NANOSECONDS = {"nanosec": [200_000 * (k % 5000) for k in range(COUNT)]}
 ADDED = {"time": {"sum": ["sec", {"column": "nanosec", "scale": 1e-9}]}}
 HEADERS = ("timestamp [UTC]", "Date Time", "date/time", "DateTime (ISO)")  # with no unit
 PLACES = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 SAME: dict[str, tuple[str, dict[str, Any] | None]] = {  # texts, and column maps
     **{form: (text_of([*map(FORMS[form], MOMENTS)]), None) for form in FORMS},
     **{header: (text_of(ISO, header), None) for header in HEADERS},
-    "decimal commas": (decimal_commas(), None),
+    "decimal commas": (csv_text({"time": DAYS_FIRST, **COMMAS}, ";"), None),
     "a name in a map": (text_of(ISO), {"time": "time"}),
-    "two columns": (in_two_columns(), ADDED),
+    "two columns": (csv_text(SECONDS | NANOSECONDS | COLUMNS), ADDED),
     **{u: (text_of(since_1970(places), f"time [{u}]"), None) for u, places in PLACES.items()},
     "s, commas": (text_of(since_1970(9), "time [s]").replace(".", ","), None),
     "whole us": (text_of([t[:16] for t in since_1970(0)], "time [us]"), None),

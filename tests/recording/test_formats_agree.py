@@ -7,7 +7,6 @@ import numpy as np
 import polars as pl
 import pytest
 from benchmarks.fuzz_files import mcap
-from joint_log import assert_words, refused
 
 from flexid.recording import read_log
 from flexid.recording.frame import write_parquet
@@ -24,7 +23,6 @@ IN_PARTS = {
     ),
     "MCAP in blocks": ("a.mcap", lambda p: mcap(p, LATE)),
 }
-CUT = ("MATLAB 5", "HDF5", "ROS 1", "ROS 2, database", "ROS 2, MCAP")
 
 
 @pytest.mark.parametrize("name", log_files.WRITERS)
@@ -47,15 +45,6 @@ def test_parts_are_the_whole(name: str, tmp_path: Path):
     parts = [table.frame for table in tables_of_file(path, column_map, 30)]
     assert [part.height for part in parts[:2]] == [30, 30]
     assert pl.concat(parts).equals(table_of_file(path, column_map).frame)
-
-
-@pytest.mark.parametrize("name", CUT)
-def test_a_file_that_is_cut_short(name: str, tmp_path: Path):
-    """Assert that it is refused."""
-    path = log_files.log_file(tmp_path, name)
-    raw = path.read_bytes()
-    path.write_bytes(raw[: len(raw) // 2])
-    assert_words("that can be read|cannot be read on from there", refused(read_log, path))
 
 
 def test_a_column_says_where_it_stands(tmp_path: Path):

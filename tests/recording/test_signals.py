@@ -119,6 +119,13 @@ def damaged(form: str, place: int, size: int) -> Write:
     )
 
 
+def half(form: str) -> Write:
+    """A file that is cut short."""
+    return edited(
+        lambda path: log_file(path.parent, form).rename(path), lambda raw: raw[: len(raw) // 2]
+    )
+
+
 def promising(count: int) -> Write:
     """A page that promises 2^61 values in the place of 100, which ends Polars."""
     value = (count << 1) ^ (count >> 63)  # as Thrift writes it
@@ -143,6 +150,8 @@ LATE_TORQUE = signal("motor_torque", INPUT, np.where(np.arange(100) == 75, TIME[
 ANOTHER = signal("u", TIME)
 STATE = Signal(np.array([b"ok"] * 100), TIME, name="state", encoding="utf-8")
 IMAGES = [("/imu", stamp, {"x": 1.0, "image": [0] * 100, "frame": "a"}) for stamp in STAMPS]
+CUT = {"MATLAB 5": ".mat", "HDF5": ".h5", "ROS 1": ".bag", "ROS 2, database": ".db3"}
+CUT |= {"ROS 2, MCAP": ".mcap"}
 FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "text": ("a.parquet", lambda p: parquet(p, pl.exclude("time"), TIMES)),
     "dates": ("a.parquet", lambda p: parquet(p, pl.exclude("motor_torque"), DATES)),
@@ -185,6 +194,7 @@ FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "no times in common": ("a.mcap", lambda p: mcap(p, measured(10**12))),
     "a large record": ("a.mcap", damaged("ROS 2, MCAP", 9, 8)),
     "a large record of ROS 1": ("b.bag", damaged("ROS 1", 13, 4)),
+    **{f"half of {form}": (f"a{suffix}", half(form)) for form, suffix in CUT.items()},
     "a folder": ("folder", Path.mkdir),
     "a folder of zstd": ("c", lambda p: (p.mkdir(), (p / "a.db3.zstd").write_bytes(b""))),
 }
