@@ -7,18 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import (
-    FINE_NOISE,
-    JOINT,
-    PUSHED,
-    data,
-    half_widths,
-    log,
-    pushed,
-    recording,
-    stopping,
-    structure,
-)
+from made_joint import JOINT, PUSHED, data, half_widths, log, pushed, recording, stopping, structure
 
 from flexid.errors import ConvergenceError
 from flexid.identification.estimation import answers, band, disturbed
@@ -163,7 +152,7 @@ def test_a_delay_between_encoders_is_found(stiffness: float):
         return 4.0 * np.sin(np.outer(at, rates) + phases) @ (1.0 / rates**2)
 
     acceleration = -4.0 * np.sin(np.outer(time, rates) + phases).sum(axis=1)
-    noise = FINE_NOISE * rng.standard_normal((2, len(time)))
+    noise = 2e-5 * rng.standard_normal((2, len(time)))
     motor = link(time) + acceleration / stiffness + noise[1]
     found = skew(JOINT, data(recording(time, link(time - 3e-3) + noise[0], motor, 0.0 * time)))
     assert found.delay == pytest.approx(3e-3, rel=0.02)
@@ -366,42 +355,24 @@ def test_predictions_begin_anyhow_where_an_observer_runs_away(monkeypatch: pytes
     assert states == pytest.approx(expected)
 
 
-def to_all_data() -> tuple[Disturbed, Disturbed]:
-    """The fit of a pushed link, and the same begun from there."""
-    fit = fitted("a pushed link")[0]
-    return fit, fit_disturbed_to(fit, CASES["a pushed link"].data)
+def test_fits_to_all_data_that_go_astray_are_made_up_for(monkeypatch: pytest.MonkeyPatch):
+    """Assert what a fit to all data, and one with all terms, is where the first one goes astray."""
+    fit, own = fitted("a pushed link")[0], CASES["a pushed link"].data
 
-
-def test_a_fit_that_goes_astray_begins_where_the_full_one_ended(monkeypatch: pytest.MonkeyPatch):
-    """Assert that of two fits to all data that is kept which the log finds likelier."""
-    fitted("a pushed link")
-    nth_fit(monkeypatch, 1, less_likely(1e4))
-    before, again = to_all_data()
-    assert again.sizes.disturbances == pytest.approx(before.sizes.disturbances, rel=0.5)
-
-
-def test_a_full_model_without_a_fit_stays_that_of_the_training_data(
-    monkeypatch: pytest.MonkeyPatch,
-):
-    """Assert that the leaner fit to all data is there all the same."""
-    fitted("a pushed link")
-    nth_fit(monkeypatch, 2, diverging)
-    before, again = to_all_data()
-    assert again.full is before.full
-    assert again.fitted is not before.fitted
-
-
-def test_a_full_fit_whose_steps_do_not_end_begins_where_the_leaner_did(
-    monkeypatch: pytest.MonkeyPatch,
-):
-    """Assert that what may hide is not said by a fit that went astray."""
-
-    def astray(fit: FitInBand) -> FitInBand:
+    def unended_and_unlikely(fit: FitInBand) -> FitInBand:
         return replace(fit, fitted=unended(fit.fitted), cost=fit.cost + 1e4)
 
-    fitted("a pushed link")
-    nth_fit(monkeypatch, 2, astray)
-    assert to_all_data()[1].full.converged
+    def again(n: int, becomes: Any) -> Disturbed:
+        with monkeypatch.context() as patched:
+            nth_fit(patched, n, becomes)
+            return fit_disturbed_to(fit, own)
+
+    likelier = again(1, less_likely(1e4)).sizes.disturbances
+    assert likelier == pytest.approx(fit.sizes.disturbances, rel=0.5)
+    leaner_alone = again(2, diverging)
+    assert leaner_alone.full is fit.full
+    assert leaner_alone.fitted is not fit.fitted
+    assert again(2, unended_and_unlikely).full.converged
 
 
 def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch):

@@ -40,6 +40,7 @@ HYSTERESIS: dict[str, Any] = {"hysteresis_torque": 0.5, "hysteresis_reach": 0.03
 MEMORY = {"spring_hysteresis": 0.5, "hysteresis_reach": 0.03}
 RIPPLE: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": 23.4, "ripple_phase": 0.8}
 RIPPLED = {"torque_ripple": 0.3, "ripple_angle": -0.8, "ripple_number": 23.4}
+ECCENTRIC = {"eccentricity": 0.02, "eccentricity_phase": 0.6}  # rad
 BEND = {"bend": 0.3, "bend_stiffness": 40.0}
 BENT = {"bend_deflection": 0.3, "bend_stiffness": 40.0}
 
@@ -95,7 +96,7 @@ CASES = {
         {"torque_saturation": 0.1 / 30.0**2},
     ),
     "an eccentric gear": Case(
-        {"eccentricity": 0.02, "eccentricity_phase": 0.6},
+        ECCENTRIC,
         ("eccentricity",),
         {"eccentricity": 0.02, "eccentricity_angle": -0.6},
         seconds={3: 12.0},
@@ -227,24 +228,12 @@ def test_what_becomes_of_an_estimate_with_hysteresis():
         request_of_identification(found)
 
 
-ECCENTRICITY, ECCENTRIC_PHASE = 0.02, 0.6  # rad
 CHANNELS = StreamChannels("flexible", "N m", False, ())
 
 
-@pytest.fixture(scope="module")
-def geared():
-    """Return a motion with such a gear."""
-    return made(3, 12.0, eccentricity=ECCENTRICITY, eccentricity_phase=ECCENTRIC_PHASE)
-
-
-@pytest.fixture(scope="module")
-def gear(geared):
-    """Return what is identified of it, told nothing."""
-    return identify([log(geared)])
-
-
-def test_what_follows_is_reported_as_it_follows(gear):
+def test_what_follows_is_reported_as_it_follows():
     """Assert that a coefficient that is a square is one, and that its model is built of it."""
+    gear = identified_case("an eccentric gear")
     values = {name: c.value for name, c in gear.coefficients.items()}
     for name, (a, b, d) in TIES.items():
         if name in values:
@@ -254,20 +243,21 @@ def test_what_follows_is_reported_as_it_follows(gear):
     assert set(again.unknowns(()).names) == {c for c in values if c not in TIES}
 
 
-def test_least_squares_seeks_no_square(geared):
+def test_least_squares_seeks_no_square():
     """Assert that columns which nothing but a square tells apart are not sought."""
-    joint = JOINT.scaled(data(geared).samples).with_shapes_in_least_squares
+    joint = JOINT.scaled(data(made(3, 12.0, **ECCENTRIC)).samples).with_shapes_in_least_squares
     structure = Structure(joint, frozenset(), Timing("cubic"))
     unknowns = smooth_unknowns(structure, (0,))
     assert not SQUARES & {*unknowns.names}
     assert {"alpha_ecc_sine", "alpha_ecc_cosine"} <= {*unknowns.names}
 
 
-def test_what_is_exported_knows_the_squares(gear):
+def test_what_is_exported_knows_the_squares():
     """Assert that an exported estimator has them in its known part, with the estimate's values.
 
     None is made of what has no value, and what an estimate knows of a term goes with the term.
     """
+    gear = identified_case("an eccentric gear")
     source = request_of_identification(gear)
     assert not SQUARES & {*source.system.coefficients}
     assert source.system.constants.keys() >= SQUARES

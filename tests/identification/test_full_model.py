@@ -8,18 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import (
-    COEFFICIENTS,
-    JOINT,
-    NOISE,
-    PAPER,
-    SAMPLE_TIME,
-    data,
-    log,
-    made,
-    made_fit,
-    structure,
-)
+from made_joint import COEFFICIENTS, JOINT, NOISE, PAPER, data, log, made, made_fit, structure
 
 import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
@@ -28,15 +17,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.gauss_newton import refinement
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model import fits_by_length, model
-from flexid.identification.full_model.fitting import (
-    LONGEST,
-    SHORTEST,
-    fit_by_length,
-    fit_to,
-    lengths,
-    refit,
-    with_steps_refined,
-)
+from flexid.identification.full_model.fitting import fit_by_length, fit_to, lengths, refit
 from flexid.identification.full_model.model import FINE, ROUGH, Fitted
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.identify import identify
@@ -65,8 +46,8 @@ def test_lengths_double():
     """Assert that each length holds two segments of the one before, between free ends of 30 ms."""
     divisions = lengths(data(made(1, 12.0, noise=0.0)))
     durations = [float(np.mean(s.lengths * s.sample_times)) for s in divisions]
-    assert durations[0] < 2.0 * SHORTEST
-    assert durations[-1] < 1.5 * LONGEST  # whole parts of the log
+    assert durations[0] < 2.0 * fitting.SHORTEST
+    assert durations[-1] < 1.5 * fitting.LONGEST  # whole parts of the log
     for short, long in pairwise(divisions):
         assert np.array_equal(short.starts[::2], long.starts)
         assert len(short) == 2 * len(long)
@@ -195,7 +176,7 @@ def test_margin_is_small_in_a_short_log():
     assert data(made(1, 8.0)).margin == pytest.approx(0.03)
     late = [with_velocities(made(1, 8.0))]
     assert model.data_of(JOINT, late, [0], 0.2).margin == pytest.approx(0.2)
-    assert data(made(1, 8.0)).duration == pytest.approx(4000 * SAMPLE_TIME)
+    assert data(made(1, 8.0)).duration == pytest.approx(8.0)
 
 
 def test_terms_of_a_structure():
@@ -250,11 +231,12 @@ def by_length(noise: float) -> tuple[Fitted, ...]:
 
 def test_fine_encoders_want_shorter_steps():
     """Assert that a fit ends in steps whose error is negligible, and that noise hides it else."""
-    assert {fit.data.refinement for fit in with_steps_refined(by_length(COARSE_NOISE))} == {1}
+    coarse = fitting.with_steps_refined(by_length(COARSE_NOISE))
+    assert {fit.data.refinement for fit in coarse} == {1}
     found = by_length(FINE_NOISE)
     times = refinement(found[-1].problem, found[-1].minimum)
     assert times > 1
-    last = with_steps_refined(found)[-1]
+    last = fitting.with_steps_refined(found)[-1]
     segments, states = last.problem.segments, last.minimum.point.initial_states
     fits = [
         refit(STRUCTURE, last.data, last.by_name, segments, tolerance, states)
@@ -266,7 +248,7 @@ def test_fine_encoders_want_shorter_steps():
 
 def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
     """Assert that a rival hold's longer steps do not pass for a doubt about the hold."""
-    last = with_steps_refined(by_length(FINE_NOISE))[-1]
+    last = fitting.with_steps_refined(by_length(FINE_NOISE))[-1]
     segments, states = last.problem.segments, last.minimum.point.initial_states
     fine = refit(STRUCTURE, last.data, last.by_name, segments, FINE, states)
     # The same hold, as it is.

@@ -16,12 +16,7 @@ from flexid.identification.full_model.model import Fitted
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.structure.gap import (
-    as_wide_as_its_gap,
-    half_gap,
-    width_of,
-    with_free_width,
-)
+from flexid.identification.structure.gap import as_wide_as_its_gap, half_gap, with_free_width
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.flexible_joint import BACKLASH_WIDTH, PAPER_TERMS
 
@@ -44,7 +39,7 @@ def test_a_gap_is_found_as_wide_as_it_is(true_gap):
     assert abs(half_gap(first) / true_gap - 1.0) > 0.01
     assert half_gap(found) == pytest.approx(true_gap, rel=1e-3)
     assert found.by_name["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=1e-5)
-    assert width_of(found.structure) == pytest.approx(half_gap(found), rel=0.01)
+    assert gap.width_of(found.structure) == pytest.approx(half_gap(found), rel=0.01)
     assert found.excess < 1.02
     assert first.excess > 1.05
 
@@ -86,7 +81,7 @@ def test_a_width_that_fits_worse_is_not_taken():
     bend = made(1, 10.0, bend=0.1, bend_stiffness=30.0)
     bent, _ = fit_to(with_gap(0.0, "backlash").structure, data(bend), COEFFICIENTS, 1.0)
     assert half_gap(bent) > 0.0
-    assert abs(half_gap(bent) / width_of(bent.structure) - 1.0) > 0.5
+    assert abs(half_gap(bent) / gap.width_of(bent.structure) - 1.0) > 0.5
     assert as_wide_as_its_gap(bent) is bent
 
 
@@ -133,7 +128,7 @@ def test_half_the_way_may_lead_on(monkeypatch):
     monkeypatch.setattr(gap, "led_from", nowhere)
     assert as_wide_as_its_gap(first) is first
     own = half_gap(first)
-    assert tried == pytest.approx([own, np.sqrt(own * width_of(first.structure))])
+    assert tried == pytest.approx([own, np.sqrt(own * gap.width_of(first.structure))])
 
 
 LARGE = 0.3  # rad, of deflections of 0.6

@@ -10,13 +10,7 @@ import pytest
 from made_joint import COEFFICIENTS, PAPER, data, half_widths, log, made, structure
 
 import flexid.identification.estimation.model_error as modelling
-from flexid.identification.estimation.model_error import (
-    driving_covariance,
-    driving_frictions,
-    model_error,
-    stand_in_covariance,
-    widened,
-)
+from flexid.identification.estimation.model_error import model_error, stand_in_covariance, widened
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
@@ -230,16 +224,16 @@ def driving():
 
 def test_a_negative_friction_may_be_none(driving, monkeypatch):
     """Assert that it is uncertain by all of itself, and the others by what they move without it."""
-    names = driving_frictions(driving, THRESHOLDS)
+    names = modelling.driving_frictions(driving, THRESHOLDS)
     assert "alpha_damping" in names
     bare, _ = fit_to(driving.structure.without(names), driving.data, driving.by_name, 1.0)
     moved = [bare.by_name.get(name, 0.0) - driving.by_name[name] for name in driving.names]
-    added = np.sqrt(np.diag(driving_covariance(driving, names)))
+    added = np.sqrt(np.diag(modelling.driving_covariance(driving, names)))
     assert added == pytest.approx(np.abs(moved), rel=0.1, abs=1e-6)
     place, spring = (driving.names.index(name) for name in ("alpha_damping", "alpha1"))
     assert abs(moved[spring]) > 1e-3
     monkeypatch.setattr(modelling, "fit_like", lambda *_: None)
-    added = np.sqrt(np.diag(driving_covariance(driving, {"alpha_damping"})))
+    added = np.sqrt(np.diag(modelling.driving_covariance(driving, {"alpha_damping"})))
     assert added[[place, spring]] == pytest.approx([-driving.values[place], 0.0])
 
 
@@ -261,8 +255,8 @@ def test_a_friction_drives_beyond_noise(name, deviations, driving):
     """Assert that one below zero by chance is none, and that a spring is no friction."""
     found = with_value(fitted(1)[0], name, deviations)
     limits = replace(THRESHOLDS, friction_sign=4.0)
-    assert driving_frictions(found, limits) == ({name} if driving else set())
-    assert not driving_covariance(found, frozenset()).any()
+    assert modelling.driving_frictions(found, limits) == ({name} if driving else set())
+    assert not modelling.driving_covariance(found, frozenset()).any()
 
 
 def test_a_driving_friction_is_doubted_and_named():

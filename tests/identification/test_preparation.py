@@ -24,62 +24,58 @@ from flexid.recording.sampling import FEWEST_TO_IDENTIFY
 from flexid.simulation.free_run import free_run
 from made_estimates import TRUE
 
-REFUSED_SETTINGS = {
-    "unknown model": ({"model": "elastic"}, "flexible"),
-    "unknown term": ({"terms": ("gravity", "turbulence")}, "turbulence"),
-    "unknown coefficient": ({"known": {"stiffness": 3.0}}, "stiffness"),
-    "inertia of zero": ({"known": {"motor_inertia": 0.0}}, "no possible value"),
-    "gain of zero": ({"known": {"beta1": 0.0}}, "above zero"),
-    "value that is none": ({"known": {"theta2": nan}}, "no possible value"),
-    "negative deviation": (
-        {"known": {"theta2": 1.0}, "known_deviations": {"theta2": -1.0}},
-        "no standard deviation",
-    ),
-    "tiny inertia": ({"known": {"motor_inertia": 1e-320}}, "no possible value"),
-    "huge stiffness": ({"known": {"joint_stiffness": 1e200}}, "no possible value"),
-    "spring of zero": ({"known": {"joint_stiffness": 0.0}}, "above zero"),
-    "huge deviation": (
-        {"known": {"theta2": 1.0}, "known_deviations": {"theta2": 1e200}},
-        "no standard deviation",
-    ),
-    "huge bound": ({"bounds": {"alpha2": (1e308, inf)}}, "no possible value"),
-    "bounds below zero": ({"bounds": {"link_inertia": (-2.0, -1.0)}}, "above zero"),
-    "bounds of nothing": ({"bounds": {"stiffness": (0.0, 1.0)}}, "no parameter or coefficient"),
-    "bounds the wrong way": ({"bounds": {"alpha2": (2.0, 1.0)}}, "not below"),
-    "bound that is none": ({"bounds": {"alpha2": (nan, 1.0)}}, "not below"),
-    "unknown hold": ({"hold": "first"}, "'first' is none of"),
-    "coulomb velocity of zero": ({"coulomb_velocity": 0.0}, "coulomb_velocity"),
-    "coulomb velocity of next to nothing": ({"coulomb_velocity": 1e-300}, "outside 1e-06 to 100"),
-    "huge coulomb velocity": ({"coulomb_velocity": 101.0}, "outside 1e-06 to 100 rad/s"),
-    "negative filter rate": ({"filter_rate": -3.0}, "filter_rate"),
-    "infinite segments": ({"segment_duration": inf}, "segment_duration"),
-    "word for a number": ({"segment_duration": "long"}, "segment_duration"),
-    "infinite input delay": ({"input_delay": inf}, "input_delay"),
-    "link delay that is none": ({"link_delay": nan}, "link_delay"),
-    "nothing to validate on": ({"validation_share": 0.0}, "validation_share"),
-    "nothing to fit": ({"validation_share": 0.9}, "validation_share"),
-}
 
-
-@pytest.mark.parametrize("case", REFUSED_SETTINGS)
-def test_what_cannot_be_used_is_refused(case):
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"model": "elastic"}, "flexible"),
+        ({"terms": ("gravity", "turbulence")}, "turbulence"),
+        ({"known": {"stiffness": 3.0}}, "stiffness"),
+        ({"known": {"motor_inertia": 0.0}}, "no possible value"),
+        ({"known": {"motor_inertia": 1e-320}}, "no possible value"),
+        ({"known": {"theta2": nan}}, "no possible value"),
+        ({"known": {"joint_stiffness": 1e200}}, "no possible value"),
+        ({"known": {"beta1": 0.0}}, "above zero"),
+        ({"known": {"joint_stiffness": 0.0}}, "above zero"),
+        ({"known": {"theta2": 1.0}, "known_deviations": {"theta2": -1.0}}, "no standard deviation"),
+        (
+            {"known": {"theta2": 1.0}, "known_deviations": {"theta2": 1e200}},
+            "no standard deviation",
+        ),
+        ({"bounds": {"alpha2": (1e308, inf)}}, "no possible value"),
+        ({"bounds": {"link_inertia": (-2.0, -1.0)}}, "above zero"),
+        ({"bounds": {"stiffness": (0.0, 1.0)}}, "no parameter or coefficient"),
+        ({"bounds": {"alpha2": (2.0, 1.0)}}, "not below"),
+        ({"bounds": {"alpha2": (nan, 1.0)}}, "not below"),
+        ({"hold": "first"}, "'first' is none of"),
+        ({"coulomb_velocity": 0.0}, "coulomb_velocity"),
+        ({"coulomb_velocity": 1e-300}, "outside 1e-06 to 100"),
+        ({"coulomb_velocity": 101.0}, "outside 1e-06 to 100 rad/s"),
+        ({"filter_rate": -3.0}, "filter_rate"),
+        ({"segment_duration": inf}, "segment_duration"),
+        ({"segment_duration": "long"}, "segment_duration"),
+        ({"input_delay": inf}, "input_delay"),
+        ({"link_delay": nan}, "link_delay"),
+        ({"validation_share": 0.0}, "validation_share"),
+        ({"validation_share": 0.9}, "validation_share"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(settings, words):
     """Assert that a setting without a meaning is refused with its name or value."""
-    settings, words = REFUSED_SETTINGS[case]
     with pytest.raises(SettingError, match=words):
         Settings(**settings)
 
 
-OTHER_TERMS = {
-    "rigid term": (flexible, {"terms": ("viscous",)}, "no term of the flexible joint"),
-    "flexible term": (rigid, {"terms": ("motor_viscous",)}, "no term of the rigid joint"),
-    "inertia of the motor alone": (rigid, {"known": {"motor_inertia": 0.3}}, "motor and link"),
-}
-
-
-@pytest.mark.parametrize("case", OTHER_TERMS)
-def test_what_the_joint_does_not_have_is_refused(case):
+@pytest.mark.parametrize(
+    ("joint", "settings", "words"),
+    [
+        (flexible, {"terms": ("viscous",)}, "no term of the flexible joint"),
+        (rigid, {"terms": ("motor_viscous",)}, "no term of the rigid joint"),
+        (rigid, {"known": {"motor_inertia": 0.3}}, "motor and link"),
+    ],
+)
+def test_what_the_joint_does_not_have_is_refused(joint, settings, words):
     """Assert that a setting that would go unheeded in this joint is refused."""
-    joint, settings, words = OTHER_TERMS[case]
     with pytest.raises(SettingError, match=words):
         check_for(joint(), Settings(**settings))
 

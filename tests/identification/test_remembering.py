@@ -8,14 +8,7 @@ from made_joint import JOINT, WITHOUT, fitted, made, made_fit, over
 
 import flexid.identification.full_model.fits_by_length as fits_by_length
 import flexid.identification.full_model.fitting as fitting
-from flexid.identification.full_model.fits_by_length import (
-    FIRST_ITERATIONS,
-    FitsByLength,
-    explained_by,
-    fit_with_hysteresis,
-    sampled,
-    turning,
-)
+from flexid.identification.full_model.fits_by_length import FitsByLength, sampled, turning
 from flexid.identification.structure.job import _least_gain
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
@@ -61,7 +54,7 @@ def test_the_grip_that_promises_more_is_tried_first(monkeypatch, promises, holdi
     monkeypatch.setattr(fits_by_length, "explained_by", remembering)
     before = over(4, 9.0)
     by_length = FitsByLength((before,), cast(Any, (range(4),)), True, ("cubic",), "")
-    found = fit_with_hysteresis(by_length, before, lambda _: None)
+    found = fits_by_length.fit_with_hysteresis(by_length, before, lambda _: None)
     assert tried == begun
     assert (found is not None) == (holding in begun)
 
@@ -76,7 +69,7 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
     segments: Any = (range(16),)
     by_length = FitsByLength((over(16, short, wide),), segments, True, ("cubic",), "")
     leaner = over(4, 5.0)
-    assert fit_with_hysteresis(by_length, leaner, lambda _: None) is not None
+    assert fits_by_length.fit_with_hysteresis(by_length, leaner, lambda _: None) is not None
     ((before, structure, _, noise, _),) = asked
     assert (before, structure.absent, noise) == (leaner, wide.absent - JOINT.remembered, floor)
 
@@ -105,9 +98,9 @@ def test_what_explains_enough_is_followed(monkeypatch, before, floor, first, las
     monkeypatch.setattr(fits_by_length, "led_from", led_from)
     first = made_fit(first.excess, by_name={"first": 1.0}, states="there")
     fit = made_fit(before, states="here")
-    found = explained_by(fit, WITHOUT, {"start": 0.0}, floor, THRESHOLDS)
+    found = fits_by_length.explained_by(fit, WITHOUT, {"start": 0.0}, floor, THRESHOLDS)
     assert found is (last if follows else None)
-    assert asked[0] == (FIRST_ITERATIONS, {"start": 0.0}, "here")
+    assert asked[0] == (fits_by_length.FIRST_ITERATIONS, {"start": 0.0}, "here")
     assert not follows or asked[1:] == [(None, {"first": 1.0}, "there")]
 
 

@@ -15,16 +15,7 @@ from flexid.identification.full_model.fits_by_length import FitsByLength, leaves
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.structure.shapes import (
-    BEND,
-    RIPPLE,
-    STRIBECK,
-    SoughtShape,
-    fit_with_shape,
-    is_slack,
-    numbers,
-    sought_constants,
-)
+from flexid.identification.structure.shapes import BEND, RIPPLE, STRIBECK, fit_with_shape
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
@@ -60,7 +51,7 @@ def test_a_constant_goes_where_the_sum_of_squares_is_least(
         found = fitted(recording, *terms, widths={shape.constant: away * truth})
         assert found.minimum.equations.cost < exact.minimum.equations.cost
         assert shape.of(found.structure) == pytest.approx(truth, rel=accuracy)
-        value, deviation, _ = sought_constants(found.fit, found.structure)[shape.constant]
+        value, deviation, _ = shapes.sought_constants(found.fit, found.structure)[shape.constant]
         assert value == shape.of(found.structure)
         assert abs(value - truth) < 4.0 * deviation < 0.2 * truth
 
@@ -116,9 +107,9 @@ def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
         made_up = SimpleNamespace(structure=SimpleNamespace(fixed={}), by_name=by_name)
         return cast(Fitted, made_up)
 
-    assert is_slack(of({*values})) == slack
-    assert is_slack(of({"theta2", "theta_bend"})) == (theta < 1.0)
-    assert not is_slack(of({"theta2", "alpha1"}))
+    assert shapes.is_slack(of({*values})) == slack
+    assert shapes.is_slack(of({"theta2", "theta_bend"})) == (theta < 1.0)
+    assert not shapes.is_slack(of({"theta2", "alpha1"}))
 
 
 @pytest.mark.parametrize("bounded", ["alpha_bend", "alpha1"])
@@ -178,7 +169,7 @@ def test_the_spectrum_by_position_shows_the_number():
     """Assert that what least squares leaves has its largest peak within half the resolution."""
     plain = fitted(made(4, **RIPPLED))
     resolution = RIPPLE.resolution(plain.structure.joint, plain.data)
-    few, peaks = np.split(np.array(numbers(plain.structure, plain.data)), [5])
+    few, peaks = np.split(np.array(shapes.numbers(plain.structure, plain.data)), [5])
     assert peaks[0] == pytest.approx(NUMBER, abs=0.5 * resolution)
     assert few == pytest.approx(resolution * np.linspace(1.0, 4.0, 5))
 
@@ -205,7 +196,7 @@ SAME, LONGER = 4, 2  # segments
 def test_which_constants_are_followed(monkeypatch, promises, holding, begun, chosen, follows):
     """Assert with which constants steps are taken, in order, where one holds its promise."""
     tried = []
-    shape = SoughtShape(
+    shape = shapes.SoughtShape(
         "a shape", BEND.coefficients, BEND.constant, lambda *_: [*promises], lambda *_: 0.0
     )
 
@@ -261,6 +252,6 @@ def test_many_turns_need_no_more_memory():
     (recording,) = plain.data.samples
     away = np.linspace(0.0, 1e6, len(recording))[:, None]
     turning = replace(recording, positions=recording.positions + away)
-    found = numbers(plain.structure, replace(plain.data, samples=(turning,)))
+    found = shapes.numbers(plain.structure, replace(plain.data, samples=(turning,)))
     assert len(found) <= 5 + 8
     assert max(found) <= 2.0**15 * 2.0 * np.pi / 1e6

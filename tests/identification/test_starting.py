@@ -13,13 +13,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model import fits_by_length, fitting, starting
 from flexid.identification.full_model.fitting import fit_by_length, lengths, refit
 from flexid.identification.full_model.model import FINE, LINK, Data, Structure
-from flexid.identification.full_model.starting import (
-    first_fits,
-    least_squares_start,
-    mirrored,
-    starts,
-    turned_round,
-)
+from flexid.identification.full_model.starting import least_squares_start, mirrored, starts
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.preparation.settings import Settings
@@ -230,10 +224,10 @@ def test_starts_of_a_long_log_are_tried_in_part(monkeypatch: pytest.MonkeyPatch)
 
     structure, own = posed(made(1, 10.0))
     short = lengths(own)[:1]
-    (whole,) = first_fits(structure, own, short)
+    (whole,) = starting.first_fits(structure, own, short)
     monkeypatch.setattr(fitting, "_ENOUGH", 1_000)
     monkeypatch.setattr(starting, "fit_by_length", recorded)
-    (found,) = first_fits(structure, own, short)
+    (found,) = starting.first_fits(structure, own, short)
     part, all_of_it = fitted_over
     assert 0.1 * len(short[0]) < part < 0.25 * len(short[0])
     assert all_of_it == len(short[0])
@@ -250,7 +244,8 @@ def is_turned_round(recording, model: Kind = "flexible"):
     """Whether the deflection is held to be turned round."""
     joint = joint_of(model)
     base = Structure(joint, frozenset(joint.shapes), Timing("linear", {}))
-    return turned_round(base, [with_velocities(recording)], (0,), THRESHOLDS.mirrored_share)
+    own = [with_velocities(recording)]
+    return starting.turned_round(base, own, (0,), THRESHOLDS.mirrored_share)
 
 
 @pytest.mark.parametrize("model", ["flexible", "link"])
