@@ -1,5 +1,6 @@
 """Column maps: renaming, scaling, combining, and what is refused."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -176,12 +177,7 @@ def test_bad_maps(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch) 
         found[f"{old[:20]} as {new}".replace("\n", " ")] = message
         with suppress(tomllib.TOMLDecodeError):
             of_mapping = said(read_log, log, tomllib.loads(text))
-            assert (
-                message.replace("the column map columns.toml", "columns").replace(
-                    "columns.toml", "columns"
-                )
-                == of_mapping
-            )
+            assert re.sub(r"(the column map )?columns\.toml", "columns", message) == of_mapping
     golden(found)
     path = written(Path(), RAW_MAP.replace("2.0", "2.0.1"), name="columns.toml")
     assert_words("^columns.toml: the column map is not TOML.*line 4", refused(read_log, log, path))

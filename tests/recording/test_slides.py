@@ -24,35 +24,28 @@ def axis(link: str, motor: str, force: str, /, **changed: Any) -> dict[str, Any]
     return {"time": TIME, link: values["link"], motor: values["motor"], force: values["force"]}
 
 
-@pytest.mark.parametrize(
-    ("columns", "column_map"),
-    [
-        (axis("link_position [m]", "motor_position [m]", "motor_torque [N]"), None),
-        (axis("link_position [m]", "motor_position", "motor_torque"), None),
-        (axis("link_position", "motor_position", "motor_torque [N]"), None),
-        (axis("q_l [mm]", "q_m [um]", "force", link=1e3 * LINK, motor=1e6 * MOTOR), None),
-        (axis("link_position", "motor_position", "motor_torque"), {"joint": "prismatic"}),
-        (axis("q_l", "q_m", "tau"), {"joint": "prismatic"}),
-        (
-            axis("link_position", "m [turn]", "t [N m]", motor=-TURNS, force=-TORQUE),
-            {"lead": -LEAD, "motor_position": "m", "motor_torque": "t"},
-        ),
-        *(
-            (
-                axis("link_position", "motor_position [turn]", "motor_torque [N]", motor=turns),
-                {"lead": LEAD},
-            )
-            for turns in (TURNS, np.mod(TURNS, 1.0))  # an absolute encoder begins again each turn
-        ),
-    ],
-    ids=[
-        *("SI", "link alone", "force alone", "prefixes", "stated", "usual names", "screw"),
-        *("force", "an absolute encoder"),
-    ],
-)
-def test_units_say_that_it_slides(columns: Any, column_map: Any) -> None:
+IN_TURNS = ("link_position", "motor_position [turn]", "motor_torque [N]")
+SLIDES: dict[str, tuple[dict[str, Any], dict[str, Any] | None]] = {
+    "SI": (axis("link_position [m]", "motor_position [m]", "motor_torque [N]"), None),
+    "link alone": (axis("link_position [m]", "motor_position", "motor_torque"), None),
+    "force alone": (axis("link_position", "motor_position", "motor_torque [N]"), None),
+    "prefixes": (axis("q_l [mm]", "q_m [um]", "force", link=1e3 * LINK, motor=1e6 * MOTOR), None),
+    "stated": (axis("link_position", "motor_position", "motor_torque"), {"joint": "prismatic"}),
+    "usual names": (axis("q_l", "q_m", "tau"), {"joint": "prismatic"}),
+    "a screw": (
+        axis("link_position", "m [turn]", "t [N m]", motor=-TURNS, force=-TORQUE),
+        {"lead": -LEAD, "motor_position": "m", "motor_torque": "t"},
+    ),
+    "a force": (axis(*IN_TURNS, motor=TURNS), {"lead": LEAD}),
+    # An absolute encoder in front of a screw begins again each turn.
+    "an absolute encoder": (axis(*IN_TURNS, motor=np.mod(TURNS, 1.0)), {"lead": LEAD}),
+}
+
+
+@pytest.mark.parametrize("name", SLIDES)
+def test_units_say_that_it_slides(name: str) -> None:
     """Assert that all channels are in m and N, whichever of them has a unit."""
-    (recording,) = read_columns(columns, column_map).recordings
+    (recording,) = read_columns(*SLIDES[name]).recordings
     assert (recording.joint, recording.input_unit) == ("prismatic", "N")
     assert recording.link_position == pytest.approx(LINK, abs=1e-12)
     assert recording.motor_position == pytest.approx(MOTOR, abs=1e-12)
