@@ -32,10 +32,7 @@ HARDENS = 20.0 * 150.0  # N m/rad³
 
 @dataclass(frozen=True)
 class Case:
-    """A log, the terms that are considered beside viscous friction of the motor, and what is true.
-
-    Every interval of the core is narrower than a share of its value.
-    """
+    """A log, terms beside the motor's viscous friction, truth, and the width of the core's ends."""
 
     made: Callable[[], Recording]
     terms: tuple[str, ...] = ()
@@ -96,18 +93,12 @@ def fitted(name: str) -> tuple[Disturbed, Estimate]:
     return fit, disturbed_estimate(fit, CASES[name].data, "N m")[0]
 
 
-def values_of(name: str) -> dict[str, tuple[float, float]]:
-    """Values and half their intervals."""
-    estimate = fitted(name)[1]
-    pairs = zip(estimate.values, half_widths(estimate), strict=True)
-    return dict(zip(estimate.names, pairs, strict=True))
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_the_core_stays_known(name: str):
     """Assert that intervals hold the truth, and are narrow."""
-    case = CASES[name]
-    for coefficient, (value, half) in values_of(name).items():
+    case, estimate = CASES[name], fitted(name)[1]
+    numbers = estimate.names, estimate.values, half_widths(estimate)
+    for coefficient, value, half in zip(*numbers, strict=True):
         truth = {**PUSHED, **dict(case.more)}.get(coefficient)
         if truth is not None:
             assert abs(value - truth) <= half, coefficient

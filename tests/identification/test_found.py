@@ -40,7 +40,7 @@ HYSTERESIS: dict[str, Any] = {"hysteresis_torque": 0.5, "hysteresis_reach": 0.03
 MEMORY = {"spring_hysteresis": 0.5, "hysteresis_reach": 0.03}
 RIPPLE: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": 23.4, "ripple_phase": 0.8}
 RIPPLED = {"torque_ripple": 0.3, "ripple_angle": -0.8, "ripple_number": 23.4}
-ECCENTRIC = {"eccentricity": 0.02, "eccentricity_phase": 0.6}  # rad
+ECCENTRIC: dict[str, Any] = {"eccentricity": 0.02, "eccentricity_phase": 0.6}  # rad
 BEND = {"bend": 0.3, "bend_stiffness": 40.0}
 BENT = {"bend_deflection": 0.3, "bend_stiffness": 40.0}
 
@@ -253,10 +253,7 @@ def test_least_squares_seeks_no_square():
 
 
 def test_what_is_exported_knows_the_squares():
-    """Assert that an exported estimator has them in its known part, with the estimate's values.
-
-    None is made of what has no value, and what an estimate knows of a term goes with the term.
-    """
+    """Assert that an exported estimator has them in its known part, and no term without a value."""
     gear = identified_case("an eccentric gear")
     source = request_of_identification(gear)
     assert not SQUARES & {*source.system.coefficients}
@@ -264,7 +261,7 @@ def test_what_is_exported_knows_the_squares():
     assert Unknowns(source.system).names == source.system.coefficients
     assert not options_of_stream({"terms": PAPER_TERMS}, gear, CHANNELS, 2e-3).given
     none = replace(gear.coefficients["alpha_ecc_product"], value=np.nan)
-    coefficients = gear.coefficients | {"alpha_ecc_product": none}
+    coefficients = {**gear.coefficients, "alpha_ecc_product": none}
     with pytest.raises(SettingError, match="alpha_ecc_product"):
         request_of_identification(replace(gear, coefficients=coefficients))
 
@@ -281,21 +278,13 @@ ENGINE_TRUTH = {
 }
 
 
-def identified_engine(seed):
-    """Thirty seconds with 14-bit encoders and a held torque."""
-    made = simulate(
-        Arm((ENGINE_LINK,), (9.81, 0.0)),
-        Motion(30.0, bits=14, noise=0.0),
-        np.random.default_rng(seed),
-    )
-    columns = (column[:, 0].copy() for column in (made.link, made.motor, made.torque))
-    return identify([log(recording(made.time, *columns))])
-
-
 @pytest.mark.parametrize("seed", [0, pytest.param(10, marks=pytest.mark.thorough)])
 def test_every_parameter_is_determined(seed):
     """Assert that all, dry friction too, is within three thousandths, and the truth inside."""
-    result = identified_engine(seed)
+    arm, motion = Arm((ENGINE_LINK,), (9.81, 0.0)), Motion(30.0, bits=14, noise=0.0)
+    run = simulate(arm, motion, np.random.default_rng(seed))
+    columns = (column[:, 0].copy() for column in (run.link, run.motor, run.torque))
+    result = identify([log(recording(run.time, *columns))])
     for name, value in ENGINE_TRUTH.items():
         assert result.parameters[name].value == pytest.approx(value, rel=0.003), name
         lower, upper = result.parameters[name].interval

@@ -40,6 +40,12 @@ def test_what_data_know(late):
     still = data(replace(recording, motor_position=np.zeros(len(recording))))
     assert still.relative_to == {"link": "motor"}
     assert np.all(still.noise > 0.0)  # so that weights are finite
+    # No more than a twentieth of the shortest recording is left out at either end.
+    assert data(made(1, 8.0), made(1, 0.4)).margin == pytest.approx(0.02)
+    assert data(made(1, 8.0)).margin == pytest.approx(0.03)
+    late = [with_velocities(made(1, 8.0))]
+    assert model.data_of(JOINT, late, [0], 0.2).margin == pytest.approx(0.2)
+    assert data(made(1, 8.0)).duration == pytest.approx(8.0)
 
 
 def test_lengths_double():
@@ -168,15 +174,6 @@ def test_the_rest_follows_what_is_gone(monkeypatch):
     assert abs(begun[1]["alpha2"] - friction) < 0.05 * apart
     begun.clear()
     assert fitting.fit_like(link_viscous, wide) is None  # nothing is gone: there is no other start
-
-
-def test_margin_is_small_in_a_short_log():
-    """Assert that no more than a twentieth of the shortest recording is left out at either end."""
-    assert data(made(1, 8.0), made(1, 0.4)).margin == pytest.approx(0.02)
-    assert data(made(1, 8.0)).margin == pytest.approx(0.03)
-    late = [with_velocities(made(1, 8.0))]
-    assert model.data_of(JOINT, late, [0], 0.2).margin == pytest.approx(0.2)
-    assert data(made(1, 8.0)).duration == pytest.approx(8.0)
 
 
 def test_terms_of_a_structure():

@@ -10,23 +10,15 @@ from flexid.models.physical import joint_coefficients
 from flexid.simulation.free_run import free_run
 
 TRUTH = {
-    "link_inertia": 12.0,
-    "motor_inertia": 5.0,
-    "joint_stiffness": 2e5,
-    "motor_viscous_friction": 60.0,
-    "joint_damping": 30.0,
-    "link_offset_torque": -20.0,
+    "link_inertia": (12.0, "kg"),
+    "motor_inertia": (5.0, "kg"),
+    "joint_stiffness": (2e5, "N/m"),
+    "motor_viscous_friction": (60.0, "N s/m"),
+    "joint_damping": (30.0, "N s/m"),
+    "link_offset_torque": (-20.0, "N"),
 }
-"""A table on a belt, on a slope, in SI units."""
+"""A table on a belt, on a slope."""
 
-UNITS = {
-    "link_inertia": "kg",
-    "motor_inertia": "kg",
-    "joint_stiffness": "N/m",
-    "motor_viscous_friction": "N s/m",
-    "joint_damping": "N s/m",
-    "link_offset_torque": "N",
-}
 TERMS = ("motor_viscous", "joint_damping", "link_offset")
 STEP = 1e-3  # s
 NOISE = 2e-7  # m
@@ -37,8 +29,9 @@ def recorded(seed=1, duration=3.0):
     rng, time = np.random.default_rng(seed), STEP * np.arange(round(duration / STEP))
     tones = 2.0 * np.pi * np.geomspace(0.7, 50.0, 9)
     force = 40.0 * np.sin(time[:, None] * tones + rng.uniform(0.0, 6.0, 9)).sum(axis=1)
+    values = {name: value for name, (value, _) in TRUTH.items()}
     run = free_run(
-        flexible_joint(TERMS), joint_coefficients(TRUTH), np.zeros(4), force[:, None], STEP, "zero"
+        flexible_joint(TERMS), joint_coefficients(values), np.zeros(4), force[:, None], STEP, "zero"
     )
     noise = NOISE * rng.standard_normal((len(time), 2))
     return time, *(run[:, ::2] + noise).T, force
@@ -64,8 +57,9 @@ def axis():
 def test_an_axis_is_found_in_its_own_units(axis):
     """Assert that the terms of the axis are found from its log alone, with what was put in."""
     assert axis.joint == "prismatic"
-    assert {name: p.unit for name, p in axis.parameters.items()} == UNITS
-    for name, value in TRUTH.items():
+    assert axis.parameters.keys() == TRUTH.keys()
+    for name, (value, unit) in TRUTH.items():
+        assert axis.parameters[name].unit == unit
         assert abs(axis.parameters[name].value - value) <= 2.0 * axis.parameters[name].half_width
         assert axis.parameters[name].verdict == "determined"
     assert axis.coefficients["beta1"].unit == "m/s^2/N"
@@ -82,15 +76,17 @@ def test_no_length_is_built_in(axis, unit, factor):
     size = factor if unit == "m" else 1.0
     assert other.terms == axis.terms
     for name, p in axis.parameters.items():
-        expected = p.value / (1.0 if UNITS[name] == "N" else size)
+        expected = p.value / (1.0 if p.unit == "N" else size)
         half = 0.3 * p.half_width * expected / p.value
         assert other.parameters[name].value == pytest.approx(expected, abs=half)
 
 
-def test_gravity_is_no_term_of_a_slide():
-    """Assert that a term of an angle is refused, and the sentence says where gravity is."""
+def test_what_turns_is_refused():
+    """Assert that gravity is no term of a slide, and that joints that turn are another kind."""
     with pytest.raises(FlexidError, match=r"gravity.*slides, so that gravity is a part of the off"):
         flexid.identify(log_of(), terms=("gravity",))
+    with pytest.raises(FlexidError, match=r"of a revolute joint, and .* a prismatic joint"):
+        flexid.identify([log_of(), log_of("rad", "N m", seed=2)])
 
 
 def test_it_comes_back_from_a_file(axis, tmp_path):
@@ -120,9 +116,3 @@ def test_a_stream_of_it_learns_in_its_units():
     gravity = flexid.watch(sample_time=STEP, columns={"joint": "prismatic"}, terms=("gravity",))
     with pytest.raises(FlexidError, match="no term of the prismatic flexible joint; it has motor_"):
         gravity.feed(link_position=link, motor_position=motor, motor_torque=force)
-
-
-def test_a_log_of_both_kinds_is_refused():
-    """Assert that logs of a slide and of a joint that turns are not taken together."""
-    with pytest.raises(FlexidError, match=r"of a revolute joint, and .* a prismatic joint"):
-        flexid.identify([log_of(), log_of("rad", "N m", seed=2)])

@@ -44,14 +44,9 @@ def test_link_may_be_asked_for(alone):
     assert "the link alone, since the log has no input, with" in alone.summary[0]
 
 
-@pytest.fixture(scope="module")
-def damped():
-    """A log with damping of the joint and friction of the link."""
-    return motion(4, joint_damping=0.5, link_viscous=0.3)
-
-
-def test_delay_may_pass_for_damping(damped):
+def test_delay_may_pass_for_damping():
     """Assert that both span what a delay would make of them, and are determined with it given."""
+    damped = motion(4, joint_damping=0.5, link_viscous=0.3)
     result = identify([damped])
     assert {"joint_damping", "link_viscous"} <= set(result.choices.terms)
     lower, upper = result.choices.alignment.link_delay.interval

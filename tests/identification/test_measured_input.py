@@ -51,10 +51,7 @@ def test_residuals_are_explained(seed):
     beyond = found.excess - 1.0
     assert beyond > 2.0
     assert 0.8 * beyond < input_noise(found).excess < 3.0 * beyond
-
-
-def test_fine_encoder_explains_nothing():
-    """Assert that an encoder as fine as the link's adds little to residuals of pure noise."""
+    # An encoder as fine as the link's adds little to residuals of pure noise.
     assert input_noise(fitted(3, 0.0)).excess < 0.2
 
 

@@ -48,14 +48,19 @@ def test_right_model_is_not_widened(seed):
     assert beyond == pytest.approx(np.maximum(found.fit.deviations, unit), rel=1e-9)
 
 
-def test_a_step_that_was_not_taken_widens():
-    """Assert that where the steps do not end, the last of them is in the intervals."""
+def test_what_widens():
+    """Assert that the last of steps that did not end does, and the root of residuals' sum."""
     found, error = fitted(1)
     step = 3.0 * found.unit_deviations * np.array([1.0, 0.0, -1.0, 0.0, 0.0])
     reduced = replace(found.minimum.reduced, values_step=step)
     rough = replace(found, minimum=replace(found.minimum, reduced=reduced))
     more = widened(rough, error).covariance - widened(found, error).covariance
     assert more == pytest.approx(np.outer(step, step), rel=1e-3, abs=1e-6 * np.abs(more).max())
+    none = widened(found, ModelError(9.0, 0.0, 0.0)).covariance
+    shares = [widened(found, ModelError(9.0, 0.0, share)).covariance - none for share in (1.0, 0.5)]
+    whole = 9.0 * found.problem.degrees_of_freedom * found.minimum.reduced.inverse
+    assert shares[0] == pytest.approx(whole, rel=1e-6)
+    assert shares[1] == pytest.approx(0.25 * whole, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -148,35 +153,17 @@ def test_what_is_unexplained_is_a_share_of_the_deflection():
     assert gapped.unexplained_over(0.5 * gapped.duration) == gapped.unexplained
 
 
-def test_error_is_what_residuals_beyond_noise_allow():
-    """Assert that the whole allowance is the deviation for unit noise by the root of their sum."""
-    found, _ = fitted(1)
-    freedom = found.problem.degrees_of_freedom
-    none = widened(found, ModelError(9.0, 0.0, 0.0)).covariance
-    more = [widened(found, ModelError(9.0, 0.0, share)).covariance - none for share in (1.0, 0.5)]
-    expected = 9.0 * freedom * found.minimum.reduced.inverse
-    assert more[0] == pytest.approx(expected, rel=1e-6)
-    assert more[1] == pytest.approx(0.25 * expected, rel=1e-6)
-
-
-@pytest.fixture(scope="module")
-def stand_in():
-    """A gap in the spring, for which a cubic spring stands in."""
-    wider = structure(*PAPER_TERMS, "cubic_stiffness")
-    log = data(made(3, 10.0, half_gap=1e-3))
-    found, lengths_fitted = fit_to(wider, log, COEFFICIENTS, 1.0)
-    return found, model_error(found, lengths_fitted, THRESHOLDS)
-
-
 def made_up(*names: str, excess: float = 1.0) -> Any:
     """As much of a fit as stand-ins need."""
     joint = SimpleNamespace(shapes=frozenset({"alpha_backlash"}), nonlinear={})
     return SimpleNamespace(structure=SimpleNamespace(joint=joint), names=names, excess=excess)
 
 
-def test_a_stand_in_is_as_doubtful_as_it_bends_the_others(stand_in):
-    """Assert that coefficients are uncertain by what they move when the stand-in is left out."""
-    found, error = stand_in
+def test_a_stand_in_is_as_doubtful_as_it_bends_the_others():
+    """Assert that coefficients are uncertain by what they move without a cube that is a gap."""
+    wider, log = structure(*PAPER_TERMS, "cubic_stiffness"), data(made(3, 10.0, half_gap=1e-3))
+    found, lengths_fitted = fit_to(wider, log, COEFFICIENTS, 1.0)
+    error = model_error(found, lengths_fitted, THRESHOLDS)
     assert error.share == 1.0
     added = stand_in_covariance(found, error, THRESHOLDS)
     bare, _ = fit_to(PAPER, found.data, found.by_name, found.duration)
@@ -215,15 +202,10 @@ def test_play_that_explains_is_no_stand_in(monkeypatch, excess, dead_zone, doubt
     assert bool(added.any()) == doubted
 
 
-@pytest.fixture(scope="module")
-def driving():
-    """A damping of the spring that came out negative, beside a friction of the link."""
-    wider = structure(*PAPER_TERMS, "joint_damping", "link_viscous")
-    return fit_to(wider, data(made(3, 10.0, joint_damping=-0.05)), COEFFICIENTS, 1.0)[0]
-
-
-def test_a_negative_friction_may_be_none(driving, monkeypatch):
+def test_a_negative_friction_may_be_none(monkeypatch):
     """Assert that it is uncertain by all of itself, and the others by what they move without it."""
+    wider = structure(*PAPER_TERMS, "joint_damping", "link_viscous")
+    driving, _ = fit_to(wider, data(made(3, 10.0, joint_damping=-0.05)), COEFFICIENTS, 1.0)
     names = modelling.driving_frictions(driving, THRESHOLDS)
     assert "alpha_damping" in names
     bare, _ = fit_to(driving.structure.without(names), driving.data, driving.by_name, 1.0)

@@ -258,20 +258,15 @@ def delays(input_delay=0.0, link_delay=0.0):
     return Alignment("linear", input_, link, "")
 
 
-def expected(moved):
-    """What the log in time holds over the same stretch."""
-    right = late_log()
-    first = round((moved.start_time - right.start_time) / SAMPLE_TIME)
-    return right.window(first, first + len(moved))
-
-
 @pytest.mark.parametrize("by_deflection", [False, True])
 @pytest.mark.parametrize(("link_delay", "input_delay"), [(1.3e-3, 0.7e-3), (-3.1e-3, -4.4e-3)])
 def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
     """Assert that the aligned recording is the log that would have been in time."""
     recording = late_log(link_delay, input_delay, by_deflection)
     moved = aligned(recording, delays(input_delay, link_delay))
-    right = expected(moved)
+    in_time = late_log()
+    first = round((moved.start_time - in_time.start_time) / SAMPLE_TIME)
+    right = in_time.window(first, first + len(moved))
     assert len(moved) > len(recording) - 40
     assert moved.motor_position == pytest.approx(right.motor_position, abs=1e-12)
     assert moved.link_position == pytest.approx(right.link_position, abs=1e-7)

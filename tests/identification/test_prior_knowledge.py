@@ -86,37 +86,28 @@ def test_bounds_of_one_unknown_are_bounds_of_its_coefficient(known, bounds, expe
         assert found.bounds[name] == pytest.approx(ends)
 
 
-REFUSED = {
-    "known twice": ({"motor_inertia": 0.2, "beta1": 5.0}, {}, {}, "leave it out"),
-    "known otherwise": ({"motor_inertia": 0.2, "beta1": 6.0}, {}, {}, "that makes it 5"),
-    "known by two others": (
-        {"motor_inertia": 0.2, "joint_stiffness": 50.0, "alpha1": 300.0}, {}, {}, "it 250",
-    ),
-    "uncertain beside exact": (
-        {"beta1": 5.0, "motor_inertia": 0.2}, {"motor_inertia": 0.1}, {}, "leave it out",
-    ),
-    "bound beside what it excludes": (
-        {"motor_inertia": 0.3}, {}, {"beta1": (5.0, 6.0)}, "lies outside 5:6",
-    ),
-    "bound of the same": ({"theta2": 3.0}, {}, {"theta2": (0.0, 1.0)}, "lies outside"),
-    "bound beside an uncertain value": (
-        {"motor_inertia": 0.3}, {"motor_inertia": 0.01}, {"beta1": (5.0, 6.0)}, "lies outside 5:6",
-    ),
-    "bound of an uncertain stiffness": (
-        {"joint_stiffness": 30.0}, {"joint_stiffness": 1.0}, {"joint_stiffness": (50.0, 60.0)},
-        "lies outside 50:60",
-    ),
-    "bounds without room": (
-        {}, {}, {"motor_inertia": (0.1, 0.2), "beta1": (1.0, 2.0)}, "no room",
-    ),
-    "rigid coefficient": ({"gamma1": 1.0}, {}, {}, "have no gamma1"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_statements_that_exclude_each_other_are_refused(case):
+@pytest.mark.parametrize(
+    ("known", "deviations", "bounds", "words"),
+    [
+        ({"motor_inertia": 0.2, "beta1": 5.0}, {}, {}, "leave it out"),
+        ({"motor_inertia": 0.2, "beta1": 6.0}, {}, {}, "that makes it 5"),
+        ({"motor_inertia": 0.2, "joint_stiffness": 50.0, "alpha1": 300.0}, {}, {}, "it 250"),
+        ({"beta1": 5.0, "motor_inertia": 0.2}, {"motor_inertia": 0.1}, {}, "leave it out"),
+        ({"motor_inertia": 0.3}, {}, {"beta1": (5.0, 6.0)}, "lies outside 5:6"),
+        ({"theta2": 3.0}, {}, {"theta2": (0.0, 1.0)}, "lies outside"),
+        ({"motor_inertia": 0.3}, {"motor_inertia": 0.01}, {"beta1": (5.0, 6.0)}, "outside 5:6"),
+        (
+            {"joint_stiffness": 30.0},
+            {"joint_stiffness": 1.0},
+            {"joint_stiffness": (50.0, 60.0)},
+            "lies outside 50:60",
+        ),
+        ({}, {}, {"motor_inertia": (0.1, 0.2), "beta1": (1.0, 2.0)}, "no room"),
+        ({"gamma1": 1.0}, {}, {}, "have no gamma1"),
+    ],
+)
+def test_statements_that_exclude_each_other_are_refused(known, deviations, bounds, words):
     """Assert that what contradicts or repeats itself is refused, never ignored."""
-    known, deviations, bounds, words = REFUSED[case]
     with pytest.raises(SettingError, match=words):
         stating(known, deviations, bounds)
 

@@ -50,10 +50,7 @@ def test_the_ends_of_a_delay_differ_as_printed(value, ends, text):
     ],
 )
 def test_a_model_error_that_changes_no_number_is_no_alarm(excess, widest, words, kind):
-    """Assert that one is said that is larger than the noise is known, or widens an interval.
-
-    Residuals are never one times the noise: a small excess is said in words.
-    """
+    """Assert that one is said that is larger than the noise is known, or widens an interval."""
     sentences = list(model_warnings(ModelError(excess, 1.0, 1.0), kind, widest))
     assert len(sentences) == (words is not None)
     assert all(f"the residuals {words} sensors' noise" in sentence for sentence in sentences)

@@ -100,10 +100,7 @@ def test_a_row_that_hardly_keeps_moving_is_taken_whole():
 
 
 def test_a_strong_spring_starts_as_bent_as_its_link_says():
-    """Assert that a start has the curvature that positions and the link's acceleration show.
-
-    With the deflections here the spring is twice as stiff at its ends as in the middle.
-    """
+    """Assert that a start has the curvature that positions and the link's acceleration show."""
     log = log_of(held=True, cubic_stiffness=3000.0)
     first = first_start(posed_of(log, *TERMS, "cubic_stiffness"), log)
     assert first["alpha_cubic"] == pytest.approx(10000.0, rel=0.1)
