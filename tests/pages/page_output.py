@@ -15,26 +15,7 @@ def agrees(shown: str, printed: str) -> bool:
     ``...`` stands for any number of them. A number agrees to the digits shown, the last of which
     may be off by one; a whole number below 100 counts something, and is the same.
     """
-    parts = [[]]
-    for word in _words(shown):
-        if word == "...":
-            parts.append([])
-        else:
-            parts[-1].append(word)
-    words = _words(printed)
-    if len(parts) == 1:
-        return _matches(parts[0], words)
-    first, *middle, last = parts
-    if len(words) < len(first) + len(last) or not _matches(first, words[: len(first)]):
-        return False
-    start, end = len(first), len(words) - len(last)
-    for part in middle:
-        places = range(start, end - len(part) + 1)
-        place = next((at for at in places if _matches(part, words[at : at + len(part)])), None)
-        if place is None:
-            return False
-        start = place + len(part)
-    return _matches(last, words[end:])
+    return _matches(_words(shown), _words(printed))
 
 
 def _words(text: str) -> list[str]:
@@ -43,8 +24,13 @@ def _words(text: str) -> list[str]:
 
 
 def _matches(shown: list[str], printed: list[str]) -> bool:
-    """Return whether all words agree."""
-    return len(shown) == len(printed) and all(map(_word_agrees, shown, printed))
+    """Return whether all words agree, with any number of them for each ``...``."""
+    if "..." not in shown:
+        return len(shown) == len(printed) and all(map(_word_agrees, shown, printed))
+    first = shown.index("...")
+    rest = shown[first + 1 :]
+    ends = (printed[at:] for at in range(first, len(printed) - len(rest) + rest.count("...") + 1))
+    return _matches(shown[:first], printed[:first]) and any(_matches(rest, end) for end in ends)
 
 
 def _word_agrees(shown: str, printed: str) -> bool:
