@@ -3,15 +3,16 @@
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import inf, nan
+from pathlib import Path
 
 import numpy as np
 import pytest
-from made_campaign import made_of, made_summary
 from made_result import VALIDATION, made_result
 from shown import WIDTH, answer_lines, check, page_lines
 
 from flexid.arrays import to_json
 from flexid.estimators.excitation import excitation_of_gram
+from flexid.experiments.campaign_store import Manifest, Result, Summary
 from flexid.identification.vocabulary.evidence import FreeRun, ModelError
 from flexid.report import campaign, validation, watch
 from flexid.report.comparison import comparison_summary
@@ -150,12 +151,18 @@ def compared():
 
 
 def campaigns():
-    """A campaign as it goes on, and when it is done."""
-    results = (made_of("tracking_rms"), made_of("settling_time.theta1"))
-    begun = {"finished": 30, "error": 10}
-    yield from printed(*campaign.parts(made_summary(40, begun, ("part-3",), "file: no such value")))
-    done = made_summary(statuses={"finished": 97, "diverged": 3}, results=results)
-    yield from printed(*campaign.parts(done))
+    """A campaign of 100 runs as it goes on, and when it is done."""
+    about = {"flexid": "1.0", "experiment": "0123", "plan": "4567", "text": "the file"}
+    manifest = Manifest(**about, kind="sobol", runs=100, inputs=("controller.k",), runs_per_part=10)
+    names = "tracking_rms", "settling_time.theta1"
+    results = tuple(Result(name, 2, 1, (1.0, 1.5, 2.0)) for name in names)
+    begun, done = {"finished": 30, "error": 10}, {"finished": 97, "diverged": 3}
+    first_error = "file: no such value"
+    for summary in (
+        Summary(Path("out"), manifest, 40, ("part-3",), begun, first_error, ()),
+        Summary(Path("out"), manifest, 100, (), done, "", results),
+    ):
+        yield from printed(*campaign.parts(summary))
 
 
 TIME = np.linspace(0.0, 1.0, 101)

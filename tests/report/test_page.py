@@ -5,22 +5,15 @@ from __future__ import annotations
 import pytest
 
 import flexid
-from browser import serious_faults
+from browser import Watched, serious_faults
 from flexid.report.page import Command, Presenter
 from flexid.report.terminal import Column, Table
 
 STROKE = "() => getComputedStyle(document.querySelector('.chart path[stroke]')).stroke"
 HOSTILE = "<script>alert(1)<{{ 7 * 7 }}"
 FILE = '"><img src=x onerror=alert(2)>.csv'
-COLUMNS = {
-    name: {"column": f"{HOSTILE}{name}", "unit": unit}
-    for name, unit in (
-        ("time", "s"),
-        ("link_position", "rad"),
-        ("motor_position", "rad"),
-        ("motor_torque", "N m"),
-    )
-}
+UNITS = {"time": "s", "link_position": "rad", "motor_position": "rad", "motor_torque": "N m"}
+COLUMNS = {name: {"column": f"{HOSTILE}{name}", "unit": unit} for name, unit in UNITS.items()}
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +34,17 @@ def path(estimate, tmp_path_factory):
     path = tmp_path_factory.mktemp("alone") / "report.html"
     estimate.report(path)
     return path
+
+
+@pytest.fixture
+def page(browser, path):
+    """Return the page in a browser, and what was seen of it."""
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.watched = Watched(page)
+    page.goto(path.as_uri())
+    page.wait_for_selector(".chart svg")
+    yield page
+    page.close()
 
 
 def test_one_file_that_can_be_sent(path):
