@@ -62,11 +62,7 @@ def made(
     size: float = 1.0,
     **more: float,
 ) -> Recording:
-    """One recording.
-
-    The seed is that of the tones' phases and of all noise. Noise is in rad and N m, the torque's in
-    no log; times are in s. What else acts, or acts otherwise, are fields of `Drive`.
-    """
+    """One recording (rad, N m, s); no log has the torque's noise, and more are `Drive`'s fields."""
     rng = np.random.default_rng(seed)
     phases = rng.uniform(0.0, 2.0 * np.pi, len(TONES))
     times = SAMPLE_TIME * np.arange(1, round(duration / SAMPLE_TIME) + 1)
@@ -121,11 +117,7 @@ def pushed(
     motor_push: float = 0.0,
     **more: float,
 ) -> Recording:
-    """A drive that more moves than its model has, logged at 500 Hz or a part of it.
-
-    The size is that of each tone of the torque. Pushes are disturbances, RMS in rad/s²,
-    forgotten within 0.1 s. What else acts are fields of `Plant`.
-    """
+    """A drive with pushes (RMS, rad/s²), at 500 Hz or a part of it; more are `Plant`'s fields."""
     rng = np.random.default_rng(seed)
     times = _FINE_STEP * np.arange(round(duration / _FINE_STEP))
     phases = rng.uniform(0.0, 2.0 * np.pi, len(_PUSHED_TONES))
@@ -226,10 +218,7 @@ def half_widths(estimate: Any) -> np.ndarray:
 def made_fit(
     excess: float = 1.0, *, cost: float = 0.0, segments: Any = range(4), states: Any = None, **more
 ) -> Any:
-    """As much of a fit as a choice among fits asks for: that it leaves so much, and what is given.
-
-    It is of a joint with no optional term.
-    """
+    """As much of a fit as a choice among fits asks for: of a joint with no optional term."""
     minimum = SimpleNamespace(
         equations=SimpleNamespace(cost=cost), point=SimpleNamespace(initial_states=states)
     )

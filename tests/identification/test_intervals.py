@@ -8,7 +8,6 @@ import flexid.identification.vocabulary.estimate as intervals
 from flexid.errors import SettingError
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.models.physical import physical_parameters
 
 NAMES = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
@@ -25,17 +24,11 @@ def made(
     return Estimate(names, values, covariance, degrees_of_freedom)
 
 
-def parameter(name: str) -> PhysicalParameter:
-    """Return a physical parameter of the joint under a torque."""
-    return next(p for p in physical_parameters(NAMES, input_is_torque=True) if p.name == name)
-
-
 def of(name: str, fit: Estimate) -> intervals.Propagated:
     """Propagate a fit, the truth standing for what was given."""
+    (own,) = (p for p in physical_parameters(NAMES, input_is_torque=True) if p.name == name)
     values = dict(zip(NAMES, VALUES.tolist(), strict=True))
-    return intervals.propagated(
-        parameter(name), {**values, **dict(zip(fit.names, fit.values, strict=True))}, fit
-    )
+    return intervals.propagated(own, {**values, **fit.by_name}, fit)
 
 
 def test_symmetrical_interval_is_students():

@@ -1,29 +1,15 @@
 """Terms of the two joints, and what each leaves to be sought."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from flexid.estimators.samples import Samples
-from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible, rigid
 from flexid.models.flexible_joint import BACKLASH_WIDTH
 
 FLEXIBLE = flexible()
-
-
-def unknowns(*terms: str, given: Mapping[str, float] | None = None, groups=(0,)) -> Unknowns:
-    """What is sought of a flexible joint where only some terms are on."""
-    on = {c for term in terms for c in FLEXIBLE.terms[term]}
-    return FLEXIBLE.unknowns(FLEXIBLE.optional - on, given or {}, groups=groups)
-
-
-def value_of(name: str, found: Unknowns, values: Sequence[float], recording: int = 0) -> float:
-    """A coefficient of the model, where these are the values of what is sought."""
-    coefficients = found.coefficients(values, recording)
-    return float(coefficients[found.system.coefficients.index(name)])
 
 
 @pytest.mark.parametrize("joint", [FLEXIBLE, rigid()], ids=["flexible", "rigid"])
@@ -40,12 +26,13 @@ def test_what_the_spring_does_to_both_sides_is_one_number(term):
 
     Jr/Jl = theta2/alpha1 = 0.3 here, so 2 on the motor's side are 0.6 on the link's.
     """
-    found = unknowns(term)
+    found = FLEXIBLE.unknowns(FLEXIBLE.optional - {*FLEXIBLE.terms[term]}, {}, groups=(0,))
     known = {"theta2": 90.0, "alpha1": 300.0, "beta1": 1.0}
     values = [known.get(name, 2.0) for name in found.names]
     link = [c for c in FLEXIBLE.terms[term] if c.startswith("theta")]
     assert not {*link} & {*found.names}
-    assert [value_of(c, found, values) for c in link] == pytest.approx([0.6] * len(link))
+    every = dict(zip(found.system.coefficients, found.coefficients(values, 0), strict=True))
+    assert [every[c] for c in link] == pytest.approx([0.6] * len(link))
 
 
 def moving(size: float) -> Samples:

@@ -118,9 +118,8 @@ def test_a_negative_stiffness_leaves_the_motor_s_parameters_alone(theta2):
     assert determined == MOTOR | {"joint_stiffness", "motor_inertia", "motor_viscous_friction"}
     free, parameters = judged({**VALUES, "theta2": theta2}, {"theta2": np.inf})
     assert {free[name].verdict for name in MOTOR | {"theta1"}} == {"determined"}
-    assert (free["theta2"].verdict, parameters["motor_inertia"].verdict) == (
-        "undetermined", "determined",
-    )  # fmt: skip
+    assert free["theta2"].verdict == "undetermined"
+    assert parameters["motor_inertia"].verdict == "determined"
 
 
 def test_coefficients_and_parameters_by_hand():
@@ -190,7 +189,6 @@ def test_constants_of_shapes_are_judged_by_their_width():
     velocity, bend = found["stribeck_velocity"], found["bend_deflection"]
     half = 0.01 * float(t.ppf(0.975, 50.0))
     assert velocity.interval == pytest.approx((0.15 - half, 0.15 + half))
-    assert (velocity.unit, velocity.verdict, velocity.degrees_of_freedom) == (
-        "rad/s", "determined", 50.0,
-    )  # fmt: skip
+    assert (velocity.unit, velocity.verdict) == ("rad/s", "determined")
+    assert velocity.degrees_of_freedom == 50.0
     assert (bend.unit, bend.verdict) == ("rad", "weak")

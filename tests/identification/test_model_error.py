@@ -219,23 +219,17 @@ def test_a_negative_friction_may_be_none(monkeypatch):
     assert added[[place, spring]] == pytest.approx([-driving.values[place], 0.0])
 
 
-def with_value(found: Fitted, name: str, deviations: float) -> Fitted:
-    """A fit with a value so many standard deviations from zero."""
-    place = found.names.index(name)
-    deviation = max(found.fit.deviations[place], found.unit_deviations[place])
-    values = found.values.copy()
-    values[place] = deviations * deviation
-    minimum = replace(found.minimum, point=replace(found.minimum.point, values=values))
-    return replace(found, minimum=minimum)
-
-
 @pytest.mark.parametrize(
     ("name", "deviations", "driving"),
     [("alpha2", -3.9, False), ("alpha2", -4.1, True), ("alpha2", 5.0, False), ("theta2", -9.0, 0)],
 )
 def test_a_friction_drives_beyond_noise(name, deviations, driving):
     """Assert that one below zero by chance is none, and that a spring is no friction."""
-    found = with_value(fitted(1)[0], name, deviations)
+    usual, _ = fitted(1)
+    place, values = usual.names.index(name), usual.values.copy()
+    values[place] = deviations * max(usual.fit.deviations[place], usual.unit_deviations[place])
+    point = replace(usual.minimum.point, values=values)
+    found = replace(usual, minimum=replace(usual.minimum, point=point))
     limits = replace(THRESHOLDS, friction_sign=4.0)
     assert modelling.driving_frictions(found, limits) == ({name} if driving else set())
     assert not modelling.driving_covariance(found, frozenset()).any()

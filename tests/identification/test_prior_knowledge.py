@@ -189,14 +189,6 @@ def test_bounds_of_functions_give_the_minimum_within_them(bounds, active, condit
 PARAMETERS = physical_parameters(["alpha1", "beta1"], input_is_torque=True)
 
 
-def straight_line(seed: int = 0, n: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Regressors of a line and noisy measurements of unit variance."""
-    x = np.linspace(0.5, 3.0, n)
-    regressors = np.column_stack((np.ones(n), x))
-    noise = np.random.default_rng(seed).standard_normal(n)
-    return regressors, regressors @ [2.0, -1.0] + noise
-
-
 def least_squares(regressors: np.ndarray, measured: np.ndarray) -> Estimate:
     """Estimate a line with its covariance for unit variance."""
     covariance = np.linalg.inv(regressors.T @ regressors)
@@ -213,7 +205,8 @@ def drive(deviation: float = 0.05) -> Estimate:
 
 def test_linear_case_is_one_more_measurement():
     """Assert that knowledge of b equals least squares with one weighted equation more."""
-    regressors, measured = straight_line()
+    regressors = np.column_stack((np.ones(40), np.linspace(0.5, 3.0, 40)))
+    measured = regressors @ [2.0, -1.0] + np.random.default_rng(0).standard_normal(40)
     found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.2)])[0]
     more = least_squares(np.vstack((regressors, [0.0, 1.0 / 0.2])), np.append(measured, -1.3 / 0.2))
     assert found.values == pytest.approx(more.values, rel=1e-10)

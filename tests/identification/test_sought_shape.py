@@ -142,11 +142,7 @@ def test_a_preload_moves_where_a_bend_is_looked_for(preload):
 
 
 def test_the_interval_knows_that_the_number_was_sought():
-    """Assert that a phase three turns from the motion spreads by as much as is said.
-
-    There a number that is off by a little turns the phase by a lot, about which a fit with the
-    number given knows nothing.
-    """
+    """Assert that a phase three turns away spreads with its number, as much as is said."""
     drift = NUMBER * 2.0 * np.pi * 3.0
     truth = 0.3 / 0.3 * np.array([np.cos(PHASE - drift), np.sin(PHASE - drift)])
     given, free = [], []

@@ -110,11 +110,7 @@ def test_a_strong_spring_starts_as_bent_as_its_link_says():
 
 
 def test_one_jolt_makes_no_start_worse(monkeypatch):
-    """Assert that the start that leaves less in most segments is first, not that with less in all.
-
-    The sum of squares of the right coefficients is that of one segment with a jolt that no model
-    knows; wrong ones are as wrong everywhere.
-    """
+    """Assert that the start that leaves less in most segments is first, not less in all."""
     plain = log_of(held=True)
     jolted = plain.samples[0].positions.copy()
     jolted[len(jolted) // 2 :] += 0.3

@@ -9,7 +9,7 @@ import pytest
 from made_joint import COEFFICIENTS, JOINT, NOISE, PAPER, SAMPLE_TIME, data, made, seen
 
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
+from flexid.estimators.segmented_motion import segmented_motion
 from flexid.estimators.segments import divide
 from flexid.identification.full_model.model import Data
 from flexid.identification.structure.validation import following_states, validate_with
@@ -27,21 +27,14 @@ def recording():
 START = 3200  # samples
 
 
-def motion_of(whole: Data, timing: Timing | None = None) -> SegmentedMotion:
-    """The model's motion over segments of 1 s."""
-    unknowns = PAPER.unknowns(whole.groups)
-    problem = segmented_motion(
-        unknowns.system, divide(whole.samples, 1.0), timing or Timing("cubic"), unknowns
-    )
-    return replace(problem, weights=np.full(2, 1.0 / NOISE), substeps=2)
-
-
 def predicted(
     whole: Data, starts=(START,), timing: Timing | None = None, warm_up=0.5, **changed
 ) -> Validation:
     """Prediction with the true coefficients, or some others."""
     values = np.array([*{**COEFFICIENTS, **changed}.values()])
-    motion = motion_of(whole, timing)
+    unknowns, segments = PAPER.unknowns(whole.groups), divide(whole.samples, 1.0)
+    motion = segmented_motion(unknowns.system, segments, timing or Timing("cubic"), unknowns)
+    motion = replace(motion, weights=np.full(2, 1.0 / NOISE), substeps=2)
     return validate_with(JOINT, motion, values, whole.samples, starts, warm_up=warm_up)
 
 
