@@ -25,20 +25,13 @@ def run(*arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
     return subprocess.run(command(*arguments), capture_output=True, text=True, input=text)
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """The reports of the example when it is watched to its end, as they were printed."""
-    out = tmp_path_factory.mktemp("whole") / "out"
+def test_a_log_is_watched_to_its_end(tmp_path: Path):
+    """Assert that the last report holds the truth that made the example, and exits with 0."""
+    out = tmp_path / "out"
     done = run(str(LOG), "--stop-at-end", "--json", "--out", str(out), *PAPER)
     assert (done.returncode, done.stderr) == (0, "")
-    reports = done.stdout.splitlines()
-    assert json.loads((out / "watch.json").read_text()) == json.loads(reports[-1])
-    return reports
-
-
-def test_a_log_is_watched_to_its_end(whole: list[str]):
-    """Assert that the last report holds the truth that made the example, and exits with 0."""
-    reports = [json.loads(line) for line in whole]
+    reports = [json.loads(line) for line in done.stdout.splitlines()]
+    assert json.loads((out / "watch.json").read_text()) == reports[-1]
     assert len(reports) == 31  # one a second, and the last
     assert reports[0]["health"] == "converging"
     assert reports[-1]["health"] == "converged"

@@ -16,12 +16,6 @@ from flexid.errors import FlexidError, SettingError
 
 
 @pytest.fixture(scope="module")
-def log(examples):
-    """The example log."""
-    return examples / "flexible_joint.csv"
-
-
-@pytest.fixture(scope="module")
 def estimate(example_estimate):
     """What is found in it."""
     return example_estimate
@@ -171,9 +165,9 @@ def test_residuals_and_criteria(estimate, loaded):
     assert np.isnan(loaded.bic)
 
 
-def test_it_predicts_a_log(loaded, log):
+def test_it_predicts_a_log(loaded, examples):
     """Assert that the log that it was made from is predicted to the noise, from arrays too."""
-    frame = pl.read_csv(log)
+    frame = pl.read_csv(examples / "flexible_joint.csv")
     found = loaded.validate({name: frame[name].to_numpy() for name in frame.columns})
     assert min(found.fit_percent.values()) > 99
     difference = found.series["motor_position"] - found.series["predicted_motor_position"]
@@ -182,8 +176,9 @@ def test_it_predicts_a_log(loaded, log):
     assert [*found.series][:3] == ["time", "link_position", "predicted_link_position"]
 
 
-def test_it_is_held_against_a_log(estimate, loaded, log, tmp_path):
+def test_it_is_held_against_a_log(estimate, loaded, examples, tmp_path):
     """Assert that estimate, file and document give one answer, with frame, figures and page."""
+    log = examples / "flexible_joint.csv"
     found = estimate.validate(log)
     assert flexid.validate(loaded, log).fit_percent == found.fit_percent
     assert found.horizons[1.0]["deflection"] > 99

@@ -86,49 +86,44 @@ def test_a_log_is_taken_as_it_is(arrays):
     assert all_logs([log, recording, arrays], None)[0] is log
 
 
-BAD = {
-    "a number": (3, "an int"),
-    "nothing": (None, "None"),
-    "a matrix": (np.zeros((3, 3)), "a ndarray"),
-    "a lazy frame": (pl.DataFrame({"a": [1]}).lazy(), "a LazyFrame"),
-    "an empty list": ([], "an empty list"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_what_holds_no_log_is_refused(case):
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (3, "an int"),
+        (None, "None"),
+        (np.zeros((3, 3)), "a ndarray"),
+        (pl.DataFrame({"a": [1]}).lazy(), "a LazyFrame"),
+        ([], "an empty list"),
+    ],
+)
+def test_what_holds_no_log_is_refused(given, said):
     """Assert that the answer says what was given, and what a log may be; it is a TypeError too."""
-    given, said = BAD[case]
-    with pytest.raises(ArgumentError, match=said) as caught:
+    with pytest.raises(ArgumentError, match=f"{said}.*data frame") as caught:
         flexid.identify(given)
     assert isinstance(caught.value, TypeError)
-    assert "data frame" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-WRONG = {
-    "no samples": ({name: [] for name in NAMES}, "no samples"),
-    "lengths": ({"time": [0.0, 1.0], "motor_torque": [1.0]}, "motor_torque"),
-    "two dimensions": ({"time": np.zeros((3, 2))}, "dimensions"),
-    "a key": ({1: [1.0]}, "not text"),
-    "no text": (pd.DataFrame({0: [1.0]}), "not text"),
-    "a gap": ({"time [s]": [0.0, None, 0.2]}, "row 1"),
-    "a name twice": (pd.DataFrame([[0.0, 1.0]], columns=["time", "time"]), "'time' 2 times"),
-    "text": ({"time [s]": ["a", "b"]}, "time"),
-    "masked": ({"time [s]": np.ma.masked_greater([0.0, 1.0, 9.0], 2.0)}, "masked"),
-    "dates": (pl.DataFrame({"time [s]": [date(2026, 1, day) for day in (1, 2, 3)]}), "3 samples"),
-}
+OTHERS = {name: np.arange(3.0) for name in NAMES}
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_what_is_no_log_inside_is_refused(case):
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({name: [] for name in NAMES}, "no samples"),
+        ({"time": [0.0, 1.0], "motor_torque": [1.0]}, "motor_torque"),
+        ({"time": np.zeros((3, 2))}, "dimensions"),
+        ({1: [1.0]}, "not text"),
+        (pd.DataFrame({0: [1.0]}), "not text"),
+        ({**OTHERS, "time [s]": [0.0, None, 0.2]}, "row 1"),
+        (pd.DataFrame([[0.0, 1.0]], columns=["time", "time"]), "'time' 2 times"),
+        ({**OTHERS, "time [s]": ["a", "b", "c"]}, "time"),
+        ({**OTHERS, "time [s]": np.ma.masked_greater([0.0, 1.0, 9.0], 2.0)}, "masked"),
+        ({**OTHERS, "time [s]": pl.Series([date(2026, 1, d) for d in (1, 2, 3)])}, "3 samples"),
+    ],
+)
+def test_what_is_no_log_inside_is_refused(given, said):
     """Assert that a bad column is named in one line."""
-    given, said = WRONG[case]
-    others = {name: np.arange(3.0) for name in NAMES}
-    if "time [s]" in (given if isinstance(given, dict) else given.columns):
-        rows = len(given["time [s]"])
-        others = {name: values[:rows] for name, values in others.items()}
-        given = {**others, "time [s]": given["time [s]"]}
     with pytest.raises(RecordingError, match=said) as caught:
         flexid.read_log(given)
     assert "\n" not in str(caught.value)

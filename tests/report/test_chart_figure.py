@@ -7,16 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from flexid.report.chart import (
-    Axis,
-    Band,
-    Chart,
-    Level,
-    Line,
-    Panel,
-    kept_samples,
-    whole_decades,
-)
+from flexid.report.chart import Axis, Band, Chart, Level, Line, Panel, kept_samples, whole_decades
 from flexid.report.figure import COLOURS, chart_html, draw, drawn_once
 
 X = np.array([1.0, 10.0, 100.0])

@@ -66,9 +66,7 @@ def negligible():
     small = replace(result.parameters["gravity_torque"], interval=(-1e-4, 1e-4))
     still = {"motor_position": nan}
     result = replace(
-        result,
-        parameters={"x": small},
-        validation=replace(result.validation, fit_percent=still),
+        result, parameters={"x": small}, validation=replace(result.validation, fit_percent=still)
     )
     return printed(*identification_parts(result))
 

@@ -12,11 +12,7 @@ from shown import chart_lines, check
 from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
-    FreeRun,
-    Validation,
-)
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, FreeRun, Validation
 from flexid.report import simulated_run
 from flexid.report.chart import Band, Line, Panel
 from flexid.report.page import page_html

@@ -10,11 +10,7 @@ from scipy.stats import ttest_ind
 from flexid.errors import SettingError
 from flexid.identification.judgement import verdict
 from flexid.identification.vocabulary.estimate import interval, logarithmic_interval
-from flexid.identification.vocabulary.evidence import (
-    Disturbances,
-    ModelError,
-    ParameterEstimate,
-)
+from flexid.identification.vocabulary.evidence import Disturbances, ModelError, ParameterEstimate
 from flexid.stored_estimates.comparison import compare_estimates, holm
 from made_estimates import TRUE, drawn, estimate_of, exact, with_parameter
 
@@ -290,45 +286,32 @@ def with_term(seed, names, value=0.5, **shapes):
 STRIBECK = ("motor_stribeck_friction", "alpha_stribeck")
 RIPPLE = ("torque_ripple", "alpha_ripple_sine")
 PLAY = ("half_backlash", "alpha_backlash")
-NUMBER = "it rests on a ripple_number of 23.4 in A and of 24 in B"
+ALL, SIZE, NOTHING = (True, True), (True, False), (False, False)
 
 
 @pytest.mark.parametrize(
-    ("names", "shapes", "others", "compared", "reason"),
+    ("names", "shape", "first", "second", "size", "compared"),
     [
-        (STRIBECK, {"stribeck_velocity": 0.1}, {"stribeck_velocity": 0.19}, True, ""),
-        (
-            *(STRIBECK, {"stribeck_velocity": 0.1}, {"stribeck_velocity": 0.21}, False),
-            "it rests on a stribeck_velocity of 0.1 in A and of 0.21 in B",
-        ),
-        (RIPPLE, {"ripple_number": 23.4}, {"ripple_number": 23.6}, True, ""),
-        (RIPPLE, {"ripple_number": 23.4}, {"ripple_number": 24.0}, False, NUMBER),
+        (STRIBECK, "stribeck_velocity", 0.1, 0.19, 0.5, ALL),
+        (STRIBECK, "stribeck_velocity", 0.1, 0.21, 0.5, NOTHING),
+        (RIPPLE, "ripple_number", 23.4, 23.6, 0.5, ALL),
+        (RIPPLE, "ripple_number", 23.4, 24.0, 0.5, NOTHING),
         # The amplitude does not depend on where a ripple counts from.
-        *(
-            (
-                *(RIPPLE, {"ripple_origin": 6.28}, {"ripple_origin": origin}, True),
-                f"it rests on a ripple_origin of 6.28 in A and of {origin:g} in B",
-            )
-            for origin in (0.0, -6.28, 12.56)
-        ),
+        *((RIPPLE, "ripple_origin", 6.28, origin, 0.5, SIZE) for origin in (0.0, -6.28, 12.56)),
         # A gap has its own width, unless one was chosen for the motion.
-        (PLAY, {"backlash_width": 0.5}, {"backlash_width": 1.5, "value": 1.5}, True, ""),
-        (
-            *(PLAY, {"backlash_width": 0.5}, {"backlash_width": 3.05, "value": 1.5}, False),
-            "it rests on a backlash_width of 0.5 in A and of 3.05 in B",
-        ),
-        (
-            *(PLAY, {"backlash_width": 0.5}, {"backlash_width": 1.5, "value": -1.5}, False),
-            "it rests on a backlash_width of 0.5 in A and of 1.5 in B",
-        ),
+        (PLAY, "backlash_width", 0.5, 1.5, 1.5, ALL),
+        (PLAY, "backlash_width", 0.5, 3.05, 1.5, NOTHING),
+        (PLAY, "backlash_width", 0.5, 1.5, -1.5, NOTHING),
     ],
 )
-def test_what_rests_on_a_shape_is_compared_with_the_same(names, shapes, others, compared, reason):
+def test_what_rests_on_a_shape_is_compared_with_the_same(
+    names, shape, first, second, size, compared
+):
     """Assert that amplitudes of unlike widths, and phases of unlike ripples, are not compared."""
-    a, b = with_term(9, names, **shapes), with_term(10, names, **others)
+    a, b = with_term(9, names, **{shape: first}), with_term(10, names, size, **{shape: second})
     found = compare_estimates(a, b)
-    assert found.parameters[names[0]].compared == compared
     coefficient = found.coefficients[names[1]]
-    assert coefficient.compared == (not reason)
-    assert coefficient.reason.startswith(reason)
+    assert (found.parameters[names[0]].compared, coefficient.compared) == compared
+    reason = f"it rests on a {shape} of {first:g} in A and of {second:g} in B"
+    assert coefficient.reason.startswith("" if coefficient.compared else reason)
     assert found.parameters["joint_stiffness"].compared

@@ -136,12 +136,7 @@ def test_where_the_true_value_is_zero_the_error_has_its_unit():
         "error of θ₁": False, "error of θ₂": True, "error of α₁": True, "error of α₂": False
     }  # fmt: skip
     assert rows["error of α₂"].endswith("1/s")
-    assert [symbol in found.figure for symbol in SYMBOLS.values()] == [
-        False,
-        True,
-        True,
-        False,
-    ]
+    assert [symbol in found.figure for symbol in SYMBOLS.values()] == [False, True, True, False]
 
 
 def cell(page: Page, column: int) -> str:

@@ -18,12 +18,7 @@ HERE = "127.0.0.1:8765"
 Headers = dict[str, str]
 
 
-def answer(
-    headers: Headers,
-    *,
-    method: str = "GET",
-    kind: str = "http",
-) -> tuple[int, Headers]:
+def answer(headers: Headers, *, method: str = "GET", kind: str = "http") -> tuple[int, Headers]:
     """Status and headers of what a guard answers; 200 is what it guards, 1008 a closed socket."""
     sent: list[Any] = []
 
