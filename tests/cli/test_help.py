@@ -1,9 +1,10 @@
-"""Help: whole sentences, examples that parse, types that can be read; and completion."""
+"""Help and completion: whole sentences, examples that parse; and what a command loads."""
 
 import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -60,6 +61,29 @@ def test_a_command_loads_no_other():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "False\n"
+
+
+# What takes a quarter of a second or more to import, and a log in SI units with kernels at hand
+# does not need.
+HEAVY = ["sympy", "matplotlib"]
+HEAVY += ["scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.stats"]
+IDENTIFY = f"""
+import sys
+from flexid.cli.main import main
+try:
+    main()
+except SystemExit as end:
+    assert end.code == 0, end.code
+print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)
+"""
+
+
+def test_identification_starts_light(examples: Path):
+    """Assert that a second identification imports none of the packages that are slow to start."""
+    command = [sys.executable, "-c", IDENTIFY, "identify", str(examples / "flexible_joint.csv")]
+    subprocess.run(command, capture_output=True, check=True)  # may have kernels to make
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "[]"
 
 
 def test_terms_are_listed(flexid):

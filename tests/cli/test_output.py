@@ -1,10 +1,11 @@
-"""How an answer leaves a command: on a full disk, and where there is no Greek."""
+"""How an answer leaves a command: on a full disk, unheard, and where there is no Greek."""
 
 import io
 import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -12,6 +13,7 @@ from rich.console import Console
 from flexid.cli import generated
 from flexid.library.answer import Answer
 
+FULL = Path("/dev/full")
 LITTLE_ROOM = """
 import resource
 import sys
@@ -20,6 +22,32 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50))
 from flexid.cli.main import main
 main()
 """
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="no device that is always full")
+def test_full_disk_is_one_sentence():
+    """Assert that output that cannot be written exits 2 with one line."""
+    with FULL.open("w") as full:
+        outcome = subprocess.run(
+            [sys.executable, "-m", "flexid", "--help"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert outcome.returncode == 2
+    assert outcome.stderr.splitlines() == [
+        "flexid: the output cannot be written (No space left on device): "
+        "make room, or write elsewhere"
+    ]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell that closes streams")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_is_no_defect(closed: str):
+    """Assert that a command works where nobody listens."""
+    command = f'"{sys.executable}" -m flexid derive flexible-joint {closed}'
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits of processes")

@@ -51,28 +51,6 @@ UNTAKEN = {
     "source": (call("watch", source=3), "source is an int: give text or a path"),
     "filter": (call("watch", sample_time=1e-3, filter=3), "unexpected keyword argument 'filter'"),
 }
-
-
-@pytest.mark.parametrize("case", UNTAKEN)
-def test_wrong_calls_are_one_sentence(case):
-    """Assert that the sentence names function and argument and says what would be right."""
-    run, said = UNTAKEN[case]
-    with pytest.raises(ArgumentError, match=said) as caught:
-        run()
-    assert isinstance(caught.value, TypeError)
-    assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith(f"{caught.value.function}: ")
-
-
-@pytest.mark.parametrize("name", [command.name for command in COMMANDS if not command.own])
-def test_every_type_is_checked(name):
-    """Assert that what a function declares is known to what checks arguments."""
-    for parameter in inspect.signature(getattr(flexid, name)).parameters.values():
-        kind = str(parameter.annotation).removesuffix(" | None")
-        known = kind in _CONVERTED or kind.startswith("Literal") or kind == "bool"
-        assert known or {*kind.split(" | ")} & {*_TYPES}, parameter
-
-
 UNUSABLE = {
     "hold": (call("identify", "a.csv", hold="spline"), "spline"),
     "terms": (call("identify", "a.csv", terms=["gravty"]), "gravty"),
@@ -86,13 +64,31 @@ UNUSABLE = {
 }
 
 
-@pytest.mark.parametrize("case", UNUSABLE)
-def test_wrong_values_are_one_sentence(case):
-    """Assert that a value that cannot be used is answered as the command answers it."""
-    run, said = UNUSABLE[case]
-    with pytest.raises(SettingError, match=said) as caught:
+@pytest.mark.parametrize(
+    ("run", "said", "kind"),
+    [
+        *((*case, ArgumentError) for case in UNTAKEN.values()),
+        *((*case, SettingError) for case in UNUSABLE.values()),
+    ],
+    ids=[*UNTAKEN, *(f"{name} of no use" for name in UNUSABLE)],
+)
+def test_wrong_calls_are_one_sentence(run, said, kind):
+    """Assert that the sentence names function and argument and says what would be right."""
+    with pytest.raises(kind, match=said) as caught:
         run()
     assert "\n" not in str(caught.value)
+    if kind is ArgumentError:
+        assert isinstance(caught.value, TypeError)
+        assert str(caught.value).startswith(f"{caught.value.function}: ")
+
+
+@pytest.mark.parametrize("name", [command.name for command in COMMANDS if not command.own])
+def test_every_type_is_checked(name):
+    """Assert that what a function declares is known to what checks arguments."""
+    for parameter in inspect.signature(getattr(flexid, name)).parameters.values():
+        kind = str(parameter.annotation).removesuffix(" | None")
+        known = kind in _CONVERTED or kind.startswith("Literal") or kind == "bool"
+        assert known or {*kind.split(" | ")} & {*_TYPES}, parameter
 
 
 def test_options_mean_what_the_commands_mean():
