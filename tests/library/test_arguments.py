@@ -76,10 +76,11 @@ def test_wrong_calls_are_one_sentence(run, said, kind):
     """Assert that the sentence names function and argument and says what would be right."""
     with pytest.raises(kind, match=said) as caught:
         run()
-    assert "\n" not in str(caught.value)
+    error: Any = caught.value
+    assert "\n" not in str(error)
     if kind is ArgumentError:
-        assert isinstance(caught.value, TypeError)
-        assert str(caught.value).startswith(f"{caught.value.function}: ")
+        assert isinstance(error, TypeError)
+        assert str(error).startswith(f"{error.function}: ")
 
 
 @pytest.mark.parametrize("name", [command.name for command in COMMANDS if not command.own])
