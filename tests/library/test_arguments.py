@@ -79,8 +79,8 @@ def test_wrong_calls_are_one_sentence(run, said, kind):
     error: Any = caught.value
     assert "\n" not in str(error)
     if kind is ArgumentError:
-        assert isinstance(error, TypeError)
         assert str(error).startswith(f"{error.function}: ")
+        assert isinstance(error, TypeError)
 
 
 @pytest.mark.parametrize("name", [command.name for command in COMMANDS if not command.own])
