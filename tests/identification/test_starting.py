@@ -128,6 +128,17 @@ def test_one_jolt_makes_no_start_worse(monkeypatch):
 HOLDS = ("zero", "cubic", "linear")
 
 
+def test_rest_alone_starts_nothing(monkeypatch: pytest.MonkeyPatch):
+    """Assert that least squares without a spring, by which others are divided, start no fit."""
+    log = log_of()
+    nothing = dict.fromkeys(COEFFICIENTS, 0.0)
+    fit = least_squares_start(posed_of(log), log, 20.0)[1]
+    monkeypatch.setattr(starting, "least_squares_start", lambda *_: (nothing, fit))
+    monkeypatch.setattr(starting, "_while_moving", lambda _: {})
+    with pytest.raises(ConvergenceError, match="nearly all of the log is rest: log more motion"):
+        starts(posed_of(log), log, lengths(log)[0])
+
+
 @pytest.mark.parametrize("held", [True, False])
 def test_long_segments_know_the_hold(held):
     """Assert that the hold is found where short segments take either for the other."""

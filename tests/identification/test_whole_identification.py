@@ -65,6 +65,22 @@ def test_a_log_that_tells_everything(alone):
     assert alone.model_error.share == 0.0
 
 
+def test_rest_before_a_motion_changes_nothing(clean):
+    """Assert that a log of which four fifths are rest tells nearly as much: its torque jumps."""
+    (moving,) = clean.recordings
+    count = 4 * len(moving)
+    quiet = 1e-5 * np.random.default_rng(5).standard_normal((2, count))
+    channels = (moving.link_position, moving.motor_position, moving.input)
+    before = (*quiet, np.zeros(count))
+    whole = [np.concatenate(pair) for pair in zip(before, channels, strict=True)]
+    times = moving.time[0] + SAMPLE_TIME * np.arange(-count, len(moving))
+    result = identify([log(recording(times, *whole))], SETTINGS)
+    assert_true(result, COEFFICIENTS)
+    assert all(own.std < 1e-3 * own.value for own in result.coefficients.values())
+    assert any("nothing moves long before" in warning for warning in result.warnings)
+    assert sum(map(len, result.recordings)) < 1.2 * len(moving)
+
+
 def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFits]):
     """Assert that how large it could be has the model's error in it, as frictions left out have."""
     # With segments given, the exact fit is reported.

@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 
 from flexid.arrays import FloatArray
 from flexid.recording import Recording, position_noise, velocities, with_velocities
-from flexid.recording.velocities import is_noise, velocity
+from flexid.recording.velocities import is_noise, velocity, while_moving
 
 FREQUENCIES = (2.0, 5.3, 11.0)  # rad/s
 
@@ -104,3 +104,28 @@ def test_differentiates_as_savitzky_and_golay(half: int) -> None:
     window, degree = 2 * half + 1, velocities.DEGREE
     expected = np.asarray(savgol_filter(position, window, degree, deriv=1, delta=0.01))
     np.testing.assert_allclose(velocity(position, 0.01, half), expected, rtol=3e-6, atol=3e-6)
+
+
+REST = np.zeros(3000)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1e-4])
+@pytest.mark.parametrize(
+    ("positions", "first", "last"),
+    [
+        ([POSITION], 0, 5000),
+        ([np.concatenate((REST + POSITION[0], POSITION))], 2500, 8000),
+        ([np.concatenate((POSITION, REST + POSITION[-1]))], 0, 5500),
+        ([np.concatenate((REST[:300] + POSITION[0], POSITION))], 0, 5300),  # too little to matter
+        ([np.concatenate((REST + POSITION[0], POSITION)), np.zeros(8000)], 2500, 8000),
+        ([REST, REST], 0, 3000),
+    ],
+)
+def test_rest_before_and_after_a_motion(
+    positions: list[FloatArray], first: int, last: int, sigma: float
+) -> None:
+    """Assert that a tenth of the motion is kept of it, be there noise or none."""
+    rng = np.random.default_rng(3)
+    found = while_moving([each + sigma * rng.standard_normal(len(each)) for each in positions])
+    assert abs(found.start - first) <= 20
+    assert abs(found.stop - last) <= 20

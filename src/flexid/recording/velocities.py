@@ -20,6 +20,10 @@ FEWEST_BLOCKS = 10  # whose means tell a motion from noise
 CHANCE = 6.0  # standard deviations by which noise scatters more than it should
 
 
+_AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
+_REST_KEPT = 0.1  # of the motion, at either end: rest tells that friction holds, and no more
+
+
 def position_noise(position: FloatArray) -> float:
     """Standard deviation of the measurement noise of a position, in its unit.
 
@@ -33,6 +37,25 @@ def position_noise(position: FloatArray) -> float:
     edges = np.linspace(0, len(squares), max(1, len(squares) // BLOCK) + 1).astype(np.int64)
     means = np.add.reduceat(squares, edges[:-1]) / np.diff(edges)
     return max(sqrt(float(np.median(means))), encoder_step(position) / sqrt(12.0))
+
+
+def while_moving(positions: Sequence[FloatArray]) -> slice:
+    """What positions, each of shape (n,), show of a motion, with a little of the rest about it.
+
+    Long before and after it nothing but noise happens, which the rest outweighs.
+    """
+    count = len(positions[0])
+    first, last = count, 0
+    for position in positions:
+        within = _AT_REST * position_noise(position)
+        left = np.flatnonzero(np.abs(position - position[0]) > within)
+        arrived = np.flatnonzero(np.abs(position - position[-1]) > within)
+        if len(left) and len(arrived):
+            first, last = min(first, int(left[0])), max(last, int(arrived[-1]) + 1)
+    if first >= last:
+        return slice(0, count)
+    kept = int(_REST_KEPT * (last - first))
+    return slice(max(first - kept, 0), min(last + kept, count))
 
 
 def is_noise(values: FloatArray) -> bool:

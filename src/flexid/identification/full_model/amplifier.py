@@ -21,6 +21,7 @@ from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.recording.recording import Recording
 
 _LARGEST_DEAD_ZONE, _LOWEST_LIMIT = 0.1, 0.2  # of the largest input
+_NOTHING = np.finfo(float).tiny  # left by a log without noise
 _TOLERANCE = 1e-3  # of the largest input
 _RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
 # Of the motor's misfit that a correction saves at least, with either filter: dead zones of 2 to
@@ -124,7 +125,7 @@ def _best(
     from scipy.optimize import minimize_scalar
 
     least = minimize_scalar(
-        lambda share: float(np.log(misfits(corrected(share))).sum()),
+        lambda share: float(np.log(np.maximum(misfits(corrected(share)), _NOTHING)).sum()),
         bounds=ends,
         method="bounded",
         options={"xatol": _TOLERANCE},

@@ -70,6 +70,10 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
         ways.append(start)
         if moving := _while_moving(fit):
             ways.append(_begun(sought, {**fit.by_name, **moving}))
+    # Of rest alone least squares makes springs of nothing, by which others are divided.
+    ways = [way for way in ways if all(way.get(name) != 0.0 for name in declared.POSITIVE)]
+    if not ways:
+        raise ConvergenceError("least squares", "nearly all of the log is rest: log more motion")
     some = segments.some(_COMPARED)
     problem, point = motion_at(structure, data, some, ways[0], first_states(some))
     equations = problem.equations(point)

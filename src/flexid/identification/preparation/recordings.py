@@ -16,7 +16,7 @@ from flexid.models.motion import JointType, unit_of
 from flexid.recording.caution import Caution, Rank
 from flexid.recording.recording import Hold, Log, Recording
 from flexid.recording.shift import later, spoilt
-from flexid.recording.velocities import is_noise, with_velocities
+from flexid.recording.velocities import is_noise, while_moving, with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
 _FEWEST_HELD_OUT_SAMPLES = 10
@@ -60,10 +60,16 @@ def prepare(
     check_distinct(logs)
     check_alike(logs)
     taken, rigid = _taken_as(model, logs)
-    recordings = [
+    every = [
         (group, _seen_by(taken, recording))
         for group, log in enumerate(logs)
         for recording in log.recordings
+    ]
+    recordings = [(group, _while_moving(recording)) for group, recording in every]
+    rigid += [
+        warning
+        for (_, whole), (_, moving) in zip(every, recordings, strict=True)
+        for warning in rest_left_out(whole.source, len(whole), moving.time)
     ]
     kept = _long_enough(recordings, share)
     warnings = rigid + [
@@ -96,6 +102,25 @@ def _taken_as(model: Kind | Auto, logs: Sequence[Log]) -> tuple[Kind | Auto, lis
         f"or drive the joint harder"
     )
     return "rigid", [Caution(reason, Rank.SCALE)]
+
+
+def _while_moving(recording: Recording) -> Recording:
+    """A recording without most of the rest before and after its motion."""
+    positions = (recording.link_position, recording.motor_position)
+    moving = while_moving([position for position in positions if position is not None])
+    is_whole = moving == slice(0, len(recording))
+    return recording if is_whole else recording.window(moving.start, moving.stop)
+
+
+def rest_left_out(source: str, count: int, moving: FloatArray) -> list[str]:
+    """What to say where of so many samples of a log some were taken, at times in s, shape (n,)."""
+    if len(moving) == count:
+        return []
+    said = (
+        f"{source}: nothing moves long before and after {moving[0]:.4g} s to {moving[-1]:.4g} s, "
+        f"of which the parameters were found: record motion alone"
+    )
+    return [Caution(said, Rank.NOTE)]
 
 
 def _left_out(source: str, short: list[Recording]) -> str:
