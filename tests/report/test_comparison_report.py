@@ -15,9 +15,11 @@ from made_estimates import STIFFER, drawn
 
 @pytest.fixture(scope="module")
 def comparison():
-    """A drive before, and after, when it is stiffer."""
+    """A drive before, and after, stiffer and with an offset that A does without."""
     rng = np.random.default_rng(21)
-    return compare_estimates(drawn(rng), drawn(rng, STIFFER))
+    a, b = drawn(rng), drawn(rng, {**STIFFER, "alpha_offset": 3.0}, hold="linear")
+    offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
+    return compare_estimates(replace(a, removed={offset.name: offset}), b)
 
 
 def test_a_bound_promises_no_less_than_the_interval(comparison):
