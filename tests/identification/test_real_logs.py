@@ -28,11 +28,7 @@ def identified(shared_data, examples, tmp_path_factory):
 
 
 def test_arm_is_predicted_and_not_as_modelled(identified):
-    """Assert that free run and every horizon of IST Lisbon's arm reach what is asked.
-
-    Constant torques and dry friction are found, and of a voltage ratios only. A flexible beam is no
-    spring between two inertias: something is left unexplained.
-    """
+    """Assert fits of IST Lisbon's arm, and that its beam, no spring, leaves more than noise."""
     arm = identified(ARM, "columns_voltage_arm.toml", Settings(validation_share=0.5))
     fit = arm.validation.fit_percent
     assert fit["motor_position"] >= 95.5

@@ -217,8 +217,6 @@ def test_the_narrowest_fit_that_converged_is_best():
 USUAL = Structure(JOINT, frozenset({"alpha_drag", "alpha_saturation"}), Timing("zero"))
 UNUSUAL = Structure(JOINT, frozenset({"theta_offset", "alpha_offset"}), Timing("zero"))
 FALL = THRESHOLDS.exchange_fall
-
-
 NOISE, MORE = THRESHOLDS.sensor_excess - 0.001, THRESHOLDS.sensor_excess + 0.001
 
 
