@@ -92,7 +92,12 @@ def test_bounds_of_one_unknown_are_bounds_of_its_coefficient(known, bounds, expe
         ({"beta1": 5.0, "motor_inertia": 0.2}, {"motor_inertia": 0.1}, {}, "leave it out"),
         ({"motor_inertia": 0.3}, {}, {"beta1": (5.0, 6.0)}, "lies outside 5:6"),
         ({"theta2": 3.0}, {}, {"theta2": (0.0, 1.0)}, "lies outside"),
-        ({"motor_inertia": 0.3}, {"motor_inertia": 0.01}, {"beta1": (5.0, 6.0)}, "outside 5:6"),
+        (
+            {"motor_inertia": 0.3},
+            {"motor_inertia": 0.01},
+            {"beta1": (5.0, 6.0)},
+            "lies outside 5:6",
+        ),
         (
             {"joint_stiffness": 30.0},
             {"joint_stiffness": 1.0},
