@@ -128,6 +128,28 @@ def test_samples_that_a_fast_joint_shows_to_be_lost_are_put_back_in_all(tmp_path
     assert np.abs(recording.positions - positions).max() < 2e-3
 
 
+def test_late_stamps_are_judged_by_all_joints(tmp_path: Path):
+    """Assert that samples stay as they are of a joint, too, whose noise hides its clock."""
+    names = [name.format(joint) for joint in (1, 2) for name in NAMES]
+    t = 0.002 * np.arange(1500)
+    rng = np.random.default_rng(4)
+    turned, noise = np.radians(20.0) * np.sin(3.0 * t), 1e-3 * rng.normal(size=(2, len(t)))
+    still = 0.01 * np.sin(2.0 * t)
+    joint = [turned, turned + 0.01 * np.sin(9.0 * t), np.cos(7.0 * t)]
+    other = [still + noise[0], still + 0.003 * np.sin(9.0 * t) + noise[1], np.cos(7.0 * t)]
+    late = np.sort(t + 0.002 * rng.uniform(0.0, 0.9, len(t)))
+    table = np.column_stack(
+        (late, *np.degrees([*joint[:2]]), joint[2], *np.degrees(other[:2]), other[2])
+    )
+    path = tmp_path / "late.csv"
+    np.savetxt(
+        path, table, fmt="%.9f", delimiter=",", header=",".join(["time [s]", *names]), comments=""
+    )
+    (recording,) = read_arm_log(path, 2).recordings
+    np.testing.assert_allclose(recording.positions[:, 1], turned, atol=1e-9)
+    np.testing.assert_allclose(recording.positions[:, 3], other[0], atol=1e-9)
+
+
 def test_joints_that_share_no_sample_are_refused(tmp_path: Path):
     """Assert that joints of which each lacks the other's samples leave a sentence."""
     path = log_of(tmp_path / "run.csv")

@@ -16,6 +16,7 @@ from flexid.recording.one_clock import drop_holes
 from flexid.recording.outliers import mend
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import (
+    Grid,
     drop_repeats,
     even_grid,
     keep_common,
@@ -50,8 +51,9 @@ def logs_of_joints(parts: Sequence[tuple[Table, MapSource | None]]) -> list[Log]
     keep_common(drafts)
     mend(drafts)
     rest = [len(drafts) > 1 and checks.is_resting(draft) for draft in drafts]
+    grid = even_grid(drafts)
     return [
-        _log_of(draft, table, rests=own and not all(rest))
+        _log_of(draft, table, grid, rests=own and not all(rest))
         for draft, (table, _), own in zip(drafts, parts, rest, strict=True)
     ]
 
@@ -67,10 +69,9 @@ def _drafted(table: Table, columns: MapSource | None) -> Draft:
     return log
 
 
-def _log_of(log: Draft, table: Table, *, rests: bool) -> Log:
+def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool) -> Log:
     """Recordings on an even grid, of channels that make sense together."""
     origins = {name: channel.origin for name, channel in log.channels.items()}
-    grid = even_grid(log)
     if not rests:
         _check_each(log)
     unwrap(log)

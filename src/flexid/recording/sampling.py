@@ -20,7 +20,9 @@ from flexid.recording.table import Table
 FEWEST_SAMPLES = 20  # of a recording
 FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept out
 GAP = 1.5  # sample times between two samples; a single lost sample makes 2
-_WIDE_GAP = 4.0  # likewise, where the steps vary: interpolation bridges two samples, not more
+_WIDE_GAP = (
+    4.0  # likewise, where the steps vary: interpolation bridges three lost samples, not more
+)
 MOST_GAPS = 0.05  # share of the steps
 _MOST_OF = 0.9  # of the samples
 _SMOOTHER = 1.05  # times: DFKI's pendulum, whose encoder's steps hide its clock, has 1.00004
@@ -113,8 +115,12 @@ def keep_common(logs: Sequence[Draft]) -> None:
             log.keep(np.isin(log.time, common))
 
 
-def even_grid(log: Draft) -> Grid:
-    """Sample time and gaps of increasing time stamps in s; raise where they are too uneven."""
+def even_grid(logs: Sequence[Draft]) -> Grid:
+    """Sample time and gaps of increasing time stamps in s; raise where they are too uneven.
+
+    The joints of an arm have one clock, of which the first one's log tells.
+    """
+    log = logs[0]
     time = log.time
     if len(time) < FEWEST_SAMPLES:
         found = "is 1 sample" if len(time) == 1 else f"are {len(time)} samples"
@@ -155,7 +161,7 @@ def even_grid(log: Draft) -> Grid:
     apart = (time[one] - sample_time * np.arange(one.stop - one.start) for one in recordings)
     if max(np.abs(off - np.median(off)).max() for off in apart) / sample_time <= EVEN:
         return Grid(sample_time, tuple(recordings))
-    is_even = _is_smoother_if_even(log, recordings)
+    is_even = _is_smoother_if_even(logs, recordings)
     within = np.concatenate([np.diff(time[recording]) for recording in recordings])
     taken = (
         "at even times the positions are smoother, so these were taken"
@@ -176,22 +182,33 @@ def _jitter(steps: FloatArray) -> float:
     return float(np.abs(steps / steps.mean() - 1.0).max()) / 2.0
 
 
-def _is_smoother_if_even(log: Draft, recordings: Iterable[slice]) -> bool:
-    """Whether samples were taken at even times, and stamped late.
+def _is_smoother_if_even(logs: Sequence[Draft], recordings: Sequence[slice]) -> bool:
+    """Whether samples were even and stamped late, by the position that tells most.
 
     They then lie closer to the cubic through their neighbours than at the stamped times, which are
-    believed where noise hides the difference. Jumps and wraps are few, so quantiles are compared.
+    believed where noise hides the difference.
+    """
+    positions = [log[name] for log in logs for name in log.those_of(POSITIONS)]
+    gains = [_gain_if_even(logs[0].time, values, recordings) for values in positions]
+    return max(gains, key=abs) > np.log(_SMOOTHER)
+
+
+def _gain_if_even(time: FloatArray, values: FloatArray, recordings: Sequence[slice]) -> float:
+    """Logarithm by how much smoother a position is at even times than at the stamped ones.
+
+    Jumps and wraps are few, so quantiles are compared.
     """
     gains, lengths = [0.0], [1]
     for part in recordings:
-        time = log.time[part]
-        for name in log.those_of(POSITIONS):
-            at = (np.arange(len(time), dtype=np.float64), time)
-            off = [np.quantile(_off_neighbours(times, log[name][part]), _MOST_OF) for times in at]
-            if min(off) > _ROUNDING * np.ptp(log[name][part]):  # what rests is no evidence
-                gains.append(float(np.log(off[1] / off[0])))
-                lengths.append(len(time))
-    return float(np.average(gains, weights=lengths)) > np.log(_SMOOTHER)
+        own, stamps = values[part], time[part]
+        at = (np.arange(len(own), dtype=np.float64), stamps)
+        off = np.array([np.quantile(_off_neighbours(times, own), _MOST_OF) for times in at])
+        rounding = _ROUNDING * np.ptp(own)
+        if off.max() > rounding:  # what rests is no evidence
+            even, stamped = np.log(np.maximum(off, rounding))
+            gains.append(float(stamped - even))
+            lengths.append(len(own))
+    return float(np.average(gains, weights=lengths))
 
 
 def _off_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
