@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexid.report.comparison import comparison_summary, outcome_text
+from flexid.report.comparison import comparison_summary, largest, outcome_text
 from flexid.stored_estimates.comparison import compare_estimates
 from made_estimates import STIFFER, drawn
 
@@ -39,3 +39,14 @@ def test_what_may_hide_is_told(comparison):
     d = replace(d, percent_interval=(-1.0, 2.11))
     (line,) = comparison_summary(replace(comparison, parameters={d.name: d}))
     assert line.endswith("the largest that may hide is one of 2.2 % of joint_stiffness.")
+
+
+def test_a_bound_without_a_share_has_its_unit(comparison):
+    """Assert that it is the farther end, rounded up, where the values are next to nothing."""
+    d = replace(
+        comparison.parameters["motor_offset_torque"],
+        interval=(-0.1, 0.0512),
+        percent_interval=(np.nan, np.nan),
+    )
+    assert largest(d) == "0.1 N m"
+    assert largest(replace(d, interval=(-0.1, 0.1512))) == "0.16 N m"
