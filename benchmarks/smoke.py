@@ -78,6 +78,7 @@ JOBS = (
     Job("streaming"),
     Job("thresholds", "--seeds 1 --family basic --jobs 1"),
     Job("trials", "--seeds 1 --family basic --jobs 1"),
+    Job("uneven"),
 )
 """Long ones first. Those of `python -m benchmarks` are run by its name."""
 
