@@ -129,3 +129,11 @@ def test_rest_before_and_after_a_motion(
     found = while_moving([each + sigma * rng.standard_normal(len(each)) for each in positions])
     assert abs(found.start - first) <= 20
     assert abs(found.stop - last) <= 20
+
+
+def test_a_faint_motion_is_taken_whole() -> None:
+    """Assert that a motion that begins slowly beside its noise loses nothing of its start."""
+    slow = POSITION * np.linspace(0.0, 1.0, 5000) ** 3
+    noise = np.random.default_rng(3).standard_normal(5000)
+    assert while_moving([slow + 1e-3 * noise]).start > 100
+    assert while_moving([slow + 0.03 * noise]) == slice(0, 5000)

@@ -21,6 +21,7 @@ CHANCE = 6.0  # standard deviations by which noise scatters more than it should
 
 
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
+_FAINT = 0.05  # of a position's range, from which on rest cannot be told from a slow start
 _REST_KEPT = 0.1  # of the motion, at either end: rest tells that friction holds, and no more
 
 
@@ -42,12 +43,15 @@ def position_noise(position: FloatArray) -> float:
 def while_moving(positions: Sequence[FloatArray]) -> slice:
     """What positions, each of shape (n,), show of a motion, with a little of the rest about it.
 
-    Long before and after it nothing but noise happens, which the rest outweighs.
+    Long before and after it nothing but noise happens, by which the motion is outweighed. Of a
+    motion that is faint beside its noise nobody can say when it began.
     """
     count = len(positions[0])
     first, last = count, 0
     for position in positions:
         within = _AT_REST * position_noise(position)
+        if 2.0 * within < np.ptp(position) < within / _FAINT:
+            return slice(0, count)
         left = np.flatnonzero(np.abs(position - position[0]) > within)
         arrived = np.flatnonzero(np.abs(position - position[-1]) > within)
         if len(left) and len(arrived):
