@@ -12,7 +12,6 @@ from flexid.errors import RecordingError
 from flexid.estimators.samples import Samples
 from flexid.files import shown
 from flexid.identification.full_model.model import Data, encoder_noise
-from flexid.identification.preparation.recordings import rest_left_out
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS, SI_UNITS
@@ -22,7 +21,6 @@ from flexid.recording.recording import Log
 from flexid.recording.series import names_of, table_of_file
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
-from flexid.recording.velocities import while_moving
 from flexid.toml_file import parse_toml, read_bytes
 
 _NEEDED = (
@@ -84,15 +82,8 @@ def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog
         if log.recordings[0].joint == "prismatic":
             reason = "slides, and the joints of a planar arm turn: identify it alone"
             raise RecordingError(file, f"joint {joint}", reason)
-    every = _together(logs)
-    recordings = tuple(_while_moving(each) for each in every)
-    rest = (
-        warning
-        for whole, moving in zip(every, recordings, strict=True)
-        for warning in rest_left_out(file, len(whole), moving.time)
-    )
     return ArmLog(
-        recordings,
+        _together(logs),
         tuple(log.recordings[0].input_unit for log in logs),
         {
             f"link_{joint}": f"motor_{joint}"
@@ -100,7 +91,7 @@ def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog
             if log.recordings[0].link_from_deflection
         },
         tuple(joint for joint, log in enumerate(logs, 1) if log.rests),
-        tuple(dict.fromkeys((*(warning for log in logs for warning in log.warnings), *rest))),
+        tuple(dict.fromkeys(warning for log in logs for warning in log.warnings)),
         {
             "file": file,
             "sha256": logs[0].sha256,
@@ -198,12 +189,6 @@ def _named(table: Table, joint: int, joints: int) -> dict[str, Any]:
     if "position" in found and "motor_position" in found:
         found.setdefault("link_position", found["position"])
     return found
-
-
-def _while_moving(recording: Samples) -> Samples:
-    """A recording without most of the rest before and after the motion of all joints."""
-    moving = while_moving([*recording.positions.T])
-    return recording.window(moving.start, moving.stop)
 
 
 def _together(logs: Sequence[Log]) -> tuple[Samples, ...]:

@@ -69,7 +69,7 @@ def prepare(
     rigid += [
         warning
         for (_, whole), (_, moving) in zip(every, recordings, strict=True)
-        for warning in rest_left_out(whole.source, len(whole), moving.time)
+        for warning in _rest_left_out(whole.source, len(whole), moving.time)
     ]
     kept = _long_enough(recordings, share)
     warnings = rigid + [
@@ -112,7 +112,7 @@ def _while_moving(recording: Recording) -> Recording:
     return recording if is_whole else recording.window(moving.start, moving.stop)
 
 
-def rest_left_out(source: str, count: int, moving: FloatArray) -> list[str]:
+def _rest_left_out(source: str, count: int, moving: FloatArray) -> list[str]:
     """What to say where of so many samples of a log some were taken, at times in s, shape (n,)."""
     if len(moving) == count:
         return []
