@@ -18,8 +18,6 @@ BLOCK = 64  # samples per local estimate of the noise
 WINDOW_RATIO = 1.25  # between one candidate half-window and the next
 FEWEST_BLOCKS = 10  # whose means tell a motion from noise
 CHANCE = 6.0  # standard deviations by which noise scatters more than it should
-
-
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
 _FAINT = 0.05  # of a position's range, from which on rest cannot be told from a slow start
 _REST_KEPT = 0.1  # of the motion, at either end: rest tells that friction holds, and no more

@@ -69,7 +69,7 @@ def prepare(
     rigid += [
         warning
         for (_, whole), (_, moving) in zip(every, recordings, strict=True)
-        for warning in _rest_left_out(whole.source, len(whole), moving.time)
+        for warning in _rest_left_out(whole, moving)
     ]
     kept = _long_enough(recordings, share)
     warnings = rigid + [
@@ -112,12 +112,13 @@ def _while_moving(recording: Recording) -> Recording:
     return recording if is_whole else recording.window(moving.start, moving.stop)
 
 
-def _rest_left_out(source: str, count: int, moving: FloatArray) -> list[str]:
-    """What to say where of so many samples of a log some were taken, at times in s, shape (n,)."""
-    if len(moving) == count:
+def _rest_left_out(whole: Recording, moving: Recording) -> list[str]:
+    """What to say of rest that was left out."""
+    if len(moving) == len(whole):
         return []
+    first, last = moving.time[[0, -1]]
     said = (
-        f"{source}: nothing moves long before and after {moving[0]:.4g} s to {moving[-1]:.4g} s, "
+        f"{whole.source}: nothing moves long before and after {first:.4g} s to {last:.4g} s, "
         f"of which the parameters were found: record motion alone"
     )
     return [Caution(said, Rank.NOTE)]
