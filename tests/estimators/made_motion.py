@@ -55,7 +55,7 @@ def fall(problem: SegmentedMotion, point: Point, place: int, step: float) -> flo
         moved = at.copy()
         moved[place] += side
         states = moved[:n].reshape(point.initial_states.shape)
-        costs.append(problem.equations(Point(moved[n:], states)).cost)
+        costs.append(problem.equations(Point(moved[n:], states), "nothing").cost)
     return (costs[1] - costs[0]) / (4.0 * step)
 
 

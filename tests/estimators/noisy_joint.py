@@ -1,9 +1,11 @@
 """The noisy flexible joint on which estimators are measured, made with SciPy."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.stats import t
 from tests.made_estimates import TRUE as TRUTH
 
 from flexid.estimators.samples import Samples
@@ -62,6 +64,17 @@ def joint_samples(seed: int | None = None, first: int = 0) -> Samples:
         SAMPLE_TIME,
         time[first],
     )
+
+
+def encoders(seed: int | None, first: int = 0) -> Samples:
+    """The same without its velocities."""
+    return replace(joint_samples(seed, first), velocities=None)
+
+
+def holding(fit, truth: np.ndarray = VALUES) -> np.ndarray:
+    """Whether each 95 % interval of a fit holds the truth."""
+    quantile = t.ppf(0.975, np.array(fit.degrees_of_freedom))
+    return np.abs(fit.values - truth) <= quantile * fit.standard_deviations
 
 
 def worst_error(values) -> float:

@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
+from made_motion import CART
 
 from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.excitation import (
-    decay_rate,
-    excitation,
-    information_at,
-)
+from flexid.estimators.excitation import decay_rate, excitation, information_at
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, segmented_motion
 from flexid.estimators.segments import divide
@@ -50,7 +47,6 @@ def test_what_is_measured_of_regressors(case):
         assert found == (value if of_names else pytest.approx(value, rel=1e-9, abs=1e-6)), name
 
 
-CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"}),))
 H, N, NOISE = 0.01, 400, 1e-3
 
 
@@ -62,11 +58,6 @@ def information(system, values, force, duration, start):
     return information_at(problem.at(point, np.array([1.0 / NOISE])), point)
 
 
-def cart_information(force, duration):
-    """That of the cart, from rest."""
-    return information(CART, [2.0, 0.3], force, duration, np.zeros(2))
-
-
 def test_closed_form_of_a_cart():
     """Assert that the bound is that of a linear regression with free start and speed."""
     force = np.random.default_rng(3).standard_normal(N)
@@ -75,7 +66,7 @@ def test_closed_form_of_a_cart():
     position = np.concatenate(([0.0], np.cumsum(H * velocity[:-1] + 0.5 * H * H * force[:-1])))
     columns = np.column_stack([np.ones(N), t, position, 0.5 * t * t])
     expected = NOISE**2 * np.linalg.inv(columns.T @ columns)[2:, 2:]
-    found = cart_information(force, N * H)
+    found = information(CART, [2.0, 0.3], force, N * H, np.zeros(2))
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-6)
     np.testing.assert_allclose(found.relative_deviations, np.sqrt(np.diag(expected)) / [2.0, 0.3])
 

@@ -5,8 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from made_motion import fall
+from noisy_joint import holding
 from scipy.linalg import expm, solve_discrete_are
-from scipy.stats import t
 
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.innovations import Innovations, _Observing, fit_innovations
@@ -201,22 +202,6 @@ def test_whitened_innovations_are_white():
     assert abs(np.mean(white[1:] * white[:-1])) < 0.055
 
 
-def slope(problem: SegmentedMotion, at: np.ndarray, place: int, deviation: float) -> float:
-    """Derivative of half the cost by a value or, beyond these, by an initial state."""
-    k = len(at)
-    size = 1e-3 * deviation
-
-    def cost(step: float) -> float:
-        values, states = at.copy(), np.zeros((1, 4))
-        if place < k:
-            values[place] += step
-        else:
-            states[0, place - k] += step
-        return problem.equations(Point(values, states), "nothing").cost
-
-    return (cost(size) - cost(-size)) / (4.0 * size)
-
-
 def resting(samples: Samples) -> np.ndarray:
     """Directions of which the motor's are unknown for a while, twice."""
     found = still(samples)
@@ -244,13 +229,12 @@ def test_derivatives_are_those_of_differences(delays, directions):
     problem = replace(problem, observer=replace(problem.observer, directions=directions(samples)))
     timing = Timing("linear" if delays else "zero", sought=delays)
     problem = replace(problem, timing=timing)
-    at = np.append(VALUES, np.full(len(delays), 3e-3))
-    equations = problem.equations(Point(at, np.zeros((1, 4))))
-    gradient = np.roll(equations.gradient.sum(axis=0), -4)  # values first, then states
-    sizes = np.roll(np.sqrt(np.diag(equations.normal.sum(axis=0))), -4)
-    for place, size in enumerate(sizes):
+    point = Point(np.append(VALUES, np.full(len(delays), 3e-3)), np.zeros((1, 4)))
+    equations = problem.equations(point)
+    gradient = equations.gradient.sum(axis=0)
+    for place, size in enumerate(np.sqrt(np.diag(equations.normal.sum(axis=0)))):
         # Differences are good to 1e-5 of a deviation; one is what a deviation changes.
-        apart = gradient[place] + slope(problem, at, place, 1.0 / size)
+        apart = gradient[place] - fall(problem, point, place, 1e-3 / size)
         assert abs(apart) < 1e-3 * size, place
 
 
@@ -274,12 +258,6 @@ def test_a_row_that_rests_teaches_nothing_and_follows_its_sensor():
     assert problem.degrees_of_freedom == observed(samples).degrees_of_freedom - 61
 
 
-def observing(seed: int) -> _Observing:
-    """A motion at the truth, to be observed with any sizes."""
-    samples = disturbed_samples(seed, 3000)
-    return _Observing.of(motion(samples), AT_REST, still(samples))
-
-
 @pytest.mark.parametrize(
     "other",
     [
@@ -291,7 +269,8 @@ def observing(seed: int) -> _Observing:
 )
 def test_spectra_tell_what_other_sizes_cost(other: Sizes):
     """Assert that spectra of innovations give the likelihood of other sizes to a twentieth."""
-    made = observing(7)
+    samples = disturbed_samples(7, 3000)
+    made = _Observing.of(motion(samples), AT_REST, still(samples))
     first = made.with_sizes(SIZES)
     assert first.motion is not None
     cost = cost_by_spectra(first.motion, SIZES, first.residuals, made.transitions)
@@ -313,9 +292,7 @@ def fitted(seed: int, *, known: bool) -> Innovations:
 
 def held(found: Innovations) -> np.ndarray:
     """Whether each 95 % interval holds the truth."""
-    fit = described(found.problem, found.minimum)
-    quantile = t.ppf(0.975, np.array(fit.degrees_of_freedom))
-    return np.abs(fit.values - VALUES) <= quantile * fit.standard_deviations
+    return holding(described(found.problem, found.minimum), VALUES)
 
 
 def test_sizes_and_coefficients_are_recovered():

@@ -12,7 +12,7 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.gauss_newton import MOST, NEGLIGIBLE, minimise, refinement
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
+from flexid.estimators.segmented_motion import Point, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.parametric_system import ParametricSystem, Row
@@ -46,13 +46,6 @@ def oscillation(noise: float, seed: int) -> Samples:
     return Samples(position[:, None], None, np.empty((N, 0)), H)
 
 
-def problem_of(samples: Samples, noise: float) -> tuple[SegmentedMotion, Point]:
-    """The motion in one segment, at the truth."""
-    problem = segmented_motion(OSCILLATOR, divide([samples], N * H), Timing("linear"))
-    point = Point(np.array([FREQUENCY**2]), np.array([[1.0, 0.0]]))
-    return problem.at(point, np.array([1.0 / noise])), point
-
-
 @pytest.mark.parametrize(
     ("moved", "times"), [(0.5, 1), (1.5, 2), (10.0, 2), (25.0, 3), (150.0, MOST), (1e5, MOST)]
 )
@@ -60,7 +53,10 @@ def test_steps_are_as_many_as_the_noise_asks_for(moved: float, times: int):
     """Assert what follows from the closed form: (error / negligible error)^(1/4), rounded up."""
     moved *= NEGLIGIBLE
     noise = noise_for(moved)
-    problem, point = problem_of(oscillation(noise, 3), noise)
+    segments = divide([oscillation(noise, 3)], N * H)
+    point = Point(np.array([FREQUENCY**2]), np.array([[1.0, 0.0]]))
+    problem = segmented_motion(OSCILLATOR, segments, Timing("linear"))
+    problem = problem.at(point, np.array([1.0 / noise]))
     assert problem.substeps == 1
     assert refinement(problem, minimise(problem, point, 1e-2)) == times
 

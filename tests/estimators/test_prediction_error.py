@@ -4,9 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from noisy_joint import POSITION_NOISE, VALUES, clean_motion, joint_samples, worst_error
+from noisy_joint import (
+    POSITION_NOISE,
+    VALUES,
+    clean_motion,
+    encoders,
+    holding,
+    joint_samples,
+    worst_error,
+)
 from scipy.signal import lfilter
-from scipy.stats import t
 from segment_bound import cramer_rao_bound
 
 import flexid.estimators.segments as sharing
@@ -29,17 +36,12 @@ def fit(samples: Samples, duration: float = 1.0, hold: Hold = "linear") -> Predi
     return prediction_error([samples], JOINT, start, duration, hold)
 
 
-def of_white_noise(found: PredictionErrorFit) -> np.ndarray:
-    """The textbook standard deviations, which are right for white residuals only."""
-    return np.sqrt(np.diag(np.linalg.inv(found.information)))
-
-
 def correlated(seed: int, rho: float = 0.9) -> Samples:
     """Positions in autoregressive noise of the usual standard deviation."""
-    clean = joint_samples()
+    clean = encoders(None)
     shocks = np.random.default_rng(seed).standard_normal((2000 + len(clean), 2))
     noise = np.asarray(lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], shocks, axis=0))[2000:]
-    return replace(clean, positions=clean.positions + POSITION_NOISE * noise, velocities=None)
+    return replace(clean, positions=clean.positions + POSITION_NOISE * noise)
 
 
 def test_less_is_part_of_everything():
@@ -76,8 +78,9 @@ def test_accuracy_at_one_second():
 
 def test_predicted_standard_deviation_is_the_bound():
     """Assert that in white noise the inverse of the information is the Cramér-Rao bound."""
-    found = fit(replace(joint_samples(3), velocities=None))
-    assert of_white_noise(found) == pytest.approx(cramer_rao_bound(30), rel=0.02)
+    found = fit(encoders(3))
+    textbook = np.sqrt(np.diag(np.linalg.inv(found.information)))
+    assert textbook == pytest.approx(cramer_rao_bound(30), rel=0.02)
     assert found.noise == pytest.approx([POSITION_NOISE] * 2, rel=0.02)
 
 
@@ -87,11 +90,7 @@ def test_coverage(rho):
 
     Forty seeds, five coefficients: were the cases independent, the standard error would be 1.5 %.
     """
-    held = []
-    for seed in range(40):
-        found = fit(correlated(seed, rho))
-        quantile = t.ppf(0.975, np.array(found.degrees_of_freedom))
-        held.append(np.abs(found.values - VALUES) <= quantile * found.standard_deviations)
+    held = [holding(fit(correlated(seed, rho))) for seed in range(40)]
     assert 0.88 <= np.mean(held) <= 0.995
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from noisy_joint import TRUTH, joint_samples
+from noisy_joint import TRUTH, encoders
 
 from flexid.errors import ModelError, SettingError
 from flexid.estimators.bounded import bounded_fit
@@ -26,9 +26,8 @@ MEMORY = flexible_joint(("spring_hysteresis",))
 OFFSET = flexible_joint(("gravity", "motor_viscous", "link_offset"))
 DAMPED = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
 FRICTION = flexible_joint(("gravity", "motor_coulomb"))
-RECORD = joint_samples(0)
-POSITIONS = replace(RECORD, velocities=None)
-FEW = replace(POSITIONS, positions=RECORD.positions[:5], inputs=RECORD.inputs[:5])
+POSITIONS = encoders(0)
+FEW = replace(POSITIONS, positions=POSITIONS.positions[:5], inputs=POSITIONS.inputs[:5])
 
 least_squares = partial(filtered_least_squares, [POSITIONS])
 recursive = partial(recursive_least_squares, JOINT)
@@ -63,7 +62,7 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], str]] = [
         "gain",
     ),
     (packed, {"samples": POSITIONS}, "velocities"),
-    *((divide, {"recordings": [RECORD], "duration": d}, "duration") for d in (0.0, -1.0, np.inf)),
+    *((divide, {"recordings": [POSITIONS], "duration": d}, "duration") for d in (0, -1.0, np.inf)),
     (divide, {"recordings": [FEW], "duration": 1.0}, str(FEWEST_SAMPLES)),
     (Unknowns, {"system": JOINT, "fixed": {"gamma": 1.0}}, "gamma"),
     (Unknowns, {"system": JOINT, "fixed": {"theta1": np.nan}}, "theta1"),

@@ -1,11 +1,9 @@
 """Least squares on positions through the state-variable filter."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from made_motion import CART, held_cart
-from noisy_joint import VALUES, clean_motion, joint_samples, torque, worst_error
+from noisy_joint import VALUES, clean_motion, encoders, joint_samples, torque, worst_error
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
@@ -14,18 +12,11 @@ from flexid.models.flexible_joint import flexible_joint
 JOINT = flexible_joint()
 
 
-def positions_only(samples: Samples) -> Samples:
-    """The same record as encoders give it."""
-    return replace(samples, velocities=None)
-
-
 @pytest.mark.parametrize(("first", "median", "largest"), [(0, 0.012, 0.04), (1000, 0.024, 0.08)])
 def test_accuracy_on_the_noisy_joint(first, median, largest):
     """Assert the accuracy asked for, from rest and on a record that starts in motion."""
     errors = [
-        worst_error(
-            filtered_least_squares([positions_only(joint_samples(seed, first))], JOINT).values
-        )
+        worst_error(filtered_least_squares([encoders(seed, first)], JOINT).values)
         for seed in range(20)
     ]
     assert np.median(errors) <= median

@@ -1,17 +1,16 @@
 """What is sought: coefficients fixed, shared, tied, within bounds, or of each group its own."""
 
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from made_motion import fall, point_of, problem_of
-from noisy_joint import TRUTH, VALUES, joint_samples
+from made_motion import fall, held_cart, point_of, problem_of
+from noisy_joint import TRUTH, VALUES, encoders
 from oscillator import by_filter, by_motion
 from scipy.optimize import least_squares
 
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.rowwise import LeastSquaresFit
-from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares, filtered_signals
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import flexible_joint
@@ -23,9 +22,7 @@ OFF = {"theta_coulomb": 0.0, "theta_offset": 0.0}
 PER_RUN = Unknowns(MORE, {"theta_coulomb": 0.0}, ("theta_offset",), (0, 1, 0))
 
 
-def record(seed: int = 0) -> Samples:
-    """The noisy joint as two encoders see it."""
-    return replace(joint_samples(seed), velocities=None)
+RECORD = encoders(0)
 
 
 def test_names_and_coefficients_of_a_recording():
@@ -58,7 +55,7 @@ GIVEN = {"beta1": TRUTH["beta1"], "theta1": TRUTH["theta1"]}
 )
 def test_what_is_fixed_leaves_the_smaller_model(batch, part, small):
     """Assert the fit of a model that knows a coefficient, or has none of a term that is off."""
-    found, declared = batch([record()], part), batch([record()], small)
+    found, declared = batch([RECORD], part), batch([RECORD], small)
     assert found.names == declared.names == small.names
     assert found.values == pytest.approx(declared.values, rel=1e-9)
     assert found.covariance == pytest.approx(declared.covariance, rel=1e-6)
@@ -118,28 +115,14 @@ def test_a_motion_is_differentiated_by_what_is_tied():
         assert gradient[place] == pytest.approx(fall(problem, at, place, 1e-5 * size), rel=1e-4)
 
 
-ALL = Unknowns(JOINT)
-RECORD = replace(joint_samples(0), velocities=None)
 BEYOND = {"theta2": (101.0, np.inf), "alpha2": (-np.inf, 0.3)}
 CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "twin": "u", "push": "1"}),))
 
 
-def joint_by_filter(unknowns: Unknowns) -> LeastSquaresFit:
-    """Least squares of the noisy joint."""
-    return filtered_least_squares([RECORD], JOINT, unknowns=unknowns)
-
-
-def cart_samples() -> Samples:
-    """A cart with gain 2 and push 0.3, in closed form."""
-    time = np.arange(1000) * 1e-2
-    force = np.sin(time) + 0.5 * np.sin(2.7 * time)
-    position = 0.15 * time**2 - 2.0 * np.sin(time) - np.sin(2.7 * time) / 2.7**2
-    return Samples(position[:, None], None, force[:, None], 1e-2)
-
-
 def cart(unknowns: Unknowns) -> LeastSquaresFit:
-    """Least squares of the cart, whose gain and its twin cannot be distinguished."""
-    return filtered_least_squares([cart_samples()], CART, unknowns=unknowns)
+    """Least squares of the cart, once for each group; its gain and the twin are one."""
+    carts = [held_cart()] * (len(unknowns.groups) or 1)
+    return filtered_least_squares(carts, CART, unknowns=unknowns, hold="zero")
 
 
 @pytest.mark.parametrize(
@@ -169,7 +152,7 @@ def test_brute_force_finds_the_same(bounds):
         ftol=1e-14,
         gtol=1e-14,
     ).x
-    fit, at_bound = bounded_fit(joint_by_filter, ALL, bounds)
+    fit, at_bound = bounded_fit(partial(by_filter, [RECORD]), Unknowns(JOINT), bounds)
     found = dict(zip(fit.names, fit.values.tolist(), strict=True)) | at_bound
     assert [found[name] for name in JOINT.coefficients] == pytest.approx(brute, rel=1e-5)
     assert at_bound
@@ -187,9 +170,5 @@ def test_bounds_hold_in_every_group():
     """Assert that the bounds of a coefficient sought for each group bind each group's own."""
     unknowns = Unknowns(CART, {"twin": 0.0}, ("push",), (0, 1))
     bounds = {"push": (0.4, 1.0)}
-
-    def fit_with(unknowns: Unknowns) -> LeastSquaresFit:
-        return filtered_least_squares([cart_samples()] * 2, CART, unknowns=unknowns)
-
-    _, at_bound = bounded_fit(fit_with, unknowns, bounds)
+    _, at_bound = bounded_fit(cart, unknowns, bounds)
     assert at_bound == {"push[1]": 0.4, "push[2]": 0.4}
