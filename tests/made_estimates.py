@@ -1,7 +1,9 @@
 """Estimates whose covariance is known: drawn about a drive, as a log would give them."""
 
 import json
+from copy import deepcopy
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -126,6 +128,20 @@ def with_parameter(estimate, name, **changed):
     parameters = dict(estimate.parameters)
     parameters[name] = replace(parameters[name], **changed)
     return replace(estimate, parameters=parameters)
+
+
+MISSING = object()
+
+
+def altered(document, keys, value):
+    """The document with another value somewhere, or without what was there."""
+    made = deepcopy(document)
+    *folders, last = keys.split(".")
+    part = reduce(dict.__getitem__, folders, made)
+    part[last] = value
+    if value is MISSING:
+        del part[last]
+    return made
 
 
 def stored_value(value, **changed):

@@ -23,6 +23,7 @@ from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.planar_arm import planar_arm
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_arm
+from made_estimates import with_parameter
 
 Run = Callable[..., Any]
 
@@ -122,15 +123,6 @@ def test_the_true_arm_predicts_a_log_and_a_softer_one_does_not(
     assert softer["deflection_2"] < 80.0 < fits["deflection_2"]
 
 
-def test_a_log_of_other_inputs_is_refused(folder: Path, flexid: Run, tmp_path: Path):
-    """Assert that amperes do not go with newton metres."""
-    text = (folder / "run.csv").read_text().replace("torque", "current").replace("[N m]", "[A]")
-    (tmp_path / "current.csv").write_text(text)
-    done = flexid("validate", str(folder / "true.json"), str(tmp_path / "current.csv"))
-    assert done.status == 2
-    assert "is in A, A" in done.stderr
-
-
 def test_two_arms_are_compared(folder: Path, flexid: Run):
     """Assert that the softer spring has changed, and nothing else."""
     done = flexid("compare", str(folder / "true.json"), str(folder / "softer.json"), "--json")
@@ -144,21 +136,20 @@ def test_two_arms_are_compared(folder: Path, flexid: Run):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("export", "ARM", "--to", "c99", "--sample-time", "0.001"), "export it to mjcf"),
-        (
-            ("export", "ARM", "--to", "mjcf", "--sample-time", "0.001"),
-            "mjcf has none: leave it out",
-        ),
-        (("watch", "LOG", "--estimate", "ARM"), "the estimate of an arm"),
+        ("export true.json --to c99 --sample-time 0.001 --out out", "export it to mjcf"),
+        ("export true.json --to mjcf --sample-time 0.001 --out out", "mjcf has none: leave it out"),
+        ("watch run.csv --estimate true.json", "the estimate of an arm"),
+        ("validate true.json current.csv", "is in A, A"),  # which do not go with newton metres
     ],
 )
-def test_what_takes_no_arm_says_so(
-    folder: Path, flexid: Run, tmp_path: Path, arguments: tuple[str, ...], said: str
+def test_what_takes_no_such_arm_says_so(
+    folder: Path, flexid: Run, monkeypatch: pytest.MonkeyPatch, arguments: str, said: str
 ):
-    """Assert that other commands refuse an arm in a sentence."""
-    paths = {"ARM": str(folder / "true.json"), "LOG": str(folder / "run.csv")}
-    out = ("--out", str(tmp_path / "out")) if arguments[0] == "export" else ()
-    done = flexid(*(paths.get(each, each) for each in arguments), *out)
+    """Assert that commands refuse an arm, or a log that is not its, in a sentence."""
+    monkeypatch.chdir(folder)
+    text = Path("run.csv").read_text().replace("torque", "current").replace("[N m]", "[A]")
+    Path("current.csv").write_text(text)
+    done = flexid(*arguments.split())
     assert done.status == 2
     assert said in done.stderr
 
@@ -215,15 +206,10 @@ def test_a_scene_of_what_no_body_has_is_refused(name: str, value: float):
 
 def test_a_scene_of_a_joint_that_rested_is_refused():
     """Assert that what its motor was taken for while it stood still becomes no body."""
-    found = estimate(TRUTH)
+    found, unknown = estimate(TRUTH), {"value": np.nan, "verdict": "undetermined"}
     held = {"motor_inertia_2": 1e3, "motor_coulomb_friction_2": 1e9}
-    unknown = {
-        name: replace(found.parameters[name], value=np.nan, verdict="undetermined") for name in held
-    }
-    rested = replace(
-        found,
-        parameters={**found.parameters, **unknown},
-        fixed={**found.fixed, **held},
-    )
+    rested = replace(found, fixed={**found.fixed, **held})
+    for name in held:
+        rested = with_parameter(rested, name, **unknown)
     with pytest.raises(SettingError, match="has no value in the estimate"):
         arm_scene(rested)

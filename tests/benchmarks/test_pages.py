@@ -55,16 +55,6 @@ def test_lines_of_code(tmp_path: Path):
     }
 
 
-ABOUT = {"command": "this", "date": "2026-01-01", "commit": "abc", "machine": "m", "python": "3.11"}
-
-
-def rival(*records: dict) -> dict:
-    """Results of one tool on one family."""
-    about = {"tool": "mujoco", "family": "basic"}
-    found = [about | {"seed": seed} | record for seed, record in enumerate(records)]
-    return {"runs": [ABOUT], "versions": {"mujoco": "1.0"}, "records": found}
-
-
 def test_the_pages_list_all_families():
     """Assert that the families of today stand on the page of trials."""
     page = trials.PAGE.read_text(encoding="utf-8")
@@ -77,7 +67,12 @@ def test_a_log_that_a_rival_fails_on_is_not_left_out():
     answered = {"errors": {"link_inertia": -0.25}, "inside": {"link_inertia": False}}
     answered |= {"widest": 0.5, "seconds": 3.0}
     nothing = {"errors": {"link_inertia": inf}, "seconds": 5.0}
-    block = rivals.render(rival(answered, {"failed": "ValueError: no"}, nothing))
+    records = [
+        {"tool": "mujoco", "family": "basic", "seed": seed, **one}
+        for seed, one in enumerate((answered, {"failed": "ValueError: no"}, nothing))
+    ]
+    run = dict.fromkeys(("command", "date", "commit", "machine", "python"), "2026-01-01")
+    block = rivals.render({"runs": [run], "versions": {"mujoco": "1.0"}, "records": records})
     for line in ("0.25, failed, no number", "0/1 ±0.5", "4"):
         assert f"|MuJoCo sysid|{line}|" in block
 
@@ -91,13 +86,11 @@ PICTURES = {"studio_pictures"}
 
 def test_no_benchmark_is_left_out():
     """Assert that each program among the benchmarks is run at its smallest."""
-    single = {p.stem for p in FOLDER.glob("[a-z]*.py") if _is_program(p.read_text("utf-8"))}
+    marks = ('if __name__ == "__main__":', "def run(quick: bool)")
+    texts = {path.stem: path.read_text("utf-8") for path in FOLDER.glob("[a-z]*.py")}
+    single = {name for name, text in texts.items() if any(mark in text for mark in marks)}
     packages = {path.parent.name for path in FOLDER.glob("*/__main__.py")}
     assert {job.module for job in JOBS} == (single | packages) - PARTS - PICTURES
-
-
-def _is_program(text: str) -> bool:
-    return 'if __name__ == "__main__":' in text or "def run(quick: bool)" in text
 
 
 def test_each_threshold_is_halved_and_doubled():

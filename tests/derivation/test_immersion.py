@@ -86,12 +86,6 @@ def test_parts(case):
     assert [parts.memoryless, parts.velocity_factors, parts.remainder] == expected
 
 
-def test_dependence_on_the_input_is_seen():
-    """Assert that the hold of the input is heeded exactly where an input occurs."""
-    assert split_regressor(X1 * U, JOINT).depends_on_input
-    assert not split_regressor(X1 - X3, JOINT).depends_on_input
-
-
 @pytest.mark.parametrize(
     ("system", "name", "value"),
     [

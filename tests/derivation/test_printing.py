@@ -38,45 +38,25 @@ def test_golden_text(target: str, name: str, request: pytest.FixtureRequest):
     assert printed == file.read_text("utf-8")
 
 
-Arrays = dict[str, np.ndarray]
-
-
-def random_arguments(observer: SymbolicObserver) -> Arrays:
-    """Return one random value for everything the observer depends on."""
-    rng = np.random.default_rng(7)
-    symbolic = observer.symbolic
-    return {
-        "states": rng.normal(size=len(symbolic.states)),
-        "inputs": rng.normal(size=len(symbolic.inputs)),
-        "input_rates": rng.normal(size=len(observer.rates) if observer.input_rates else 0),
-        "observer_states": rng.normal(size=len(symbolic.coefficients)),
-        "gains": rng.uniform(0.5, 2.0, len(observer.gains)),
-        "constants": rng.uniform(0.5, 2.0, len(symbolic.constants)),
-    }
-
-
-def symbolic_values(observer: SymbolicObserver, values: Arrays) -> tuple[list, list]:
-    """Evaluate (2) and (3) from the symbolic observer, integrals by SymPy's own quadrature."""
-    symbolic = observer.symbolic
-    intermediate = [y for row in observer.rows for y in row.intermediate]
-    groups = {
-        "states": symbolic.states,
-        "inputs": symbolic.inputs,
-        "input_rates": observer.rates if observer.input_rates else (),
-        "observer_states": intermediate,
-        "gains": observer.gains,
-        "constants": symbolic.constants,
-    }
-    point = {
-        s: float(v)
-        for name, group in groups.items()
-        for s, v in zip(group, values[name], strict=True)
-    }
+def symbolic_values(observer: SymbolicObserver) -> tuple[list[np.ndarray], list, list]:
+    """Random values of all that an observer depends on, and (2) and (3), integrals by SymPy's."""
+    rng, symbolic = np.random.default_rng(7), observer.symbolic
+    signals = (
+        symbolic.states,
+        symbolic.inputs,
+        observer.rates if observer.input_rates else (),
+        [y for row in observer.rows for y in row.intermediate],
+    )
+    constants = (observer.gains, symbolic.constants)
+    values = [rng.normal(size=len(group)) for group in signals]
+    values += [rng.uniform(0.5, 2.0, len(group)) for group in constants]
+    named = [symbol for group in (*signals, *constants) for symbol in group]
+    point: dict[Any, Any] = dict(zip(named, np.concatenate(values).tolist(), strict=True))
     estimates = [float(e.subs(point).evalf()) for row in observer.rows for e in row.outputs]
     hats = [p for row in observer.rows for p in row.estimates]
     point |= dict(zip(hats, estimates, strict=True))
     rates = [float(e.subs(point).evalf()) for row in observer.rows for e in row.updates]
-    return estimates, rates
+    return values, estimates, rates
 
 
 @pytest.fixture(scope="module")
@@ -98,12 +78,12 @@ def compile_c(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], ctype
     return build
 
 
-def call_c(function, values: Arrays, size: int) -> np.ndarray:
+def call_c(function, values: list[np.ndarray], size: int) -> np.ndarray:
     """Call one printed C function."""
     result = np.empty(size)
     pointer = ctypes.POINTER(ctypes.c_double)
     function.restype = None
-    function(*(a.ctypes.data_as(pointer) for a in (*values.values(), result)))
+    function(*(a.ctypes.data_as(pointer) for a in (*values, result)))
     return result
 
 
@@ -132,11 +112,10 @@ def test_printed_functions_have_the_symbolic_values(
     Names may be keywords of C, built-in in Python, or Greek.
     """
     observer = derive_observer(system)
-    values = random_arguments(observer)
-    estimates, rates = symbolic_values(observer, values)
+    values, estimates, rates = symbolic_values(observer)
     namespace: dict = {}
     exec(compile(python_observer(observer), "printed", "exec"), namespace)
-    arguments = [v.tolist() for v in values.values() if len(v)]
+    arguments = [v.tolist() for v in values if len(v)]
     assert namespace["estimates"](*arguments) == pytest.approx(estimates, rel=1e-9)
     assert namespace["rates"](*arguments) == pytest.approx(rates, rel=1e-9)
     library, size = compile_c(c_observer(observer)), len(estimates)

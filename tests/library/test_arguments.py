@@ -54,7 +54,6 @@ UNTAKEN = {
 UNUSABLE = {
     "hold": (call("identify", "a.csv", hold="spline"), "spline"),
     "terms": (call("identify", "a.csv", terms=["gravty"]), "gravty"),
-    "to": (call("derive", "flexible-joint", to="fortran"), "latex, python, c"),
     "terms of a file": (call("derive", "a.toml", terms=["gravity"]), "terms"),
     "seed": (call("design", "a.toml", seed=-1), "seed"),
     "thresholds": (

@@ -37,35 +37,28 @@ def test_the_digest_is_of_all_expressions_and_names():
     assert ParametricSystem("m", (ARM,)).digest != ParametricSystem("m", (other,)).digest
 
 
-@pytest.mark.parametrize("name", ["1a", "a b", "_a", "class", "", "sin", "pi", "np", "log", "a.b"])
-def test_names_that_are_none(name: str):
-    """Assert that a coefficient cannot have a name that means something else or nothing."""
-    with pytest.raises(ModelError, match="m: "):
-        ParametricSystem("m", (Row("arm", "q", "v", {name: "q"}),))
+NONE = ("1a", "a b", "_a", "class", "", "sin", "pi", "np", "log", "a.b")
+WORD = r"'lambda' is a word of Python.*: write lambda_$"
+REFUSED: list[tuple[tuple[Row, ...], str | None]] = [
+    # A coefficient's name that means something else or nothing.
+    *(((Row("arm", "q", "v", {name: "q"}),), "m: ") for name in NONE),
+    ((Row("arm", "q", "v", {"lambda": "q"}),), WORD),
+    # Missing rows, missing coefficients and names used twice.
+    ((), None),
+    ((Row("arm", "q", "v", {}),), None),
+    ((Row("arm", "q", "q", {"a": "q"}),), None),
+    ((Row("arm", "q", "v", {"q": "v"}),), None),
+    ((Row("arm", "q", "v", {"u": "v"}),), None),
+    ((ARM, Row("arm", "p", "w", {"d": "p"})), None),
+    ((ARM, Row("motor", "p", "v", {"d": "p"})), None),
+    ((ARM, Row("motor", "p", "w", {"a": "p"})), None),
+]
 
 
-def test_word_of_python_gets_another_name():
-    """Assert that a name which Python's grammar keeps for itself is refused with a remedy."""
-    with pytest.raises(ModelError, match=r"'lambda' is a word of Python.*: write lambda_$"):
-        ParametricSystem("m", (Row("arm", "q", "v", {"lambda": "q"}),))
-
-
-@pytest.mark.parametrize(
-    "rows",
-    [
-        (),
-        (Row("arm", "q", "v", {}),),
-        (Row("arm", "q", "q", {"a": "q"}),),
-        (Row("arm", "q", "v", {"q": "v"}),),
-        (Row("arm", "q", "v", {"u": "v"}),),
-        (ARM, Row("arm", "p", "w", {"d": "p"})),
-        (ARM, Row("motor", "p", "v", {"d": "p"})),
-        (ARM, Row("motor", "p", "w", {"a": "p"})),
-    ],
-)
-def test_inconsistent_rows(rows: tuple[Row, ...]):
-    """Assert that missing rows, missing coefficients and names used twice are refused."""
-    with pytest.raises(ModelError):
+@pytest.mark.parametrize(("rows", "words"), REFUSED)
+def test_rows_that_declare_no_system(rows: tuple[Row, ...], words: str | None):
+    """Assert that each is refused, with a remedy for a name that Python's grammar keeps."""
+    with pytest.raises(ModelError, match=words):
         ParametricSystem("m", rows)
 
 

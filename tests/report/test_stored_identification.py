@@ -1,9 +1,8 @@
 """An identification that was written and read again is the same, but for its free runs."""
 
 import json
-from copy import deepcopy
 from dataclasses import asdict, fields, is_dataclass
-from functools import partial, reduce
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from flexid.stored_estimates.estimate_file import (
     read_estimate,
     sealed,
 )
+from made_estimates import MISSING, altered
 
 SERIES = ("validation", "excitation", "fit")
 
@@ -58,20 +58,6 @@ def test_a_file_from_before_disturbances_is_read(document):
     """Assert that what an earlier version did not write is not asked for."""
     older = {key: part for key, part in document.items() if key != "disturbances"}
     assert read_estimate(sealed(older)).of_joint.disturbances is None
-
-
-MISSING = object()
-
-
-def altered(document, keys, value):
-    """The document with another value somewhere, or without what was there."""
-    made = deepcopy(document)
-    *folders, last = keys.split(".")
-    part = reduce(dict.__getitem__, folders, made)
-    part[last] = value
-    if value is MISSING:
-        del part[last]
-    return made
 
 
 BY_HAND: dict[str, Any] = {

@@ -61,41 +61,25 @@ def assert_measured_alike(
     np.testing.assert_allclose(ensemble.settling_time[place], settled, atol=times)
 
 
-def test_ends_are_those_of_simulate() -> None:
-    """Assert that the end of every run is bit for bit that of the single run."""
+@pytest.mark.parametrize("sampled", [False, True])
+def test_ends_are_those_of_single_runs(sampled: bool) -> None:
+    """Assert that the end of every run is bit for bit that of the single run.
+
+    Sampled runs, with noise and without, have each their own sampling.
+    """
     loops = varied(LOOP, 3)
-    ensemble = simulate_ensemble(loops, 4.0)
-    for place, loop in enumerate(loops):
-        run = simulate(loop, 4.0, 4.0)
+    if sampled:
+        samplings = [NOISY, replace(NOISY, seed=8, sample_time=2e-3), Sampling()]
+        ensemble = simulate_sampled_ensemble(loops, 3.0, samplings)
+        runs = [simulate_sampled(*own) for own in zip(loops, [3.0] * 3, samplings, strict=True)]
+    else:
+        ensemble = simulate_ensemble(loops, 4.0)
+        runs = [simulate(loop, 4.0, 4.0) for loop in loops]
+    for place, run in enumerate(runs):
         assert np.array_equal(ensemble.final_states[place], run.states[-1])
         assert np.array_equal(ensemble.final_errors[place], run.parameter_errors[-1])
-        assert ensemble.steps[place] == run.statistics["accepted_steps"]
-        assert ensemble.reached[place] == 4.0
-
-
-def test_lanes_end_where_single_runs_do() -> None:
-    """Assert that the explicit method, run by run, meets the tolerance that a stiff one meets."""
-    loops = varied(LOOP, MANY)
-    ensemble = simulate_ensemble(loops, 4.0, relative_tolerance=1e-9, stiff=False)
-    for place in (0, MANY - 1):
-        run = simulate(loops[place], 4.0, 4.0, 1e-9)
-        np.testing.assert_allclose(ensemble.final_states[place], run.states[-1], atol=1e-6)
-        np.testing.assert_allclose(
-            ensemble.final_errors[place], run.parameter_errors[-1], atol=1e-6
-        )
-    assert (ensemble.reached == 4.0).all()
-
-
-def test_sampled_ends_are_those_of_simulate_sampled() -> None:
-    """Assert the same of sampled runs, with noise and without, each with its own sampling."""
-    loops = varied(LOOP, 3)
-    samplings = [NOISY, replace(NOISY, seed=8, sample_time=2e-3), Sampling()]
-    ensemble = simulate_sampled_ensemble(loops, 3.0, samplings)
-    for place, (loop, sampling) in enumerate(zip(loops, samplings, strict=True)):
-        run = simulate_sampled(loop, 3.0, sampling)
-        assert np.array_equal(ensemble.final_states[place], run.states[-1])
-        assert np.array_equal(ensemble.final_errors[place], run.parameter_errors[-1])
-        assert ensemble.steps[place] == len(run.time)
+        steps = len(run.time) if sampled else run.statistics["accepted_steps"]
+        assert ensemble.steps[place] == steps
         assert ensemble.reached[place] == run.time[-1]
 
 

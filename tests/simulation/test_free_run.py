@@ -9,51 +9,26 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.simulation.free_run import free_run
 
-COEFFICIENTS = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.3, "beta1": 3.3}
-
-
-def reference(inputs, times):
-    """The same motion by SciPy."""
-    p = COEFFICIENTS
-
-    def rhs(t, x):
-        d = x[0] - x[2]
-        return [
-            x[1],
-            -p["theta1"] * np.sin(x[0]) - p["theta2"] * d,
-            x[3],
-            p["alpha1"] * d - p["alpha2"] * x[3] + p["beta1"] * inputs(t),
-        ]
-
-    solution = solve_ivp(
-        rhs,
-        (times[0], times[-1]),
-        np.zeros(4),
-        t_eval=times,
-        rtol=1e-11,
-        atol=1e-12,
-        method="DOP853",
-        max_step=times[1] - times[0],
-    )
-    return solution.y.T
-
 
 @pytest.mark.parametrize(("hold", "other"), [("linear", "zero"), ("zero", "linear")])
 def test_both_holds_agree_with_scipy(hold, other):
     """Assert that an input that is interpolated, or held, gives SciPy's motion of it."""
+    p = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.3, "beta1": 3.3}
     times = np.arange(201) * 0.01
     samples = 20 * np.sin(3 * times)
 
-    def given(t):
-        if hold == "linear":
-            return np.interp(t, times, samples)
-        return samples[min(int(t / 0.01 + 1e-9), 200)]
+    def rates(t, x):
+        d, held = x[0] - x[2], samples[min(int(t / 0.01 + 1e-9), 200)]
+        u = np.interp(t, times, samples) if hold == "linear" else held
+        link = -p["theta1"] * np.sin(x[0]) - p["theta2"] * d
+        return [x[1], link, x[3], p["alpha1"] * d - p["alpha2"] * x[3] + p["beta1"] * u]
 
-    expected = reference(given, times)
-    joint = flexible_joint()
-    actual = free_run(joint, COEFFICIENTS, np.zeros(4), samples, 0.01, hold)
+    exact = {"method": "DOP853", "t_eval": times, "rtol": 1e-11, "atol": 1e-12, "max_step": 0.01}
+    expected = solve_ivp(rates, (0.0, times[-1]), np.zeros(4), **exact).y.T
+    actual, wrong = (
+        free_run(flexible_joint(), p, np.zeros(4), samples, 0.01, own) for own in (hold, other)
+    )
     np.testing.assert_allclose(actual, expected, atol=1e-4 if hold == "linear" else 2e-4)
-    wrong = free_run(joint, COEFFICIENTS, np.zeros(4), samples, 0.01, other)
     assert np.max(np.abs(wrong - expected)) > 1e-2
 
 

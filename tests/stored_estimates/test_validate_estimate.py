@@ -17,7 +17,7 @@ from flexid.simulation.free_run import free_run
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate, sealed
 from flexid.stored_estimates.validate_estimate import validate_estimate as validate_stored
 from joint_logs import save, write_held_log
-from made_estimates import TRUE, stored_document, stored_value
+from made_estimates import TRUE, altered, stored_document, stored_value
 
 STEP = 0.002
 NOISE = 1e-4
@@ -38,9 +38,10 @@ def write_flexible(path, seed=0, duration=8.0, column="motor_torque [N m]"):
     return read_log(write_held_log(path, u, NOISE, seed + 100, column=column))
 
 
-def stored(coefficients=TRUE):
-    """A joint as a document; Table I's if not given."""
-    return stored_document(coefficients)
+def stored(coefficients=TRUE, keys="", value=None):
+    """A joint as a document, Table I's if not given, with another value somewhere."""
+    document = stored_document(coefficients)
+    return altered(document, keys, value) if keys else document
 
 
 def validate_estimate(estimate, logs):
@@ -112,7 +113,7 @@ def test_delays_are_heeded(tmp_path):
     x = free_run(flexible_joint(), TRUE, np.zeros(4), u, STEP, "zero")
     early = np.append(u[5:], np.full(5, u[-1]))  # it acts 10 ms after it was recorded
     log = read_log(save(tmp_path / "late.csv", x, early, 0.0, 0))
-    late = with_value(0.01, "choices", "alignment", "input_delay", "value")
+    late = stored(keys="choices.alignment.input_delay.value", value=0.01)
     with_delay = validate_estimate(late, [log]).horizons[0.2]["deflection"]
     without = validate_estimate(stored(), [log]).horizons[0.2]["deflection"]
     assert with_delay > 99.5
@@ -165,14 +166,14 @@ def test_a_rigid_joint():
 
 def test_an_undetermined_value_is_said(log):
     """Assert that what rests on a guess is named."""
-    document = with_value("undetermined", "coefficients", "alpha2", "verdict")
+    document = stored(keys="coefficients.alpha2.verdict", value="undetermined")
     (warning,) = validate_estimate(document, [log]).warnings
     assert "alpha2" in warning
 
 
 def test_another_input_is_refused(tmp_path, log):
     """Assert that a log of a voltage is refused for an estimate made of torques."""
-    document = with_value("rad/s^2/(N m)", "coefficients", "beta1", "unit")
+    document = stored(keys="coefficients.beta1.unit", value="rad/s^2/(N m)")
     assert validate_estimate(document, [log]).fit_percent["link_position"] > 99
     other = write_flexible(tmp_path / "volts.csv", column="motor_voltage [V]")
     with pytest.raises(RecordingError, match="input"):
@@ -185,23 +186,13 @@ def test_a_short_log_is_refused(tmp_path):
         validate_estimate(stored(), [write_flexible(tmp_path / "short.csv", duration=0.4)])
 
 
-def with_value(value, *keys):
-    """The document with another value somewhere."""
-    document = stored()
-    part = document
-    for key in keys[:-1]:
-        part = part[key]
-    part[keys[-1]] = value
-    return document
-
-
 @pytest.mark.parametrize(
     ("document", "complaint"),
     [
         (stored({name: value for name, value in TRUE.items() if name != "theta2"}), "theta2"),
-        (with_value(None, "coefficients", "beta1", "value"), "value"),
-        (with_value(stored_value(1.0, name="gamma1"), "coefficients", "gamma1"), "gamma1"),
-        (with_value(["stiction"], "choices", "terms"), "stiction"),
+        (stored(keys="coefficients.beta1.value"), "value"),
+        (stored(TRUE, "coefficients.gamma1", stored_value(1.0, name="gamma1")), "gamma1"),
+        (stored(TRUE, "choices.terms", ["stiction"]), "stiction"),
     ],
 )
 def test_an_estimate_of_no_model_is_refused(log, document, complaint):
