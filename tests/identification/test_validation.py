@@ -75,6 +75,19 @@ def test_a_short_recording_keeps_no_other_from_a_horizon(recording):
     )
 
 
+def test_a_horizon_within_a_sample_is_left_out(recording):
+    """Assert that a slow log is predicted over the others, without a window of no samples."""
+    slow = replace(
+        recording,
+        sample_time=0.11,
+        link_position=recording.link_position[::55],
+        motor_position=recording.motor_position[::55],
+        input=recording.input[::55],
+    )
+    found = predicted(data(slow), (len(slow.motor_position) // 2,))
+    assert list(found.horizons) == [0.2, 1.0, 5.0]
+
+
 def test_wrong_models_predict_worse(recording):
     """Assert that a soft spring shows in the deflection, a wrong friction over a long horizon."""
     fit = predicted(data(recording), theta2=50.0, alpha1=500 / 3).fit_percent

@@ -4,7 +4,7 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from scipy.signal import savgol_filter
+from scipy.signal import lfilter, savgol_filter
 
 from flexid.arrays import FloatArray
 from flexid.recording import Recording, position_noise, velocities, with_velocities
@@ -59,6 +59,16 @@ def test_a_short_motion_is_no_noise() -> None:
     for count in range(20, 300):
         assert not is_noise(POSITION[: 17 * count : 17])
         assert is_noise(noise[:count]) == (count >= 40)
+
+
+@pytest.mark.parametrize("samples", [2.5, 3.0, 4.0, 5.0])
+@pytest.mark.parametrize("count", [60, 2000])
+def test_a_resonance_of_few_samples_a_period_is_no_noise(samples: float, count: int) -> None:
+    """Assert it of an oscillator that noise drives, whose mean over a block is nearly zero."""
+    pole = 0.95 * np.exp(2j * pi / samples)
+    driven = np.random.default_rng(2).standard_normal(count + 200)
+    swinging = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], driven)[200:]
+    assert not is_noise(swinging)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])

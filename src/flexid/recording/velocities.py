@@ -17,6 +17,7 @@ ORDER = 8  # of the differences that tell noise from motion
 BLOCK = 64  # samples per local estimate of the noise
 WINDOW_RATIO = 1.25  # between one candidate half-window and the next
 FEWEST_BLOCKS = 10  # whose means tell a motion from noise
+LAGS = 10  # in samples, within which a sampled resonance is like itself
 CHANCE = 6.0  # standard deviations by which noise scatters more than it should
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
 _FAINT = 0.05  # of a position's range, from which on rest cannot be told from a slow start
@@ -61,9 +62,21 @@ def while_moving(positions: Sequence[FloatArray]) -> slice:
 
 
 def is_noise(values: FloatArray) -> bool:
-    """Whether a signal is white noise about a constant: so its means over blocks scatter."""
-    if len(values) < 4 * FEWEST_BLOCKS or np.var(np.diff(values)) < np.var(values):
+    """Whether a signal is white noise about a constant: nothing in it repeats, nor lasts.
+
+    So its means over blocks scatter, and so it is correlated with itself by chance alone: a joint
+    that is sampled a few times in a period of its resonance swings from one sample to the next.
+    """
+    count = len(values)
+    if count < 4 * FEWEST_BLOCKS or np.var(np.diff(values)) < np.var(values):
         return False  # neighbours are alike, of which few blocks may not tell
+    about = values - values.mean()
+    alike = [about[lag:] @ about[:-lag] for lag in range(1, LAGS + 1)]
+    correlations = np.array(alike) / (about @ about)
+    # Box and Pierce, Journal of the American Statistical Association 65 (1970): chi-squared.
+    expected = len(correlations) + CHANCE * sqrt(2.0 * len(correlations))
+    if count * float(correlations @ correlations) > expected:
+        return False
     for length in (4, 16, 64):
         count = len(values) // length
         if count < FEWEST_BLOCKS:

@@ -173,6 +173,8 @@ def _windows(
             span, origins = len(samples) - start, [start]
             if np.isfinite(horizon):
                 span = round(horizon / samples.sample_time)
+                if span == 0:
+                    continue  # shorter than a sample time
                 # What is followed must not overlap with what another window predicts.
                 origins = list(range(start, len(samples) - span, span + warm))
             for origin in origins:
