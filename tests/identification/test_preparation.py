@@ -153,7 +153,26 @@ def test_end_of_every_recording_is_held_out():
     assert recordings.starts == (200, 400, 600)
     assert recordings.groups == (0, 0, 1)
     assert warnings == ()
-    assert [len(part) for part in recordings.fitted] == [200, 400, 600]
+    searched, groups = recordings.searched
+    assert [len(part) for part in searched] == [200, 400, 600]
+    assert groups == (0, 0, 1)
+
+
+def test_a_long_log_is_searched_in_windows():
+    """Assert that three windows of ten thousand samples or 3 s are spread over what is fitted."""
+    long, short = recording(120_000, start=4.0), recording(6000)
+    split, _ = prepare([log(long), log(short)], SHARE)
+    searched, groups = split.searched
+    assert sum(map(len, searched)) == pytest.approx(30_000, rel=1e-3)
+    assert groups == (0, 0, 0, 1)
+    first, *_, last, _ = searched
+    step = long.sample_time
+    assert first.start_time == pytest.approx(4.0)
+    assert last.start_time + step * len(last) == pytest.approx(4.0 + step * 80_000)
+    fast = replace(long, sample_time=2e-4)
+    (own, _) = prepare([log(fast)], SHARE)[0].searched
+    assert [len(part) for part in own] == pytest.approx([15_000] * 3, rel=1e-3)
+    assert sum(map(len, split.whole)) == 126_000
 
 
 LINKLESS = {"link": False}
@@ -218,7 +237,7 @@ def test_fitted_velocities_do_not_know_of_held_out_positions():
         "N m",
     )
     one, other = (
-        SplitRecordings((recording,), (200,), (0,)).fitted[0] for recording in (known, spoilt)
+        SplitRecordings((recording,), (200,), (0,)).searched[0][0] for recording in (known, spoilt)
     )
     np.testing.assert_array_equal(one.link_velocity, other.link_velocity)
     np.testing.assert_array_equal(one.motor_velocity, other.motor_velocity)

@@ -1,6 +1,6 @@
 """Logs become recordings of motion, aligned, each with an end that is kept out of the fit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, floor
@@ -23,6 +23,10 @@ _FEWEST_HELD_OUT_SAMPLES = 10
 # Of a log's samples: recordings that hold no more tell little, but the shortest of all limits the
 # band of a fit and the delays that it may find.
 _SHORTEST = 0.03
+# Of a long log, the windows in which it is sought what moves the joint: more of them show no term
+# that matters, and each of some 200 passes takes its time.
+_WINDOWS = 3
+_LONG_ENOUGH, _SLOW_ENOUGH = 10_000, 3.0  # samples, and seconds, of such a window
 
 
 @dataclass(frozen=True)
@@ -39,18 +43,30 @@ class SplitRecordings:
         return tuple(with_velocities(recording) for recording in self.recorded)
 
     @cached_property
-    def fitted(self) -> tuple[Recording, ...]:
-        """The parts before the held-out ends.
+    def searched(self) -> tuple[tuple[Recording, ...], tuple[int, ...]]:
+        """What shows the terms, and the log that each comes from: parts before the held-out ends.
 
-        Their velocities are derived apart, so that none knows of the held-out positions.
+        All of them, or windows of what is long. Their velocities are derived apart, so that none
+        knows of the held-out positions.
         """
-        return tuple(with_velocities(part) for part in self._parts())
+        parts = [
+            (group, with_velocities(recording.window(first, stop)))
+            for recording, start, group in zip(self.recorded, self.starts, self.groups, strict=True)
+            for first, stop in self._windows(recording.sample_time, start)
+        ]
+        groups, recordings = zip(*parts, strict=True)
+        return recordings, groups
 
-    def _parts(self) -> tuple[Recording, ...]:
-        return tuple(
-            recording.window(0, start)
-            for recording, start in zip(self.recorded, self.starts, strict=True)
-        )
+    def _windows(self, sample_time: float, count: int) -> Iterator[tuple[int, int]]:
+        """Windows, spread evenly, of the first so many samples of a recording; or all of these."""
+        length = max(_LONG_ENOUGH, ceil(_SLOW_ENOUGH / sample_time))
+        share = min(1.0, _WINDOWS * length / sum(self.starts))
+        number = max(1, round(share * count / length))
+        if share * count > count - number:
+            number = 1
+        own = int(share * count / number)
+        for first in np.linspace(0, count - own, number).astype(int).tolist():
+            yield first, first + own
 
 
 def prepare(

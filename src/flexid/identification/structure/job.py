@@ -65,16 +65,15 @@ class Job:
 
     @cached_property
     def training(self) -> Data:
-        """The data before the held-out ends."""
-        return self._data(self.recordings.fitted)
+        """What is searched, before the held-out ends."""
+        return self._data(*self.recordings.searched)
 
     @cached_property
     def whole(self) -> Data:
         """All data."""
-        return self._data(self.recordings.whole)
+        return self._data(self.recordings.whole, self.recordings.groups)
 
-    def _data(self, recordings: Sequence[Recording]) -> Data:
-        groups = self.recordings.groups
+    def _data(self, recordings: Sequence[Recording], groups: Sequence[int]) -> Data:
         return data_of(self.joint, recordings, groups, self.settings.given_delay)
 
     @property
