@@ -44,48 +44,26 @@ def write_campaign(out, parts=None):
     return out
 
 
-def result(summary, name):
-    """Return a result by name."""
-    return next(one for one in summary.results if one.name == name)
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """The summary of a finished campaign."""
-    return summarise(write_campaign(tmp_path_factory.mktemp("finished")))
-
-
-def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(finished):
+def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(tmp_path):
     """Assert that each run counts once, values of diverged runs never, and NaN as missing."""
+    finished = summarise(write_campaign(tmp_path))
     assert list(finished.statuses.items()) == [("finished", 360), ("diverged", 40)]
     assert (finished.complete, finished.done, finished.finished) == (True, 400, 360)
-
-    error = result(finished, "final_error.theta1")
+    results = {one.name: one for one in finished.results}
+    error, settling = (results[f"{name}.theta1"] for name in ("final_error", "settling_time"))
     assert error.quantiles == pytest.approx((-18.0, 0.0, 18.0), abs=3.0)
-    settling = result(finished, "settling_time.theta1")
     assert settling.quantiles == pytest.approx((11.0, 20.0, 29.0), abs=0.5)
     assert settling.missing == pytest.approx(180, abs=10)
 
 
 def test_an_unfinished_campaign_is_summarised(tmp_path):
-    """Assert that what is there counts."""
-    found = summarise(write_campaign(tmp_path / "some", parts=[0, 3]))
-    assert not found.complete
-    assert (found.done, found.manifest.runs) == (100, 400)
-    assert sum(found.statuses.values()) == 100
-
-
-def test_a_damaged_part_is_named(tmp_path):
-    """Assert that a cut part is left out and named."""
-    write_campaign(tmp_path)
-    path = tmp_path / "runs" / "part-000002.parquet"
+    """Assert that what is there counts, that a part that is cut is named, and if there is none."""
+    some = write_campaign(tmp_path / "some", parts=[0, 3, 4])
+    path = some / "runs" / "part-000004.parquet"
     path.write_bytes(path.read_bytes()[:100])
-    found = summarise(tmp_path)
-    assert found.damaged == ("part-000002.parquet",)
-    assert (found.done, found.complete) == (350, False)
-
-
-def test_nothing_to_summarise_is_one_sentence(tmp_path):
-    """Assert that a campaign without a part says so."""
+    found = summarise(some)
+    assert found.damaged == ("part-000004.parquet",)
+    assert (found.complete, found.done, found.manifest.runs) == (False, 100, 400)
+    assert sum(found.statuses.values()) == 100
     with pytest.raises(CampaignError, match="has no rows yet"):
-        summarise(write_campaign(tmp_path, parts=[]))
+        summarise(write_campaign(tmp_path / "none", parts=[]))

@@ -45,24 +45,21 @@ def mean_and_moment(function: Function, first: float, h: float, late: float) -> 
 @pytest.mark.parametrize("delay", DELAYS)
 @pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
 def test_lines_have_the_mean_and_the_moment_of_the_input(hold, delay):
-    """Assert that each line has the mean and first moment of the late input, to its ends."""
-    found = held_input(SAMPLES[:, None], H, hold, delay)[:, 0]
+    """Assert that each line has the mean and first moment of the late input, to its ends.
+
+    They change with the delay as finite differences say.
+    """
+    found, high, low = (
+        held_input(SAMPLES[:, None], H, hold, delay + step)[:, 0] for step in (0.0, 1e-7, -1e-7)
+    )
     function = reconstruction(hold, SAMPLES, H)
     expected = [mean_and_moment(function, H * k, H, delay) for k in range(N)]
     start, change = found[:, 0], found[:, 1]
     lines = np.column_stack((start + change / 2.0, start / 2.0 + change / 3.0))
     assert lines == pytest.approx(np.array(expected), abs=1e-5)
-
-
-@pytest.mark.parametrize("delay", [0.0013, 0.0039, -0.0007, -0.0092, 0.0173])
-@pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
-def test_derivatives_by_the_delay(hold, delay):
-    """Assert that the lines change with the delay as finite differences say."""
-    inputs, step = SAMPLES[:, None], 1e-7
-    found = held_input(inputs, H, hold, delay)
-    high, low = held_input(inputs, H, hold, delay + step), held_input(inputs, H, hold, delay - step)
-    expected = (high - low)[:, :, :2] / (2.0 * step)
-    assert found[:, :, 2:] == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
+    if delay:
+        slopes = (high - low)[:, :2] / 2e-7
+        assert found[:, 2:] == pytest.approx(slopes, abs=1e-5 * np.abs(slopes).max())
 
 
 @pytest.mark.parametrize("delay", [1e300, -1e300, np.inf, 1e9])

@@ -24,25 +24,18 @@ def doubted(result, name="alpha2", **changes):
     return dataclasses.replace(result, coefficients=result.coefficients | {name: coefficient})
 
 
-def test_what_has_no_value_gets_none(result):
-    """Assert that a coefficient of which the log says nothing is not taken for 0."""
-    assert set(request_of_identification(result).values) == set(result.coefficients)
+def test_what_is_exported_of_an_estimate(result):
+    """Assert that units are the log's, and that what is unknown is not taken for 0, or named."""
+    whole = request_of_identification(result)
+    assert set(whole.values) == set(result.coefficients)
     source = request_of_identification(doubted(result, value=nan))
     assert set(source.values) == set(result.coefficients) - {"alpha2"}
     assert "alpha2" in source.system.coefficients
-
-
-def test_units_are_those_of_the_estimate(result):
-    """Assert that inputs have the unit that the log had, and coefficients theirs."""
-    units = request_of_identification(result).units
-    assert (units["u"], units["theta2"], units["beta1"]) == ("N m", "1/s^2", "rad/s^2/(N m)")
+    units = (whole.units[name] for name in ("u", "theta2", "beta1"))
+    assert tuple(units) == ("N m", "1/s^2", "rad/s^2/(N m)")
     current = doubted(result, "beta1", unit="rad/s^2/A")
     assert request_of_identification(current).units["u"] == "A"
-
-
-def test_doubts_are_said(result):
-    """Assert that a value that the log leaves undetermined is named, and others are not."""
-    assert request_of_identification(result).doubts == ()
+    assert whole.doubts == ()
     (doubt,) = request_of_identification(doubted(result, verdict="undetermined")).doubts
     assert doubt == "the estimate leaves alpha2 undetermined"
 

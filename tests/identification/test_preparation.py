@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from math import inf, nan
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,10 +25,14 @@ from flexid.recording.sampling import FEWEST_TO_IDENTIFY
 from flexid.simulation.free_run import free_run
 from made_estimates import TRUE
 
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
+WHERE = {
+    "anywhere": lambda _: None,
+    "a flexible joint": lambda settings: check_for(flexible(), settings),
+    "a rigid joint": lambda settings: check_for(rigid(), settings),
+    "20 s at 1 kHz": lambda settings: check_against(settings, 1e-3, 20.0),
+}
+REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
+    "anywhere": [
         ({"model": "elastic"}, "flexible"),
         ({"terms": ("gravity", "turbulence")}, "turbulence"),
         ({"known": {"stiffness": 3.0}}, "stiffness"),
@@ -59,40 +64,28 @@ from made_estimates import TRUE
         ({"validation_share": 0.0}, "validation_share"),
         ({"validation_share": 0.9}, "validation_share"),
     ],
-)
-def test_what_cannot_be_used_is_refused(settings, words):
-    """Assert that a setting without a meaning is refused with its name or value."""
-    with pytest.raises(SettingError, match=words):
-        Settings(**settings)
-
-
-@pytest.mark.parametrize(
-    ("joint", "settings", "words"),
-    [
-        (flexible, {"terms": ("viscous",)}, "no term of the flexible joint"),
-        (rigid, {"terms": ("motor_viscous",)}, "no term of the rigid joint"),
-        (rigid, {"known": {"motor_inertia": 0.3}}, "motor and link"),
+    "a flexible joint": [({"terms": ("viscous",)}, "no term of the flexible joint")],
+    "a rigid joint": [
+        ({"terms": ("motor_viscous",)}, "no term of the rigid joint"),
+        ({"known": {"motor_inertia": 0.3}}, "motor and link"),
     ],
-)
-def test_what_the_joint_does_not_have_is_refused(joint, settings, words):
-    """Assert that a setting that would go unheeded in this joint is refused."""
-    with pytest.raises(SettingError, match=words):
-        check_for(joint(), Settings(**settings))
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
+    "20 s at 1 kHz": [
         ({"segment_duration": 1e-9}, "less than 20 samples"),
         ({"filter_rate": 501.0}, "does not suit samples every 0.001 s"),
         ({"input_delay": 5.0}, "a tenth of the log"),
         ({"link_delay": -1e3}, "a tenth of the log"),
     ],
+}
+
+
+@pytest.mark.parametrize(
+    ("where", "settings", "words"), [(where, *one) for where in WHERE for one in REFUSED[where]]
 )
-def test_what_a_log_gives_no_meaning_to_is_refused(settings, words):
-    """Assert that segments, filters and delays that the samples cannot show are refused."""
+def test_what_has_no_meaning_is_refused(where, settings, words):
+    """Assert that a setting that would go unheeded, or cannot be shown, is named."""
+    asked = WHERE[where]
     with pytest.raises(SettingError, match=words):
-        check_against(Settings(**settings), 1e-3, 20.0)
+        asked(Settings(**settings))
 
 
 def test_what_a_log_can_show_is_taken():

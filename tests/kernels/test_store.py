@@ -45,8 +45,9 @@ def forget(kernel: ModuleType) -> None:
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Point the store to an empty folder."""
+    """Point the store to an empty folder, as the first that compiles."""
     monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path))
+    store._announce.cache_clear()
     return tmp_path
 
 
@@ -151,12 +152,6 @@ def test_compiling_is_announced_once(cache: Path, caplog: pytest.LogCaptureFixtu
     with caplog.at_level("INFO", name):
         store.load_kernel("said", ["x"], lambda: KERNEL).double(3)
     assert not caplog.records
-
-
-@pytest.fixture(autouse=True)
-def unannounced() -> None:
-    """Let every test be the first that compiles."""
-    store._announce.cache_clear()
 
 
 def test_failed_build_leaves_nothing(cache: Path) -> None:

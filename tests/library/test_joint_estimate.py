@@ -84,7 +84,10 @@ FIGURES = ("fit", "residuals", "bode")
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_leave_matplotlib_as_it_is(estimate, name):
-    """Assert that a figure is as a notebook shows it, needs no display, and leaves no setting."""
+    """Assert that a figure is as a notebook shows it, needs no display, and leaves no setting.
+
+    In the place of axes its panels stand in one half of a figure that has something in the other.
+    """
     before = dict(mpl.rcParams)
     figure = estimate.plot(name)
     assert isinstance(figure, Figure)
@@ -92,11 +95,6 @@ def test_figures_leave_matplotlib_as_it_is(estimate, name):
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined] - in a notebook
     assert dict(mpl.rcParams) == before
     assert plt.get_fignums() == []  # pyplot, which would choose a display, holds none
-
-
-@pytest.mark.parametrize("name", FIGURES)
-def test_figures_are_drawn_in_the_place_of_axes(estimate, name):
-    """Assert that the panels stand in one half of a figure that has something in the other."""
     own = Figure()
     left, right = own.subplots(1, 2)
     middle = 0.5 * (left.get_position().x1 + right.get_position().x0)
@@ -165,22 +163,20 @@ def test_residuals_and_criteria(estimate, loaded):
     assert np.isnan(loaded.bic)
 
 
-def test_it_predicts_a_log(loaded, examples):
-    """Assert that the log that it was made from is predicted to the noise, from arrays too."""
-    frame = pl.read_csv(examples / "flexible_joint.csv")
-    found = loaded.validate({name: frame[name].to_numpy() for name in frame.columns})
+def test_it_is_held_against_a_log(estimate, loaded, examples, tmp_path):
+    """Assert that its own log is predicted to the noise, and what estimate, file and arrays give.
+
+    That is one answer, with frame, figures and page.
+    """
+    log = examples / "flexible_joint.csv"
+    found, frame = estimate.validate(log), pl.read_csv(log)
+    arrays = loaded.validate({name: frame[name].to_numpy() for name in frame.columns})
+    assert flexid.validate(loaded, log).fit_percent == found.fit_percent == arrays.fit_percent
     assert min(found.fit_percent.values()) > 99
     difference = found.series["motor_position"] - found.series["predicted_motor_position"]
     assert np.sqrt(np.mean(difference**2)) < 2e-4
     assert found.series["time"][0] == pytest.approx(0.5)
     assert [*found.series][:3] == ["time", "link_position", "predicted_link_position"]
-
-
-def test_it_is_held_against_a_log(estimate, loaded, examples, tmp_path):
-    """Assert that estimate, file and document give one answer, with frame, figures and page."""
-    log = examples / "flexible_joint.csv"
-    found = estimate.validate(log)
-    assert flexid.validate(loaded, log).fit_percent == found.fit_percent
     assert found.horizons[1.0]["deflection"] > 99
     assert found.plot().axes
     assert found.plot("residuals").axes

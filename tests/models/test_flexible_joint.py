@@ -21,14 +21,10 @@ EVERY = TERMS | SHAPE_TERMS
 
 
 def test_paper_s_model():
-    """Assert that the default is eq. (4) with beta1 unknown."""
+    """Assert that the default is eq. (4); a known beta1 is a constant and no unknown."""
     link, motor = flexible_joint().rows
     assert dict(link.regressors) == {"theta1": "-sin(x1)", "theta2": "-(x1 - x3)"}
     assert dict(motor.regressors) == {"alpha1": "x1 - x3", "alpha2": "-x4", "beta1": "u"}
-
-
-def test_known_coefficient_moves_to_the_known_part():
-    """Assert that a known beta1 is a constant of the model and no unknown."""
     system = flexible_joint(known={"beta1": 4.0})
     assert system.coefficients == ("theta1", "theta2", "alpha1", "alpha2")
     assert system.rows[1].known == "beta1*(u)"

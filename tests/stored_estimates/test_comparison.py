@@ -12,7 +12,7 @@ from flexid.identification.judgement import verdict
 from flexid.identification.vocabulary.estimate import interval, logarithmic_interval
 from flexid.identification.vocabulary.evidence import Disturbances, ModelError, ParameterEstimate
 from flexid.stored_estimates.comparison import compare_estimates, holm
-from made_estimates import TRUE, drawn, estimate_of, exact, with_parameter
+from made_estimates import STIFFER, TRUE, drawn, estimate_of, exact, with_parameter
 
 
 def number(value, std, freedom=np.inf, *, unit="N m", name="gravity_torque", logarithmic=False):
@@ -72,15 +72,11 @@ def test_a_ratio_has_its_interval_on_the_logarithm():
     assert back.probability == pytest.approx(found.probability)
 
 
-def test_angles_are_compared_round_the_circle():
-    """Assert that 3.1 and -3.1 rad are 0.083 rad apart, of which no percentage is made."""
+def test_no_percentage_is_made_of_angles_and_of_what_may_be_zero():
+    """Assert that 3.1 and -3.1 rad are 0.083 rad apart, and a friction differs in its unit."""
     found = compared(*(number(x, 0.01, name="gravity_angle", unit="rad") for x in (3.1, -3.1)))
     assert found.value == pytest.approx(2.0 * np.pi - 6.2)
     assert np.isnan(found.percent)
-
-
-def test_no_percentage_of_what_may_be_zero():
-    """Assert that a friction that may be none has a difference in its unit alone."""
     found = compared(number(0.01, 0.02), number(0.5, 0.02))
     assert found.outcome == "changed"
     assert np.isnan(found.percent)
@@ -109,8 +105,7 @@ def test_one_drive_twice_is_said_to_have_changed_in_one_comparison_of_twenty(cor
 def test_a_change_is_named():
     """Assert that 10 % more stiffness is found in stiffness alone, with its size."""
     rng = np.random.default_rng(8)
-    stiffer = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
-    found = compare_estimates(drawn(rng, correlation=0.0), drawn(rng, stiffer, correlation=0.0))
+    found = compare_estimates(drawn(rng, correlation=0.0), drawn(rng, STIFFER, correlation=0.0))
     assert [d.name for d in found.having("changed")] == ["joint_stiffness"]
     low, high = found.parameters["joint_stiffness"].percent_interval
     assert low < 10.0 < high
