@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
@@ -88,12 +89,9 @@ def _logs() -> dict[str, Callable[[], Target]]:
     from flexid.streaming.incoming import Replay
 
     def stream(path: Path) -> None:
-        replay = Replay(path, None)
-        try:
-            while replay.read() is not None:
+        with closing(Replay(path, None)) as replay:
+            for _ in replay:
                 pass
-        finally:
-            replay.close()
 
     def texts() -> tuple[bytes, ...]:
         text = fuzz_files.log_text()
@@ -158,14 +156,13 @@ def _streams() -> dict[str, Callable[[], Target]]:
         session = Session(WatchOptions(0.005))
         for start in range(0, len(raw) + 1, 5_000):
             samples = stream.samples(raw[start : start + 5_000], ended=start + 5_000 > len(raw))
-            if samples is not None and samples.shape[1] == 4:  # time, both positions, input
+            if samples.shape[1] == 4:  # time, both positions, input
                 session.feed(samples)
 
     def replay(path: Path) -> None:
         """Play a log again, in parts."""
         with patch.object(incoming, "BLOCK", 30):
-            samples = incoming.Replay(path, None)
-            while samples.read() is not None:
+            for _ in incoming.Replay(path, None):
                 pass
 
     return {

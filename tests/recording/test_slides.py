@@ -8,6 +8,7 @@ from joint_log import read_columns, said
 
 from flexid.recording.series import without_wraps
 from flexid.streaming.guard import Guard
+from flexid.streaming.options import WatchOptions
 
 TIME = 0.002 * np.arange(2000.0)
 LINK = 0.1 * np.sin(3.0 * TIME)  # m
@@ -59,7 +60,7 @@ def test_a_slide_that_jumps_by_metres_has_made_no_turn() -> None:
     assert period == 0.0
     assert found == pytest.approx(jumps, abs=1e-12)
     samples = np.column_stack((TIME, LINK + 10.0, jumps, FORCE))
-    guard = Guard(0.002, 2, 1, from_deflection=False, joint_type="prismatic")
+    guard = Guard(WatchOptions(0.002, (), joint_type="prismatic"))
     guarded = guard.guard(guard.first_state(), samples)
     counts = guard.counts(guarded.state)
     assert (counts.wraps, counts.jumps) == (0, 1)

@@ -12,7 +12,6 @@ import pytest
 from flexid.recording import read_log
 from flexid.recording.layout import layout_of
 from flexid.streaming.incoming import TextSamples, TextStream
-from flexid.streaming.sources import GrowingFile
 
 COLUMNS = joint_log.without(joint_log.joint_columns(500), "velocity")
 TEXT = joint_log.csv_text(COLUMNS)
@@ -143,13 +142,8 @@ READ: dict[str, joint_log.Change] = {
 
 def streamed(path: Path) -> np.ndarray:
     """Samples of the same as of a stream."""
-    found = []
-    with closing(GrowingFile(path, stop_at_end=True)) as source:
-        samples = TextSamples(source)
-        while (part := samples.read()) is not None:
-            if len(part):
-                found.append(part)
-    return np.concatenate(found)
+    with closing(TextSamples(str(path), stop_at_end=True)) as samples:
+        return np.concatenate([part for part in samples if len(part)])
 
 
 @pytest.mark.parametrize("name", READ)
@@ -230,7 +224,7 @@ def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
     stream = TextStream("stream")
     edges = np.linspace(0, len(raw), parts + 1).astype(int)
     found = [stream.samples(raw[a:b], ended=b == len(raw)) for a, b in pairwise(edges)]
-    samples = np.concatenate([part for part in found if part is not None])
+    samples = np.concatenate([part for part in found if len(part)])
     np.testing.assert_array_equal(samples[150:, 1], [1.234, 0.5, -1.234, np.nan])
 
 

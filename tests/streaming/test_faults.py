@@ -271,7 +271,7 @@ def test_without_a_known_hold_the_interval_covers_both():
 
 def guarded(positions: np.ndarray) -> Counts:
     """What a guard counts where both encoders show the same."""
-    guard = Guard(H, 2, 1, from_deflection=False)
+    guard = Guard(OPTIONS)
     return counted(guard, H * np.arange(len(positions)), positions, positions)
 
 

@@ -7,6 +7,7 @@ from moving_joint import counted
 from flexid.arrays import FloatArray
 from flexid.recording.series import without_wraps
 from flexid.streaming.guard import Guard
+from flexid.streaming.options import WatchOptions
 
 H = 0.01
 TURN = 0.1
@@ -20,7 +21,7 @@ def moved(peak: float, count: int = 900) -> FloatArray:
 
 
 CLOCK: FloatArray = np.asarray(H * np.arange(900), dtype=np.float64)
-GUARD = Guard(H, 1, 1, from_deflection=False, motor_turn=TURN)  # of one encoder before a gear
+GUARD = Guard(WatchOptions(H, (), "rigid", filter_rate=5.0, motor_turn=TURN))
 
 
 @pytest.mark.parametrize("turns", [1, 4])

@@ -48,8 +48,6 @@ def test_a_parquet_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.Mo
     samples[700:705, TIME] -= 0.5  # late ones, at the end of a block and after it
     path = written(tmp_path / "log.parquet", samples)
     monkeypatch.setattr(incoming, "BLOCK", 100)
-    replay, found = Replay(path, None), []
-    while (part := replay.read()) is not None:
-        found.append(part)
+    found = [*Replay(path, None)]
     assert max(map(len, found)) <= 130
     np.testing.assert_array_equal(np.concatenate(found), samples)

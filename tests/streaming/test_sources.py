@@ -2,14 +2,14 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import pytest
 from moving_joint import LINK, MOTOR, TIME, TORQUE, followed, log_text, same, stream, watched
 
 from flexid.errors import RecordingError
-from flexid.streaming.sources import Source, open_source
+from flexid.streaming.sources import open_source
 
 LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]
 
@@ -23,22 +23,22 @@ def log(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def source(log: Path) -> Iterator[Source]:
+def source(log: Path) -> Iterator[Generator[bytes]]:
     """The log as a source, of which what is there is read."""
     source = open_source(str(log))
-    assert source.read() == LINES[0]
+    assert next(source) == LINES[0]
     yield source
     source.close()
 
 
 @pytest.mark.parametrize("name", ["log.csv", "log.1"])
-def test_a_file_that_grows(log: Path, source: Source, name: str):
+def test_a_file_that_grows(log: Path, source: Generator[bytes], name: str):
     """Assert that the end is waited at, though the file is renamed and nothing takes its place."""
     later = log.rename(log.with_name(name))
-    assert source.read() == b""
+    assert next(source) == b""
     with later.open("ab") as file:
         file.write(LINES[1])
-    assert source.read() == LINES[1]
+    assert next(source) == LINES[1]
 
 
 @pytest.mark.parametrize(
@@ -50,18 +50,19 @@ def test_a_file_that_grows(log: Path, source: Source, name: str):
     ],
     ids=["cut", "written again", "replaced"],
 )
-def test_a_file_that_is_another_is_refused(log: Path, source: Source, act: Callable[[Path], None]):
+def test_a_file_that_is_another_is_refused(
+    log: Path, source: Generator[bytes], act: Callable[[Path], None]
+):
     """Assert that what is written after a log was cut, also beyond its end, is not read on with."""
     act(log)
     with pytest.raises(RecordingError, match=r"cut, rewritten or replaced .*: watch it once more"):
-        source.read()
+        next(source)
 
 
 def test_a_file_that_ends(log: Path):
     """Assert that the end is one where that is wanted."""
     source = open_source(str(log), stop_at_end=True)
-    assert (source.read(), source.read()) == (LINES[0], None)
-    source.close()
+    assert [*source] == LINES[:1]
 
 
 def test_a_last_line_without_an_end(tmp_path: Path):
@@ -79,8 +80,8 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch):
     with os.fdopen(reading) as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
         source = open_source("-")
-        assert source.read() == b""
+        assert next(source) == b""
         os.write(writing, LINES[0])
-        assert source.read() == LINES[0]
+        assert next(source) == LINES[0]
         os.close(writing)
-        assert source.read() is None
+        assert next(source, None) is None

@@ -83,7 +83,7 @@ def test_streams_that_are_refused(
         SETTINGS
         | {n: partial(TextStream("stream").samples, raw, ended=True) for n, raw in STREAMS.items()}
         | {name: partial(sample_time_of, "stream", time) for name, time in TIMES.items()}
-        | {name: partial(open_source, name) for name in SOURCES}
+        | {name: lambda name=name: next(open_source(name)) for name in SOURCES}
         | {
             "a line without an end": lambda: long.samples(b"1"),
             "a log without a torque": lambda: Replay(Path("log.parquet"), None),

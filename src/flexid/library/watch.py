@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
     from flexid.estimators.excitation import Excitation
-    from flexid.identification.result import Identification
     from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
     from flexid.library.arguments import FilePath, Known, Terms
     from flexid.library.joint_estimate import JointEstimate
@@ -51,17 +50,8 @@ class Watch(Answer):
     departures: tuple[Departure, ...]
     """What differs from the estimate that the drive is held against, the clearest first."""
 
-    def __init__(
-        self,
-        chosen: Mapping[str, Any],
-        estimate: Identification | None,
-        follower: Follower | None,
-        every: float,
-    ) -> None:
-        self._chosen, self._estimate = chosen, estimate
-        self._follower = follower
-        self._every = every
-        self._session: Session | None = None
+    def __init__(self, follower: Follower, every: float) -> None:
+        self._follower, self._every = follower, every
         self._names: set[str] = set()  # of what is fed
         self._sampled: list[str] = []  # of what is learnt from of that, in a sample's order
         self._start = 0.0
@@ -72,16 +62,16 @@ class Watch(Answer):
     @property
     def result(self) -> Session:
         """The session, with all that was fed."""
-        session = self._session if self._follower is None else self._follower.session
-        if session is not None:
-            self._catch_up(session)
-            return session
-        raise ArgumentError("watch", "samples", "have not come yet: feed some first")
+        session = self._follower.session
+        if session is None:
+            raise ArgumentError("watch", "samples", "have not come yet: feed some first")
+        self._catch_up(session)
+        return session
 
     @property
     def has_begun(self) -> bool:
         """Whether samples have come."""
-        return (self._session if self._follower is None else self._follower.session) is not None
+        return self._follower.session is not None
 
     @property
     def has_converged(self) -> bool:
@@ -90,7 +80,7 @@ class Watch(Answer):
 
     def turns(self) -> Iterator[bool]:
         """Follow the source; whether a report is due, after each turn in which it was looked at."""
-        if self._follower is None:
+        if self._follower.source is None:
             raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
         return self._follower.turns(self._every)
 
@@ -146,7 +136,7 @@ class Watch(Answer):
         if len({*lengths.values()}) > 1:
             raise ArgumentError("feed", "samples", f"differ in number: {lengths}")
         names = {*arrays} - {"time"}
-        session = self._session or self._begin(arrays)
+        session = self._follower.session or self._begin(arrays)
         if names != self._names:
             given, before = (", ".join(sorted(each)) for each in (names, self._names))
             raise ArgumentError(
@@ -166,24 +156,21 @@ class Watch(Answer):
 
     def _begin(self, arrays: Mapping[str, FloatArray]) -> Session:
         from flexid.recording.channel import Channel, Origin, si_units
-        from flexid.streaming.options import chosen_channels, options_of_stream, wanted_kind
-        from flexid.streaming.session import Session
+        from flexid.streaming.options import chosen_channels
 
-        if self._follower is not None:
+        follower = self._follower
+        if follower.source is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
-        made = "revolute" if self._estimate is None else self._estimate.joint
-        joint: JointType = self._chosen["joint_type"] or made
+        made = "revolute" if follower.estimate is None else follower.estimate.joint
+        joint: JointType = follower.chosen["joint_type"] or made
         channels = {}
         for name, values in {"time": arrays["motor_position"][:0], **arrays}.items():
             origin = Origin({name: 1.0}, 1.0, 0.0, si_units(name, joint)[0], None)
             channels[name] = Channel(values, name, True, origin)
-        kind = wanted_kind(self._chosen, self._estimate)
-        chosen = chosen_channels("feed", channels, (), kind)
-        sample_time = self._chosen["sample_time"]
-        options = options_of_stream(self._chosen, self._estimate, chosen, sample_time)
-        self._session = Session(options)
+        chosen = chosen_channels("feed", channels, (), follower.kind)
+        session = follower.begin(chosen, follower.chosen["sample_time"])
         self._names, self._sampled = {*arrays} - {"time"}, [*chosen.sampled]
-        return self._session
+        return session
 
     def __iter__(self) -> Iterator[Watch]:
         """Follow the source; a turn each `every` seconds of the stream, and one at its end."""
@@ -209,13 +196,7 @@ class Watch(Answer):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was assumed of the source's columns, and what a stream does not account for."""
-        if self._follower is not None:
-            return self._follower.warnings
-        if self._estimate is None:
-            return ()
-        from flexid.streaming.options import not_accounted_for
-
-        return tuple(not_accounted_for(self._estimate, self.result.options.sample_time))
+        return self._follower.warnings
 
     def __repr__(self) -> str:
         health = self.health
@@ -296,7 +277,7 @@ def watch(
     from flexid.library.identify import estimated
     from flexid.library.logs import as_columns
     from flexid.recording.recipes import read_map
-    from flexid.streaming.options import check_comparable, wanted_kind
+    from flexid.streaming.options import check_comparable
     from flexid.streaming.session import Follower
 
     if source is None and sample_time is None:
@@ -317,19 +298,17 @@ def watch(
     made = None if estimate is None else estimated(estimate).of_joint
     if made is not None:
         check_comparable(made)
-    wanted_kind(chosen, made)  # raises
-    follower = None
-    if source is None and (column_map := as_columns(columns)) is not None:
+    column_map = as_columns(columns)
+    if source is None and column_map is not None:
         chosen["joint_type"] = read_map(column_map).joint
-    if source is not None:
-        follower = Follower(
-            str(source),
-            chosen,
-            estimate=made,
-            column_map=as_columns(columns),
-            header=header,
-            stop_at_end=stop_at_end,
-        )
+    follower = Follower(
+        None if source is None else str(source),
+        chosen,
+        estimate=made,
+        column_map=column_map,
+        header=header,
+        stop_at_end=stop_at_end,
+    )
     if not every > 0.0:
         raise SettingError("every", f"must be above 0 s, got {every}")
-    return Watch(chosen, made, follower, every)
+    return Watch(follower, every)

@@ -1,15 +1,14 @@
 """What of a stream may be learnt from: the compiled guard, its thresholds and what it counts."""
 
 from dataclasses import dataclass, replace
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.kernels.store import load_kernel
-from flexid.models.motion import JointType
 from flexid.recording.sampling import GAP
+from flexid.streaming.options import WatchOptions
 
 GATE = 8.0  # times the mean of an encoder's second differences, from which on it is an outlier
 PEAKS = 2.0  # and times their peak in a minute: torque that steps makes accelerations that step
@@ -80,23 +79,16 @@ class Guarded(NamedTuple):
 class Guard:
     """The guard of a stream with a clock."""
 
-    def __init__(
-        self,
-        sample_time: float,
-        n_positions: int,
-        n_inputs: int,
-        *,
-        from_deflection: bool,
-        motor_turn: float = 0.0,  # as in `WatchOptions`
-        joint_type: JointType = "revolute",
-    ) -> None:
-        self._kernel = _kernel()
-        self._n_positions, self._n_inputs = n_positions, n_inputs
-        fewest = (max(FEWEST_STILL, time / sample_time) for time in (STILL_TIME, DEAD_TIME))
+    def __init__(self, options: WatchOptions) -> None:
+        self._kernel = load_kernel("stream_guard", (), None, ["stream_guard"])
+        self._n_positions, self._n_inputs = options.n_encoders, options.n_inputs
+        h = options.sample_time
+        fewest = (max(FEWEST_STILL, time / h) for time in (STILL_TIME, DEAD_TIME))
+        turning = options.joint_type == "revolute"
         self._settings = np.array(
             [
-                *(sample_time, GAP, GATE, PEAKS, float(from_deflection)),
-                *(*fewest, MOVED, TWISTED, motor_turn, float(joint_type == "revolute")),
+                *(h, GAP, GATE, PEAKS, float(options.from_deflection)),
+                *(*fewest, MOVED, TWISTED, options.motor_turn, float(turning)),
             ]
         )
 
@@ -125,8 +117,3 @@ class Guard:
     def time(self, state: FloatArray) -> float:
         """Time of the last sample that came in order, in s; NaN before the first."""
         return float(state[self._kernel.LAST_TIME])
-
-
-def _kernel() -> ModuleType:
-    """The compiled guard, which is the same for all streams."""
-    return load_kernel("stream_guard", (), None, ["stream_guard"])

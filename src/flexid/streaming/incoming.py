@@ -7,9 +7,9 @@ number makes a sample without that number, which is counted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from flexid.recording.series import tables_of_file
 from flexid.recording.table import Table, decimal_mark
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels
-from flexid.streaming.sources import Source
+from flexid.streaming.sources import name_of, open_source
 
 if TYPE_CHECKING:
     import polars
@@ -82,19 +82,18 @@ class TextStream:
         self._layout: Layout | None = None
         self._columns: _Columns | None = None  # once they are known
         self._mark = "."  # of decimals
+        self.warnings: tuple[str, ...] = ()
 
     @property
     def channels(self) -> StreamChannels | None:
         """What a sample's values are, once it is known."""
         return self._columns.channels if self._columns else None
 
-    def samples(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
-        """Samples of complete lines, shape (n, n_values); None until the columns are known."""
+    def samples(self, data: bytes, *, ended: bool = False) -> FloatArray:
+        """Samples of complete lines, shape (n, n_values); none until the columns are known."""
         if len(self.rest) > LONGEST_LINE:
-            raise RecordingError(
-                self.name,
-                "",
-                f"a line has more than {LONGEST_LINE} bytes: send one line for each sample",
+            raise self._refusal(
+                f"a line has more than {LONGEST_LINE} bytes: send one line for each sample"
             )
         *lines, self.rest = (self.rest + data).split(b"\n")
         if ended and self.rest.endswith(b"\r"):
@@ -104,18 +103,19 @@ class TextStream:
             return self._samples(self._layout, self._columns, lines)
         self._first += lines
         if len(self._first) < self._fewest and not ended:
-            return None
+            return np.empty((0, 0))
         if len(self._first) < FEWEST_LINES:
-            raise RecordingError(
-                self.name, "", "it ended before a header and three samples had come"
-            )
+            raise self._refusal("it ended before a header and three samples had come")
         return self._begun(self._first)
+
+    def _refusal(self, reason: str) -> RecordingError:
+        return RecordingError(self.name, "", reason)
 
     def _begun(self, lines: list[bytes]) -> FloatArray:
         """Decide by the first lines what the columns are, and read the samples among them."""
         text = b"\n".join(lines) + b"\n"
         if text.startswith(UTF_16):
-            raise RecordingError(self.name, "", "the text is in UTF-16: send it in UTF-8")
+            raise self._refusal("the text is in UTF-16: send it in UTF-8")
         text = as_utf_8(self.name, text)
         self._layout = layout = layout_of(self.name, text)
         # The rest of them may come now or later: nothing may depend on that.
@@ -124,6 +124,7 @@ class TextStream:
         self._mark = decimal_mark(frame) or "."
         table = layout.table(self.name, frame, self._mark)
         self._columns = columns = _Columns(self.name, table, self._column_map, self._model)
+        self.warnings = columns.channels.warnings
         samples = columns.first
         if 2 * np.count_nonzero(np.isnan(samples).any(axis=1)) > len(samples):
             read_channels(read_text(self.name, head), self._column_map)  # raises for a bad cell
@@ -139,34 +140,34 @@ class TextStream:
 
 
 class TextSamples(TextStream):
-    """Samples from lines of text that a source gives."""
+    """Samples from lines of text that a source gives, as they come: none if nothing has."""
 
-    def __init__(self, source: Source, column_map: MapSource | None = None, **options: Any) -> None:
-        super().__init__(source.name, column_map, **options)
-        self._source = source
-        self._ended = False
-        self.warnings: tuple[str, ...] = ()
+    def __init__(
+        self,
+        source: str,
+        column_map: MapSource | None = None,
+        *,
+        stop_at_end: bool = False,
+        **options: Any,
+    ) -> None:
+        super().__init__(name_of(source), column_map, **options)
+        self._source = open_source(source, stop_at_end=stop_at_end)
 
-    def read(self) -> FloatArray | None:
-        """Samples of the lines that came."""
-        if self._ended:
-            return None
+    def __iter__(self) -> Iterator[FloatArray]:
         try:
-            data = self._source.read()
+            for data in self._source:
+                yield self.samples(data)
         except OSError as error:
-            raise RecordingError(
-                self.name,
-                "",
-                f"it cannot be read on ({error.strerror}): check the disk or the connection",
+            raise self._refusal(
+                f"it cannot be read on ({error.strerror}): check the disk or the connection"
             ) from error
-        self._ended = data is None
-        samples = self.samples(data or b"", ended=self._ended)
-        if data is None and self.rest.strip():
-            self.warnings = (
+        last = self.samples(b"", ended=True)
+        if self.rest.strip():
+            self.warnings += (
                 f"{self.name}: its last line has no end, so it may be half a sample, and is left "
                 f"out: end each line",
             )
-        return np.empty((0, 0)) if samples is None else samples
+        yield last
 
     def close(self) -> None:
         """Close the source."""
@@ -174,7 +175,7 @@ class TextSamples(TextStream):
 
 
 class Replay:
-    """A whole log, read in parts where it can be."""
+    """Samples of a whole log, block by block where it can be read in parts."""
 
     def __init__(self, path: Path, column_map: MapSource | None, model: str = "auto") -> None:
         self.name = shown(path)
@@ -183,15 +184,12 @@ class Replay:
         self._columns = _Columns(self.name, table, column_map, model)
         self.channels = self._columns.channels
         self.warnings = tuple(dict.fromkeys(table.warnings + self.channels.warnings))
-        self._next: FloatArray | None = self._columns.first
 
-    def read(self) -> FloatArray | None:
-        """The samples of a block."""
-        found, self._next = self._next, None
-        if found is None and (table := next(self._tables, None)) is not None:
+    def __iter__(self) -> Iterator[FloatArray]:
+        yield self._columns.first
+        for table in self._tables:
             self.warnings = tuple(dict.fromkeys(self.warnings + table.warnings))
-            found = self._columns.samples(table)
-        return found
+            yield self._columns.samples(table)
 
     def close(self) -> None:
         """Read no more."""
@@ -200,10 +198,6 @@ class Replay:
 
 def _stacked(channels: Mapping[str, Channel]) -> FloatArray:
     return np.column_stack([channel.values for channel in channels.values()])
-
-
-Incoming: TypeAlias = TextSamples | Replay
-"""Samples as they come: `read` returns none if none have come for a while, None if none will."""
 
 
 def is_whole_log(source: str) -> bool:

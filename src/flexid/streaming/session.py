@@ -7,6 +7,7 @@ number of samples that came, and every sum runs from sample to sample.
 """
 
 from collections.abc import Generator, Iterator, Mapping
+from contextlib import closing
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,6 @@ from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contrad
 from flexid.streaming.incoming import (
     HEAD_LINES,
     LINES_FOR_LAYOUT,
-    Incoming,
     Replay,
     TextSamples,
     is_whole_log,
@@ -33,12 +33,12 @@ from flexid.streaming.incoming import (
 )
 from flexid.streaming.learner import Departure, Findings, Learner, States, findings
 from flexid.streaming.options import (
+    StreamChannels,
     WatchOptions,
     not_accounted_for,
     options_of_stream,
     wanted_kind,
 )
-from flexid.streaming.sources import open_source
 
 CAUSES = {
     "no_number": "a value is no number or too large",
@@ -131,14 +131,7 @@ class Session:
     def __init__(self, options: WatchOptions) -> None:
         self.options = options
         self.learner = Learner(options)
-        self.guard = Guard(
-            options.sample_time,
-            options.n_encoders,
-            options.n_inputs,
-            from_deflection=options.from_deflection,
-            motor_turn=options.motor_turn,
-            joint_type=options.joint_type,
-        )
+        self.guard = Guard(options)
         self.window = max(1, round(LIMITS.window / (options.filter_rate * options.sample_time)))
         states = self.learner.first_states()
         self.guard_state = self.guard.first_state()
@@ -315,61 +308,62 @@ class Session:
 
 @dataclass(eq=False)
 class Follower:
-    """A stream that is followed."""
+    """A session whose options a user chooses, as soon as its channels are known."""
 
-    source: str
+    source: str | None  # None: samples are fed
     chosen: Mapping[str, Any]
     _: KW_ONLY
     estimate: Identification | None = None
     column_map: MapSource | None = None
     header: str | None = None
     stop_at_end: bool = False
-    session: Session | None = None  # None until the stream's first lines have come
+    session: Session | None = None  # None until the first samples have come
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        self._kind = wanted_kind(self.chosen, self.estimate)
+        self.kind = wanted_kind(self.chosen, self.estimate)
 
-    def _opened(self) -> Incoming:
-        if is_whole_log(self.source):
-            if self.header is not None:
-                raise SettingError("header", "is for lines of text: leave it out for such a log")
-            return Replay(Path(self.source), self.column_map, self._kind)
-        source = open_source(self.source, stop_at_end=self.stop_at_end)
-        known = self.chosen.get("sample_time") is not None
-        fewest = LINES_FOR_LAYOUT if known else HEAD_LINES
-        return TextSamples(
-            source, self.column_map, model=self._kind, header=self.header, fewest=fewest
-        )
-
-    def turns(self, every: float) -> Generator[bool]:
-        """Take in what comes, until the source ends."""
-        incoming = self._opened()
-        ended = False
-        try:
-            while not ended:
-                samples = incoming.read()
-                ended = samples is None
-                self.warnings = tuple(dict.fromkeys(self.warnings + incoming.warnings))
-                if self.session is None and samples is not None and len(samples):
-                    self.session = self._begun(incoming, samples)
-                if self.session is not None and samples is not None:
-                    yield from _take(self.session, samples, every)
-                yield False
-        finally:
-            incoming.close()
-
-    def _begun(self, incoming: Incoming, samples: FloatArray) -> Session:
-        channels = incoming.channels
-        assert channels is not None
-        self.warnings = tuple(dict.fromkeys(self.warnings + channels.warnings))
-        sample_time = self.chosen.get("sample_time")
-        if sample_time is None:
-            sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
+    def begin(self, channels: StreamChannels, sample_time: float) -> Session:
+        """The session of a stream with these channels."""
         options = options_of_stream(self.chosen, self.estimate, channels, sample_time)
         if self.estimate is not None:
             self.warnings += tuple(not_accounted_for(self.estimate, sample_time))
-        return Session(options)
+        self.session = Session(options)
+        return self.session
+
+    def turns(self, every: float) -> Generator[bool]:
+        """Take in what comes, until the source ends."""
+        with closing(self._opened()) as incoming:
+            for samples in incoming:
+                self.warnings = tuple(dict.fromkeys(self.warnings + incoming.warnings))
+                if self.session is None and len(samples):
+                    self._begin(incoming, samples)
+                if self.session is not None:
+                    yield from _take(self.session, samples, every)
+                yield False
+
+    def _opened(self) -> TextSamples | Replay:
+        assert self.source is not None
+        if is_whole_log(self.source):
+            if self.header is not None:
+                raise SettingError("header", "is for lines of text: leave it out for such a log")
+            return Replay(Path(self.source), self.column_map, self.kind)
+        known = self.chosen.get("sample_time") is not None
+        return TextSamples(
+            self.source,
+            self.column_map,
+            stop_at_end=self.stop_at_end,
+            model=self.kind,
+            header=self.header,
+            fewest=LINES_FOR_LAYOUT if known else HEAD_LINES,
+        )
+
+    def _begin(self, incoming: TextSamples | Replay, samples: FloatArray) -> None:
+        channels, sample_time = incoming.channels, self.chosen.get("sample_time")
+        assert channels is not None
+        if sample_time is None:
+            sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
+        self.begin(channels, sample_time)
 
 
 def _take(session: Session, samples: FloatArray, every: float) -> Iterator[bool]:

@@ -1,7 +1,6 @@
 """Where a stream comes from: a file that grows, or standard input.
 
-A source is read in turns of a tenth of a second: bytes that have come, none if nothing has, None at
-its end.
+A source gives bytes in turns of a tenth of a second: those that have come, none if nothing has.
 """
 
 import io
@@ -9,8 +8,8 @@ import os
 import select
 import sys
 import time
+from collections.abc import Generator
 from pathlib import Path
-from typing import TypeAlias
 
 from flexid.errors import RecordingError, SettingError
 from flexid.files import check_file, shown
@@ -21,89 +20,72 @@ MOST = 1 << 20  # bytes that are handed over at once
 _COMPARED = 256  # bytes, by which a file is known that is read on
 
 
-def open_source(text: str, *, stop_at_end: bool = False) -> "Source":
-    """Open a source."""
-    if text == "-":
-        return StandardInput()
-    if "://" in text:
+def name_of(source: str) -> str:
+    """What messages call it."""
+    return "standard input" if source == "-" else shown(Path(source))
+
+
+def open_source(source: str, *, stop_at_end: bool = False) -> Generator[bytes]:
+    """Bytes of a source as they come."""
+    if source == "-":
+        return _standard_input()
+    if "://" in source:
         raise SettingError(
             "source",
-            f"{text!r} cannot be opened: give the path of a file, or - and let another program "
+            f"{source!r} cannot be opened: give the path of a file, or - and let another program "
             f"write to standard input",
         )
-    return GrowingFile(Path(text), stop_at_end=stop_at_end)
+    return _growing_file(Path(source), stop_at_end=stop_at_end)
 
 
-class GrowingFile:
-    """A text file that a recorder is still writing.
-
-    Before it is read on, its last bytes are compared with those that were read: so one that was
-    cut or written again is found, even where it has grown beyond that place.
-    """
-
-    def __init__(self, path: Path, *, stop_at_end: bool) -> None:
-        self.name = shown(path)
-        check_file(path, "a log as text", lambda reason: RecordingError(self.name, "", reason))
-        self._path = path
-        self._stop_at_end = stop_at_end
-        self._last = b""  # of what was read
-        try:
-            self._file = path.open("rb", buffering=0)
-        except OSError as error:
-            raise RecordingError(
-                self.name, "", f"the file cannot be opened ({error.strerror}): check its rights"
-            ) from None
-
-    def read(self) -> bytes | None:
-        """What was written since; raise where another text stands there now."""
-        self._file.seek(-len(self._last), os.SEEK_CUR)
-        found = self._file.read(len(self._last) + MOST)
-        new = found.removeprefix(self._last)
-        is_other = not found.startswith(self._last) or (not new and self._is_replaced())
-        if is_other:
-            raise RecordingError(
-                self.name,
-                "",
-                "it was cut, rewritten or replaced while it was watched: watch it once more",
-            )
-        self._last = found[-_COMPARED:]
-        if new or self._stop_at_end:
-            return new or None
-        time.sleep(WAIT)
-        return b""
-
-    def _is_replaced(self) -> bool:
-        """Whether another file stands there now, as where logs are rotated."""
-        try:
-            return not os.path.samestat(self._path.stat(), os.fstat(self._file.fileno()))
-        except OSError:  # it is not there yet
-            return False
-
-    def close(self) -> None:
-        """Close it."""
-        self._file.close()
+def _growing_file(path: Path, *, stop_at_end: bool) -> Generator[bytes]:
+    """What a recorder writes into a text file; raise where another text stands there now."""
+    name = shown(path)
+    check_file(path, "a log as text", lambda reason: RecordingError(name, "", reason))
+    try:
+        file = path.open("rb", buffering=0)
+    except OSError as error:
+        raise RecordingError(
+            name, "", f"the file cannot be opened ({error.strerror}): check its rights"
+        ) from None
+    last = b""  # of what was read: so a file is found that was written again and is longer now
+    with file:
+        while True:
+            file.seek(-len(last), os.SEEK_CUR)
+            found = file.read(len(last) + MOST)
+            new = found.removeprefix(last)
+            if not found.startswith(last) or (not new and _is_replaced(path, file)):
+                raise RecordingError(
+                    name,
+                    "",
+                    "it was cut, rewritten or replaced while it was watched: watch it once more",
+                )
+            last = found[-_COMPARED:]
+            if not new and stop_at_end:
+                return
+            if not new:
+                time.sleep(WAIT)
+            yield new
 
 
-class StandardInput:
-    """What another program writes into this one."""
-
-    name = "standard input"
-
-    def __init__(self) -> None:
-        try:
-            self._file = sys.stdin.fileno()
-        except (AttributeError, ValueError, io.UnsupportedOperation):
-            raise SettingError("source", "there is no standard input: give a file") from None
-
-    def read(self) -> bytes | None:
-        """What came; a console of Windows keeps us waiting for it."""
-        if os.name == "posix" and not select.select([self._file], [], [], WAIT)[0]:
-            return b""
-        return os.read(self._file, MOST) or None
-
-    def close(self) -> None:
-        """Nothing: others may read on."""
+def _is_replaced(path: Path, file: io.FileIO) -> bool:
+    """Whether another file stands there now, as where logs are rotated."""
+    try:
+        return not os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except OSError:  # it is not there yet
+        return False
 
 
-Source: TypeAlias = GrowingFile | StandardInput
-"""Bytes as they come: `read` returns none if nothing has come for a while, None at the end."""
+def _standard_input() -> Generator[bytes]:
+    """What another program writes into this one; it is not closed, as others may read on."""
+    try:
+        file = sys.stdin.fileno()
+    except (AttributeError, ValueError, io.UnsupportedOperation):
+        raise SettingError("source", "there is no standard input: give a file") from None
+    while True:  # a console of Windows keeps us waiting for it
+        if os.name == "posix" and not select.select([file], [], [], WAIT)[0]:
+            yield b""
+        elif found := os.read(file, MOST):
+            yield found
+        else:
+            return

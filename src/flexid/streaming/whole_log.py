@@ -7,6 +7,7 @@ those of the head: what noise does not explain of that counts as a standard devi
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,19 +71,16 @@ def identify_stream(
     log, head_rows, all_rows = _head(path, columns)
     found = identify([log], settings, progress)
     progress("streaming")
-    replay = Replay(path, columns, found.model)
-    try:
+    with closing(Replay(path, columns, found.model)) as replay:
         session = Session(_options(replay, log, found, settings))
         clock = _Clock(replay.name, session.options.sample_time)
-        while (samples := replay.read()) is not None:
+        for samples in replay:
             clock.check(samples[:, 0])
             if session.options.n_inputs:
                 samples[:, -1] = found.choices.amplifier.passed(samples[:, -1])
             session.feed(samples)
             share = f"{100 * session.fed / all_rows:.0f} %"
             progress(f"{share} of {all_rows / 1e6:.3g} million samples")
-    finally:
-        replay.close()
     result = _result(session, found, settings, log.warnings)
     h = session.options.sample_time
     summary = (
