@@ -12,6 +12,7 @@ import os
 import re
 import secrets
 from collections.abc import AsyncIterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -107,13 +108,15 @@ SUFFIXES = suffixes()
 _LONGEST_NAME = 80
 
 
+@dataclass(eq=False, repr=False)
 class UploadError(FlexidError):
     """A log is not taken."""
 
-    def __init__(self, reason: str, status: int) -> None:
-        self.reason = reason
-        self.status = status
-        super().__init__(reason)
+    reason: str
+    status: int  # of HTTP
+
+    def __str__(self) -> str:
+        return self.reason
 
 
 def safe_name(name: str) -> str:

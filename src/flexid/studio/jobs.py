@@ -27,12 +27,14 @@ if TYPE_CHECKING:
     from flexid.studio.choices import Choices
 
 
+@dataclass(eq=False, repr=False)
 class JobError(FlexidError):
     """A job did not end as it should."""
 
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
-        super().__init__(reason)
+    reason: str
+
+    def __str__(self) -> str:
+        return self.reason
 
 
 class Workers:
