@@ -7,7 +7,7 @@ import pytest
 
 import flexid
 from flexid.errors import ArgumentError, RecordingError
-from flexid.streaming import sources
+from flexid.streaming import incoming
 
 LOG = Path("examples/flexible_joint.csv")
 PAPER = {"terms": ("gravity", "motor_viscous"), "hold": "linear"}
@@ -58,18 +58,14 @@ def test_followed(samples):
 
 def test_a_source_that_cannot_be_read_on(tmp_path, monkeypatch):
     """Assert that a turn with all that came before precedes the error."""
+    text = "".join(LOG.read_text().splitlines(keepends=True)[:3001])
+
+    def fails(*_, **__):
+        yield text.encode()
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(incoming, "open_source", fails)
     log = tmp_path / "log.csv"
-    log.write_text("".join(LOG.read_text().splitlines(keepends=True)[:3001]))
-    reads = []
-    read = sources.GrowingFile.read
-
-    def fails(source):
-        reads.append(1)
-        if len(reads) == 2:
-            raise OSError(5, "Input/output error")
-        return read(source)
-
-    monkeypatch.setattr(sources.GrowingFile, "read", fails)
     watch = iter(flexid.watch(log, every=10.0, **PAPER))
     assert next(watch).counts.taken == 3000
     with pytest.raises(RecordingError, match=r"cannot be read on \(Input/output error\)"):
