@@ -19,7 +19,7 @@ from benchmarks.peer_solvers import DURATION, MOST_STEPS, GaveUpError, Solver, c
 from benchmarks.size import sized
 from benchmarks.timing import Timing, measure, timed
 from flexid.simulation.closed_loop import simulate
-from flexid.studies.readings import Exponents, table1_loop
+from flexid.studies.runs import Exponents, table1_loop
 
 ACCURACY = 1e-5
 """Wanted of every parameter error at 30 s, relative to its value, or to 1e-3 where smaller."""

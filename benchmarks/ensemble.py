@@ -26,7 +26,7 @@ from benchmarks.timing import Timing, measure, timed
 from flexid.paper.laws import pd_gravity
 from flexid.simulation.closed_loop import ClosedLoop, simulate
 from flexid.simulation.ensemble import Ensemble, simulate_ensemble
-from flexid.studies.readings import table1_loop
+from flexid.studies.runs import table1_loop
 
 _SEED = 1
 _ACCURACY = 1e-5

@@ -29,7 +29,7 @@ from flexid.simulation.closed_loop import ClosedLoop, simulate
 from flexid.simulation.ensemble import simulate_ensemble
 from flexid.simulation.free_run import free_run
 from flexid.simulation.sampled import simulate_sampled
-from flexid.studies.readings import TRUE, table1_loop
+from flexid.studies.runs import TRUE, table1_loop
 
 ASSETS = Path("docs/assets")
 

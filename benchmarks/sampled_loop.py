@@ -18,7 +18,7 @@ from flexid.arrays import FloatArray
 from flexid.paper.laws import pd_gravity
 from flexid.simulation.closed_loop import ClosedLoop
 from flexid.simulation.sampled import Sampling, simulate_sampled
-from flexid.studies.readings import AMPLITUDE, FREQUENCY, table1_loop
+from flexid.studies.runs import AMPLITUDE, FREQUENCY, table1_loop
 
 SOURCE = Path(__file__).with_name("sampled_loop.c")
 

@@ -11,7 +11,7 @@ import pytest
 from flexid.experiments import read_experiment
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.sampled import Sampling
-from flexid.studies.readings import table1_loop
+from flexid.studies.runs import table1_loop
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 TEXT = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from flexid.errors import ExperimentError
 from flexid.experiments import Experiment, read_experiment
 from flexid.experiments.variation import Distribution, Variation
 from flexid.simulation.closed_loop import loop_kernel
-from flexid.studies.readings import PHYSICAL, table1_loop
+from flexid.studies.runs import PHYSICAL, table1_loop
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 

@@ -16,8 +16,8 @@ from flexid.identification.vocabulary.evidence import CoefficientEstimate, FreeR
 from flexid.report import simulated_run
 from flexid.report.chart import Band, Line, Panel
 from flexid.report.page import page_html
+from flexid.report.reproduction import charts as reproduction_charts
 from flexid.report.reproduction import parts
-from flexid.report.reproduction_charts import reproduction_charts
 from flexid.report.response_charts import identification_charts, residual_chart
 from flexid.report.simulated_run import motion_chart, observer_chart
 from flexid.report.terminal import print_parts

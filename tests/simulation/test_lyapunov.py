@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from flexid.errors import SettingError
 from flexid.simulation import lyapunov
 from flexid.simulation.closed_loop import simulate
-from flexid.studies.readings import sine, table1_loop
+from flexid.studies.runs import sine, table1_loop
 
 TIME = np.linspace(0.0, 20.0, 4001)
 TOLERANCE = 1e-10

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexid.estimators.excitation import LOST_CONDITION, WEAK_CONDITION
-from flexid.studies.readings import closed_loop_poles
 from flexid.studies.reproduction import Claim, Finding
+from flexid.studies.runs import closed_loop_poles
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,13 @@ import pytest
 
 from browser import Watched, serious_faults
 from flexid.errors import SettingError, SimulationError
-from flexid.report.reproduction_charts import SYMBOLS
+from flexid.report.reproduction import SYMBOLS
 from flexid.simulation import closed_loop
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
-from flexid.studies.readings import table1_loop
+from flexid.studies.runs import table1_loop
 from flexid.studio import play as played
-from flexid.studio.play import READINGS, SLIDERS, TABLE1, play, read_play
+from flexid.studio.choices import READINGS, SLIDERS, TABLE1, read_play
+from flexid.studio.play import play
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

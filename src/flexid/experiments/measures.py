@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.estimators.excitation import Excitation, excitation
+from flexid.estimators.excitation import Excitation
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.simulation.closed_loop import Run
-from flexid.simulation.lyapunov import row_histories
+from flexid.simulation.lyapunov import row_excitation
 
 SETTLED = 0.05  # share of its true value within which an estimate counts as settled
 
@@ -40,10 +40,7 @@ def measure(run: Run) -> Measures:
         float(np.sqrt(np.mean(run.tracking_error**2))),
         float(np.max(np.abs(run.tracking_error))),
         dict(zip(system.inputs, np.abs(run.inputs).max(axis=0).tolist(), strict=True)),
-        {
-            history.row: excitation(history.row, history.coefficients, history.regressors)
-            for history in row_histories(run)
-        },
+        row_excitation(run),
     )
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.estimators.excitation import Excitation, excitation
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import regressors
 from flexid.simulation.closed_loop import Run
@@ -59,6 +60,14 @@ def row_histories(run: Run) -> tuple[RowHistory, ...]:
         )
         for row, place in system.row_slices()
     )
+
+
+def row_excitation(run: Run, samples: slice = slice(None)) -> dict[str, Excitation]:
+    """Excitation of each row by the motion over some of the samples."""
+    return {
+        history.row: excitation(history.row, history.coefficients, history.regressors[samples])
+        for history in row_histories(run)
+    }
 
 
 SETTLED = 1e-3

@@ -17,31 +17,29 @@ from flexid.models.physical import physical_parameters
 from flexid.paper.laws import pd_gravity
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.lyapunov import ALLOWED_RISE
-from flexid.studies.cases import (
+from flexid.studies.runs import (
+    ATTENUATION,
     ATTENUATIONS,
     CASES,
-    AttenuationPoint,
-    TheoremCase,
-    attenuation_point,
-    peak_torque,
-    steady_condition,
-    theorem_case,
-)
-from flexid.studies.readings import (
-    ATTENUATION,
     DURATION,
     EARLIER_ATTENUATION,
     MEANINGS,
     PHYSICAL,
     TRUE,
     UNKNOWN,
+    AttenuationPoint,
     Exponents,
     Reading,
     SteadyRun,
+    TheoremCase,
+    attenuation_point,
+    peak_torque,
     reading_name,
     simulated_runs,
+    steady_condition,
     study_reading,
     table1_loop,
+    theorem_case,
 )
 
 Relation = Literal["<=", ">="]

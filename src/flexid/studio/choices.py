@@ -11,12 +11,28 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
 from flexid.models.rigid_joint import RIGID_TERMS
+from flexid.paper.loop import Multisine
 from flexid.recording.channel import SI_UNITS
+from flexid.studies.runs import (
+    AMPLITUDE,
+    ATTENUATION,
+    FREQUENCY,
+    MEANINGS,
+    OBSERVER_GAIN,
+    PHYSICAL,
+    SIMULATED,
+    reading_name,
+    table1_loop,
+)
+
+if TYPE_CHECKING:
+    from flexid.simulation.closed_loop import ClosedLoop
+    from flexid.simulation.sampled import Sampling
 
 LONGEST_VALUE = 300  # characters
 MOST_KEYS = 80
@@ -150,3 +166,103 @@ def _number(what: str, text: str, default: float) -> float:
 def _terms(text: str) -> tuple[str, ...]:
     names = {one_of("terms", name, ALL_TERMS) for name in text.split(",") if name}
     return tuple(name for name in ALL_TERMS if name in names)  # however an address orders them
+
+
+READINGS = {reading_name(exponents): MEANINGS[exponents] for exponents in SIMULATED}
+"""The readings of the printed gains whose loop stays bounded, and what they stand for."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A number that is played with."""
+
+    name: str
+    label: str
+    unit: str
+    group: str
+    lowest: float
+    highest: float
+    start: float  # that of Table I of Huang (2003)
+    logarithmic: bool = True
+
+
+_PLANT, _GAINS, _REFERENCE, _DRIVE = "Plant", "Gains", "Reference", "Sampled drive"
+
+SLIDERS = (
+    Slider("joint_stiffness", "joint stiffness", "N m/rad", _PLANT, 20, 500, 100),
+    Slider("link_inertia", "link inertia", "kg m²", _PLANT, 0.2, 5, 1),
+    Slider("motor_inertia", "motor inertia", "kg m²", _PLANT, 0.05, 2, 0.3),
+    Slider("gravity_torque", "gravity torque", "N m", _PLANT, 0, 20, 5, logarithmic=False),
+    Slider("motor_viscous_friction", "motor friction", "N m s/rad", _PLANT, 0, 2, 0.1, False),
+    Slider("k", "attenuation k", "1/s", _GAINS, 5, 200, ATTENUATION),
+    Slider("c", "observer gain c", "", _GAINS, 0.01, 100, OBSERVER_GAIN),
+    Slider("amplitude", "amplitude", "rad", _REFERENCE, 0.1, 10, AMPLITUDE),
+    Slider("frequency", "frequency", "rad/s", _REFERENCE, 0.5, 20, FREQUENCY),
+    Slider("sample_time", "sample time", "s", _DRIVE, 2e-4, 1e-2, 1e-3),
+    Slider("noise", "encoder noise", "rad", _DRIVE, 1e-7, 1e-2, 1e-6),
+    Slider("torque_limit", "torque limit", "N m", _DRIVE, 10, 1e6, 1e6),
+)
+
+
+@dataclass(frozen=True)
+class PlayChoices:
+    """What is played."""
+
+    reading: str  # powers of k in the three feedback gains: a key of `READINGS`
+    sampled: bool
+    numbers: tuple[float, ...]  # of `SLIDERS`
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """What each slider stands at, by its name."""
+        return {slider.name: x for slider, x in zip(SLIDERS, self.numbers, strict=True)}
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """The closed loop of the paper with these values."""
+        v = self.values
+        a, b, c = map(int, self.reading.split(","))
+        return table1_loop(
+            (a, b, c),
+            v["k"],
+            Multisine((v["amplitude"],), (v["frequency"],)),
+            (v["c"], v["c"]),
+            physical={name: v[name] for name in PHYSICAL},
+        )
+
+    @property
+    def sampling(self) -> Sampling | None:
+        """How it is sampled; None where the drive is ideal."""
+        from flexid.simulation.sampled import Sampling
+
+        if not self.sampled:
+            return None
+        values = self.values
+        return Sampling(
+            values["sample_time"], values["torque_limit"], position_noise=values["noise"]
+        )
+
+
+TABLE1 = PlayChoices("1,2,3", False, tuple(slider.start for slider in SLIDERS))
+"""Table I of Huang (2003)."""
+
+
+def read_play(values: object, prefix: str = "") -> PlayChoices:
+    """What a form or an address holds; what is not there is that of Table I."""
+    texts = texts_of(values)
+    reading = one_of("reading", texts.get(f"{prefix}reading", "1,2,3"), READINGS)
+    given = ((slider, texts.get(f"{prefix}{slider.name}")) for slider in SLIDERS)
+    numbers = (slider.start if text is None else _within(slider, text) for slider, text in given)
+    return PlayChoices(reading, texts.get(f"{prefix}sampled") == "yes", tuple(numbers))
+
+
+def _within(slider: Slider, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not slider.lowest * (1 - 1e-9) <= value <= slider.highest * (1 + 1e-9):
+        raise SettingError(
+            slider.name, f"give a number from {slider.lowest:g} to {slider.highest:g} {slider.unit}"
+        )
+    return value

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from time import perf_counter
@@ -11,137 +10,92 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexid.errors import FlexidError, SettingError, SimulationError
-from flexid.paper.loop import Multisine
-from flexid.report.reproduction_charts import SYMBOLS, Played, play_chart
-from flexid.studies.readings import (
-    AMPLITUDE,
-    ATTENUATION,
-    FREQUENCY,
-    MEANINGS,
-    OBSERVER_GAIN,
-    PHYSICAL,
-    SIMULATED,
-    table1_loop,
-)
-from flexid.studio.choices import one_of, texts_of
+from flexid.arrays import FloatArray
+from flexid.errors import FlexidError, SimulationError
+from flexid.estimators.excitation import LOST_CONDITION, WEAK_CONDITION
+from flexid.report.chart import Axis, Chart, Colour, Level, Line, Mark, Panel, peaks
+from flexid.report.reproduction import SYMBOLS
+from flexid.studies.runs import DURATION
+from flexid.studio.choices import READINGS, SLIDERS, TABLE1, PlayChoices, Slider, read_play
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from flexid.arrays import FloatArray
-    from flexid.simulation.closed_loop import ClosedLoop, Run
-    from flexid.simulation.sampled import Sampling
+    from flexid.simulation.closed_loop import Run
     from flexid.studio.window import Window
 
 
-READINGS = {",".join(map(str, exponents)): MEANINGS[exponents] for exponents in SIMULATED}
-"""The readings of the printed gains whose loop stays bounded, and what they stand for."""
-
-
-@dataclass(frozen=True)
-class Slider:
-    """A number that is played with."""
-
-    name: str
-    label: str
-    unit: str
-    group: str
-    lowest: float
-    highest: float
-    start: float  # that of Table I of Huang (2003)
-    logarithmic: bool = True
-
-
-_PLANT, _GAINS, _REFERENCE, _DRIVE = "Plant", "Gains", "Reference", "Sampled drive"
-
-SLIDERS = (
-    Slider("joint_stiffness", "joint stiffness", "N m/rad", _PLANT, 20, 500, 100),
-    Slider("link_inertia", "link inertia", "kg m²", _PLANT, 0.2, 5, 1),
-    Slider("motor_inertia", "motor inertia", "kg m²", _PLANT, 0.05, 2, 0.3),
-    Slider("gravity_torque", "gravity torque", "N m", _PLANT, 0, 20, 5, logarithmic=False),
-    Slider("motor_viscous_friction", "motor friction", "N m s/rad", _PLANT, 0, 2, 0.1, False),
-    Slider("k", "attenuation k", "1/s", _GAINS, 5, 200, ATTENUATION),
-    Slider("c", "observer gain c", "", _GAINS, 0.01, 100, OBSERVER_GAIN),
-    Slider("amplitude", "amplitude", "rad", _REFERENCE, 0.1, 10, AMPLITUDE),
-    Slider("frequency", "frequency", "rad/s", _REFERENCE, 0.5, 20, FREQUENCY),
-    Slider("sample_time", "sample time", "s", _DRIVE, 2e-4, 1e-2, 1e-3),
-    Slider("noise", "encoder noise", "rad", _DRIVE, 1e-7, 1e-2, 1e-6),
-    Slider("torque_limit", "torque limit", "N m", _DRIVE, 10, 1e6, 1e6),
-)
-
-
-@dataclass(frozen=True)
-class PlayChoices:
-    """What is played."""
-
-    reading: str  # powers of k in the three feedback gains: a key of `READINGS`
-    sampled: bool
-    numbers: tuple[float, ...]  # of `SLIDERS`
-
-    @property
-    def values(self) -> Mapping[str, float]:
-        """What each slider stands at, by its name."""
-        return {slider.name: x for slider, x in zip(SLIDERS, self.numbers, strict=True)}
-
-    @property
-    def loop(self) -> ClosedLoop:
-        """The closed loop of the paper with these values."""
-        v = self.values
-        a, b, c = map(int, self.reading.split(","))
-        return table1_loop(
-            (a, b, c),
-            v["k"],
-            Multisine((v["amplitude"],), (v["frequency"],)),
-            (v["c"], v["c"]),
-            physical={name: v[name] for name in PHYSICAL},
-        )
-
-    @property
-    def sampling(self) -> Sampling | None:
-        """How it is sampled; None where the drive is ideal."""
-        from flexid.simulation.sampled import Sampling
-
-        if not self.sampled:
-            return None
-        values = self.values
-        return Sampling(
-            values["sample_time"], values["torque_limit"], position_noise=values["noise"]
-        )
-
-
-TABLE1 = PlayChoices("1,2,3", False, tuple(slider.start for slider in SLIDERS))
-"""Table I of Huang (2003)."""
-
-
-def read_play(values: object, prefix: str = "") -> PlayChoices:
-    """What a form or an address holds; what is not there is that of Table I."""
-    texts = texts_of(values)
-    reading = one_of("reading", texts.get(f"{prefix}reading", "1,2,3"), READINGS)
-    given = ((slider, texts.get(f"{prefix}{slider.name}")) for slider in SLIDERS)
-    numbers = (slider.start if text is None else _within(slider, text) for slider, text in given)
-    return PlayChoices(reading, texts.get(f"{prefix}sampled") == "yes", tuple(numbers))
-
-
-def _within(slider: Slider, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not slider.lowest * (1 - 1e-9) <= value <= slider.highest * (1 + 1e-9):
-        raise SettingError(
-            slider.name, f"give a number from {slider.lowest:g} to {slider.highest:g} {slider.unit}"
-        )
-    return value
-
-
-DURATION = 30.0  # s, as in the paper
 _LAST = 5.0  # s over which errors count as those that remain
 _WINDOW = 2.0  # s over which excitation is measured
 _POINTS = 120  # of the excitation over time
 _SAMPLES = 3001  # of a figure
 _RELATIVE, _ABSOLUTE = 1e-5, 1e-9  # tolerances: the errors that vanish keep their digits
 _MOST_STEPS = 400_000  # about half a second
+
+
+_OF_ERRORS: tuple[Colour, ...] = ("blue", "orange", "green", "red")
+_OF_ROWS: tuple[Colour, ...] = ("ink", "grey")  # one legend names errors and rows
+_STRETCHES = 150  # of which each shows the largest value of an error that oscillates
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What is shown of a run."""
+
+    time: FloatArray  # (n,), in s
+    tracking: FloatArray  # (n,), magnitude of the tracking error in rad
+    errors: Mapping[str, FloatArray]
+    final_errors: Mapping[str, tuple[float, str]]
+    lyapunov: FloatArray
+    moments: FloatArray  # (m,), times in s of the condition numbers
+    conditions: Mapping[str, FloatArray]
+    remaining_error: float  # largest tracking error in the end, in rad
+    largest_torque: float  # in N m
+
+
+def play_chart(run: Played | None, pinned: Played | None) -> Chart:
+    """Four panels: tracking error, parameter errors, V, excitation; a pinned run is dashed."""
+    tracking: list[Mark] = []
+    errors: list[Mark] = []
+    lyapunov: list[Mark] = []
+    excitation: list[Mark] = [
+        Level("weak above", WEAK_CONDITION, colour="orange", dash="dotted"),
+        Level("lost above", LOST_CONDITION, colour="red", dash="dotted"),
+    ]
+    for played, named in ((pinned, False), (run, True)):
+        if played is not None:
+            error = {"tracking error": played.tracking}
+            tracking.extend(_curves(played.time, error, _OF_ROWS, named=named))
+            errors.extend(_curves(played.time, played.errors, _OF_ERRORS, named=named))
+            lyapunov.extend(_curves(played.time, {"V": played.lyapunov}, _OF_ROWS, named=named))
+            excitation.extend(_curves(played.moments, played.conditions, _OF_ROWS, named=named))
+    panels = (
+        ("Tracking error", "magnitude", "rad", tracking),
+        ("Parameter errors over the true values", "magnitude", "", errors),
+        ("V of Theorem 1", "V", "", lyapunov),
+        ("Excitation over the last 2 s", "condition number", "", excitation),
+    )
+    return Chart(
+        "play",
+        "The paper's closed loop",
+        "The tracking error shows what the controller can do, the parameter errors what the "
+        "observer learns. V never rises while the drive is ideal. Where the condition number "
+        "is large, two coefficients cannot be told apart. Dashed: the pinned run.",
+        tuple(
+            Panel(title, Axis("time", "s"), Axis(label, unit, True), tuple(marks))
+            for title, label, unit, marks in panels
+        ),
+        columns=2,
+    )
+
+
+def _curves(
+    time: FloatArray, curves: Mapping[str, FloatArray], colours: tuple[Colour, ...], *, named: bool
+) -> Iterator[Line]:
+    """Peaks of a run, or dashed and without a name of the pinned one; zero has no place here."""
+    for (name, values), colour in zip(curves.items(), colours, strict=False):
+        if not np.isnan(values).all():
+            x, y = peaks(time, values, max(1, len(time) // _STRETCHES))
+            label, dash = (SYMBOLS.get(name, name), "solid") if named else ("", "dashed")
+            yield Line(label, x, np.where(y > 0.0, y, np.nan), colour, dash=dash)
 
 
 @dataclass(frozen=True)
