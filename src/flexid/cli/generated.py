@@ -24,6 +24,7 @@ import click
 
 from flexid.cli.options import ARGUMENTS, FLAGS, NAMED, OPTIONS, Option, sentences
 from flexid.errors import SettingError
+from flexid.library.arguments import described
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -187,7 +188,7 @@ class CommandLine(click.Command):
         super().__init__(
             command.name,
             callback=_calling(command, flagged),
-            params=[*_from_library(command, documented), *_of_printing(command, flagged)],
+            params=[*_from_library(command), *_of_printing(command, flagged)],
             help="\n\n".join(filter(None, body)),
             short_help=head,
             epilog="\n".join(examples),
@@ -302,12 +303,13 @@ def _option_of(parameter: inspect.Parameter) -> Option:
     return ARGUMENTS.get(parameter.name, Option(NAMED, parameter.name.upper()))
 
 
-def _from_library(command: Command, documented: str) -> Iterator[click.Parameter]:
-    described = _described(documented)
+def _from_library(command: Command) -> Iterator[click.Parameter]:
+    documented = described(command.function)
     for name, parameter in _parameters(command).items():
         if name not in _OF_PYTHON:
             option = _option_of(parameter)
-            choices, words = described[name]
+            kind, words = documented[name]
+            choices = "|".join(re.findall(r'"(\w+)"', kind))
             option = option._replace(
                 metavar=option.metavar or (f"<{choices}>" if choices else None),
                 note=f"{sentences(words)} {option.note}".strip(),
@@ -367,17 +369,4 @@ def _converted(command: Command, given: Options) -> dict[str, Any]:
         if value not in (None, (), shown_default(parameter.default)):
             convert = _option_of(parameter).convert
             found[name] = convert(f"--{name.replace('_', '-')}", value)
-    return found
-
-
-def _described(documented: str) -> dict[str, tuple[str, str]]:
-    """Choices and description of each parameter of a docstring."""
-    section = re.search(r"\nParameters\n-+\n(.*?)(\n\n\w+\n-+\n|\Z)", documented, re.DOTALL)
-    found = {}
-    entry = re.compile(r"^(\w[\w, ]*) : (.*)\n((?: .*\n?)+)", re.MULTILINE)
-    for names, kind, words in entry.findall(section[1] if section else ""):
-        choices = re.match(r"\{(.*)\}", kind)
-        listed = "|".join(re.findall(r'"(\w+)"', choices[1])) if choices else ""
-        for name in names.split(","):
-            found[name.strip()] = (listed, words)
     return found

@@ -137,10 +137,18 @@ def one_thread() -> Iterator[None]:
                 _limits = None
 
 
-_SECTION = re.compile(
-    r"(?<=    Parameters\n    ----------\n).*?(?=\n\n    \w+\n    ---|\n    \Z)", re.DOTALL
-)
-_ENTRY = re.compile(r"^    (\w+) : .*\n(?:        .*\n?)*", re.MULTILINE)
+_SECTION = re.compile(r"(?<=\nParameters\n----------\n).*?(?=\n\n\w+\n---|\Z)", re.DOTALL)
+_ENTRY = re.compile(r"^(\w[\w, ]*) : (.*)\n((?: .*\n?)+)", re.MULTILINE)
+
+
+def described(function: Callable[..., object]) -> dict[str, tuple[str, str]]:
+    """What a docstring says of each parameter: its kind, and indented words."""
+    section = _SECTION.search(inspect.getdoc(function) or "")
+    return {
+        name.strip(): (kind, words)
+        for names, kind, words in _ENTRY.findall(section[0] if section else "")
+        for name in names.split(",")
+    }
 
 
 def options_of(
@@ -151,25 +159,18 @@ def options_of(
     Type checkers see those that are left out as well.
     """
     shared = inspect.signature(other).parameters
-    entries = _entries(other)
+    names = [name for name in shared if name not in left_out]
 
     def spelt_out(function: Callable[..., R]) -> Callable[P, R]:
-        signature, own = inspect.signature(function), _entries(function)
-        names = [name for name in shared if name not in left_out]
-        text = "\n".join(own.get(name, entries[name]).rstrip() for name in names)
+        signature, words = inspect.signature(function), described(other) | described(function)
+        text = "\n".join("{} : {}\n{}".format(name, *words[name]).rstrip() for name in names)
         parameters = [signature.parameters.get(name, shared[name]) for name in names]
-        function.__doc__ = _SECTION.sub(lambda _: text, function.__doc__ or "", count=1)
+        function.__doc__ = _SECTION.sub(lambda _: text, inspect.getdoc(function) or "", count=1)
         signature = signature.replace(parameters=parameters)
         setattr(function, "__signature__", signature)  # noqa: B010, functions do not declare it
         return function
 
     return spelt_out
-
-
-def _entries(function: Callable[..., object]) -> dict[str, str]:
-    """What a docstring says of each parameter."""
-    section = _SECTION.search(function.__doc__ or "")
-    return {} if section is None else {m[1]: m[0] for m in _ENTRY.finditer(section[0])}
 
 
 def joint_settings(
