@@ -191,3 +191,24 @@ class Answer:
         pictures = (base64.b64encode(png(draw(chart))).decode() for chart in self._drawn[:1])
         shown = (f'<img src="data:image/png;base64,{picture}"/>' for picture in pictures)
         return "".join((text, *warnings, *shown))
+
+
+class EstimateAnswer(Answer):
+    """An estimate, of a joint or of an arm."""
+
+    _file = "estimate.json"
+
+    def _document(self) -> Mapping[str, Any]:
+        from flexid.stored_estimates.estimate_file import estimate_document
+
+        return estimate_document(self.result)
+
+    def supports(self, *, strict: bool = False) -> bool:
+        """Whether the data determine every parameter, be it weakly.
+
+        Parameters
+        ----------
+        strict : bool, optional
+            Count what is weak as not determined.
+        """
+        return self.result.supports(strict=strict)

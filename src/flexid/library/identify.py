@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary import Progress, silent
-from flexid.library.answer import Answer
+from flexid.library.answer import EstimateAnswer
 from flexid.library.arguments import entrance, joint_settings, one_thread
 
 if TYPE_CHECKING:
@@ -183,17 +183,12 @@ def estimated(estimate: JointEstimate | FilePath | Mapping[str, Any]) -> StoredE
     return StoredEstimate(estimate.result, "", hashlib.sha256(text.encode()).hexdigest())
 
 
-class ArmEstimate(Answer):
+class ArmEstimate(EstimateAnswer):
     """Parameters of each joint of an arm, with intervals and verdicts."""
 
     _report = "arm"
-    _file = "estimate.json"
 
     result: ArmIdentification
-
-    def supports(self, *, strict: bool = False) -> bool:
-        """Whether every parameter is determined or weak; if strict, determined."""
-        return self.result.supports(strict=strict)
 
 
 @one_thread()

@@ -22,7 +22,7 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
     slopes_of,
 )
-from flexid.library.answer import Answer
+from flexid.library.answer import EstimateAnswer
 from flexid.library.arguments import entrance
 
 if TYPE_CHECKING:
@@ -34,14 +34,13 @@ if TYPE_CHECKING:
     from flexid.stored_estimates.frequency_response import FrequencyResponse
 
 
-class JointEstimate(Answer):
+class JointEstimate(EstimateAnswer):
     """Parameters of a joint, with intervals and verdicts, and the model that they make.
 
     `flexid.identify` returns one, `flexid.load` reads one that was saved.
     """
 
     _report = "identification"
-    _file = "estimate.json"
 
     result: Identification
     model: str
@@ -114,16 +113,6 @@ class JointEstimate(Answer):
         """Samples of each position whose residuals are known; zero if they are not."""
         known = self.result.choices.estimator == "prediction-error"
         return sum(map(len, self.result.recordings)) if known else 0
-
-    def supports(self, *, strict: bool = False) -> bool:
-        """Whether the data determine every parameter, be it weakly.
-
-        Parameters
-        ----------
-        strict : bool, optional
-            Count what is weak as not determined.
-        """
-        return self.result.supports(strict=strict)
 
     @property
     def terms(self) -> tuple[str, ...]:
