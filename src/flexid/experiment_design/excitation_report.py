@@ -146,12 +146,9 @@ def advise(result: Identification) -> Advice | None:
         return Advice(caution=_NO_MODEL)
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
         return Advice(caution=f"Another input does not help: {lacking[0].reason}")
-    return Advice(_resonance(result), _longer(result, lacking), _caution(result))
-
-
-def _resonance(result: Identification) -> float | None:
-    """Of link and motor against each other; of the link alone where its motor is driven."""
-    return resonance({n: c.value for n, c in result.coefficients.items()}) or None
+    # Of link and motor against each other; of the link alone where its motor is driven.
+    found = resonance({n: c.value for n, c in result.coefficients.items()}) or None
+    return Advice(found, _longer(result, lacking), _caution(result))
 
 
 def _longer(result: Identification, lacking: Sequence[CoefficientEstimate]) -> float | None:

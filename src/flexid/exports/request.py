@@ -111,7 +111,6 @@ def impossible(name: str, value: str, why: str) -> SettingError:
 
 
 def _check_possible(result: "Identification") -> None:
-
     for name, found in result.coefficients.items():
         if name in POSITIVE and found.value <= 0.0:
             value = f"{found.value:g} {found.unit}"

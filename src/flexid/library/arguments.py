@@ -266,12 +266,11 @@ def _bounds(value: Any) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _logs(value: Any) -> Any:
-    if not isinstance(value, list | tuple):
-        return _log(value)
-    if not value:
+def _logs(value: Any) -> list[Any]:
+    several = value if isinstance(value, list | tuple) else [value]
+    if not several:
         raise _UnfitError(f"is an empty list: give {_LOG}")
-    return [*map(_log, value)]
+    return [*map(_log, several)]
 
 
 def _log(value: Any) -> Any:

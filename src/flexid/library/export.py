@@ -239,9 +239,9 @@ def _estimator_settings(
 
 def _longest(log: Any, columns: Any, request: ExportRequest) -> Samples:
     """Samples of a log's longest recording; raise if its input is not the estimate's."""
-    from flexid.library.logs import one_log, samples
+    from flexid.library.logs import read_log, samples
 
-    read = one_log(log, columns)
+    read = read_log(log, columns=columns)
     unit = read.recordings[0].input_unit
     if request.identification is not None and request.identification.model != "link":
         (known,) = {request.units[name] for name in request.system.inputs}

@@ -146,12 +146,11 @@ def _streamed(logs: Any, columns: Any, settings: Settings, progress: Progress) -
     from flexid.library.logs import as_columns
     from flexid.streaming.whole_log import identify_stream
 
-    several = logs if isinstance(logs, list) else [logs]
-    if len(several) > 1:
+    if len(logs) > 1:
         raise SettingError("stream", "only one log can be streamed: name one Parquet file")
-    if not isinstance(several[0], str | os.PathLike):
+    if not isinstance(logs[0], str | os.PathLike):
         raise ArgumentError("identify", "logs", "is to be the path of one Parquet file to stream")
-    return identify_stream(Path(several[0]), as_columns(columns), settings, progress)
+    return identify_stream(Path(logs[0]), as_columns(columns), settings, progress)
 
 
 @entrance

@@ -54,7 +54,20 @@ def read_log(log: OneLog, *, columns: Columns | None = None) -> Log:
         Recordings in SI units on an even time grid, one where the log has no gap; its ``warnings``
         say what was mended or looks odd.
     """
-    return one_log(log, columns)
+    from flexid.recording.read import log_of_table
+    from flexid.recording.read import read_log as read
+
+    if isinstance(log, Log | Recording):
+        if columns is not None:
+            raise SettingError("columns", "is for logs that are yet to be read: leave it out")
+        return log if isinstance(log, Log) else _log_of(log)
+    column_map = as_columns(columns)
+    if isinstance(log, str | os.PathLike):
+        return read(Path(log), column_map)
+    from flexid.recording.frame import table_of_arrays, table_of_frame
+
+    table = table_of_arrays(log) if isinstance(log, Mapping) else table_of_frame(log)
+    return log_of_table(table, column_map)
 
 
 @entrance
@@ -78,32 +91,13 @@ def samples(log: OneLog, *, columns: Columns | None = None) -> tuple[Samples, ..
 
     return tuple(
         samples_of_recording(part, "rigid" if part.link_position is None else "flexible")
-        for part in one_log(log, columns).recordings
+        for part in read_log(log, columns=columns).recordings
     )
 
 
 def all_logs(logs: Any, columns: Any) -> list[Log]:
-    """Logs from what a user gives."""
-    several = logs if isinstance(logs, list) else [logs]
-    return [one_log(log, columns) for log in several]
-
-
-def one_log(log: Any, columns: Any) -> Log:
-    """A log from what a user gives."""
-    from flexid.recording.read import log_of_table
-    from flexid.recording.read import read_log as read
-
-    if isinstance(log, Log | Recording):
-        if columns is not None:
-            raise SettingError("columns", "is for logs that are yet to be read: leave it out")
-        return log if isinstance(log, Log) else _log_of(log)
-    column_map = as_columns(columns)
-    if isinstance(log, str | os.PathLike):
-        return read(Path(log), column_map)
-    from flexid.recording.frame import table_of_arrays, table_of_frame
-
-    table = table_of_arrays(log) if isinstance(log, Mapping) else table_of_frame(log)
-    return log_of_table(table, column_map)
+    """Logs from what a user gives, which `entrance` has made a list."""
+    return [read_log(log, columns=columns) for log in logs]
 
 
 def as_columns(columns: Columns | None) -> MapSource | None:

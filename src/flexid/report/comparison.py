@@ -15,7 +15,6 @@ from flexid.report.terminal import (
     Column,
     Part,
     Table,
-    format_with_interval,
     listed,
     number,
     numbers,
@@ -158,8 +157,8 @@ def _change(difference: Difference) -> str:
     relative = isfinite(difference.percent)
     value = difference.percent if relative else difference.value
     ends = difference.percent_interval if relative else difference.interval
-    shown, low, high = format_with_interval(value, *ends)
-    return f"{shown} [{low}, {high}] {'%' if relative else difference.unit}"
+    shown, interval = value_texts(value, *ends)
+    return f"{shown} {interval} {'%' if relative else difference.unit}"
 
 
 def _count(compared: Sequence[Difference]) -> str:

@@ -69,20 +69,18 @@ def _percent(share: float) -> str:
 
 def charts(result: Design) -> tuple[Chart]:
     """Torque, position and deflection over time."""
-    says = "What the drive is to do, and what it then does if it is as it is believed to be."
-    return (Chart("design", "The design", says, tuple(_over_time(result))),)
-
-
-def _over_time(result: Design) -> Iterator[Panel]:
-    """Torque, position and deflection."""
     x, time, units = result.run.states, Axis("time", "s"), _units(result)
     position = Line("link", result.time, x[:, 0], "blue")
     torque = Line("torque", result.time, result.run.torque, "blue", 1.0)
-    yield Panel("Torque played", time, Axis("torque", units["torque"]), (torque,))
-    title = "Link position, simulated with the assumed drive"
-    yield Panel(title, time, Axis("position", units["position"]), (position,))
     deflection = Line("deflection", result.time, x[:, 0] - x[:, 2], "blue", 1.0)
-    yield Panel("Deflection", time, Axis("deflection", units["deflection"]), (deflection,), 0.7)
+    title = "Link position, simulated with the assumed drive"
+    panels = (
+        Panel("Torque played", time, Axis("torque", units["torque"]), (torque,)),
+        Panel(title, time, Axis("position", units["position"]), (position,)),
+        Panel("Deflection", time, Axis("deflection", units["deflection"]), (deflection,), 0.7),
+    )
+    says = "What the drive is to do, and what it then does if it is as it is believed to be."
+    return (Chart("design", "The design", says, panels),)
 
 
 _DIGITS = 10  # significant; a drive has fewer

@@ -44,8 +44,10 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield ""
     yield from excitation_lines(result.excitation)
     yield from residual_lines(result)
-    yield from prediction_lines(result)
-    yield f"Compliance: {compliance_line(result)}"
+    yield f"Free run over held-out data: {format_fits(result.validation.fit_percent)}"
+    yield from _horizons(result.validation)
+    seen = "visible" if result.compliance.visible else "not visible"
+    yield f"Compliance: {seen}; {result.compliance.reason}."
     if result.removed:
         yield f"Excluded terms: {', '.join(removed_lines(result))}."
     yield ""
@@ -94,18 +96,6 @@ def residual_lines(result: Identification) -> Iterator[str]:
     shares = result.disturbances.shares.items()
     told = ", ".join(f"{name} {100.0 * share:.2g} %" for name, share in shares)
     yield f"Unexplained acceleration: {told}"
-
-
-def prediction_lines(result: Identification) -> Iterator[str]:
-    """How well held-out data are predicted, freely and over shorter spans."""
-    yield f"Free run over held-out data: {format_fits(result.validation.fit_percent)}"
-    yield from _horizons(result.validation)
-
-
-def compliance_line(result: Identification) -> str:
-    """Whether the joint's compliance shows, and by what."""
-    seen = "visible" if result.compliance.visible else "not visible"
-    return f"{seen}; {result.compliance.reason}."
 
 
 def _model_error(error: ModelError) -> str:

@@ -22,9 +22,8 @@ from flexid.report.chart import (
     with_margin,
 )
 from flexid.report.identification import format_fit
-from flexid.report.terminal import format_with_interval
+from flexid.report.terminal import value_texts
 from flexid.stored_estimates.frequency_response import (
-    Frequency,
     FrequencyResponse,
     Response,
     frequency_response,
@@ -203,7 +202,13 @@ def bode_chart(described: FrequencyResponse) -> Chart:
     hertz = described.frequency
     x = Axis("frequency", "Hz", logarithmic=True, limits=(float(hertz[0]), float(hertz[-1])))
     marked = [
-        Level(_with_interval(found), found.value, "x", _COLOURS[found.name], "dotted")
+        Level(
+            "{} {} {} Hz".format(found.name, *value_texts(found.value, *found.interval)),
+            found.value,
+            "x",
+            _COLOURS[found.name],
+            "dotted",
+        )
         for found in described.characteristic
     ]
     sizes = _magnitudes(described)
@@ -269,11 +274,6 @@ def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
     ]
     low, high = np.quantile(np.concatenate(sizes), (0.02, 1.0)) if sizes else (-1.0, 1.0)
     return float(10 ** (low - _SIDE)), float(10 ** (high + _SIDE))
-
-
-def _with_interval(found: Frequency) -> str:
-    shown, low, high = format_with_interval(found.value, *found.interval)
-    return f"{found.name} {shown} [{low}, {high}] Hz"
 
 
 def identification_charts(result: Identification) -> Sequence[Chart]:

@@ -32,11 +32,6 @@ def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part
     spent = (f"{count} {name.replace('_', ' ')}" for name, count in run.statistics.items())
     yield f"{experiment.name}: {length}, {', '.join(spent)}"
     yield estimates_table(experiment, run, measures)
-    yield from run_lines(run, measures)
-
-
-def run_lines(run: Run, measures: Measures) -> Iterator[str]:
-    """Tracking, inputs and excitation, a line each."""
     angle = " rad" if is_joint(run) else ""
     yield (
         f"Tracking error: {measures.tracking_rms:.4g}{angle} root mean square, "

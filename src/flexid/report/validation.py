@@ -91,14 +91,11 @@ def heading(result: EstimateValidation) -> tuple[str, str]:
 
 
 def charts(result: EstimateValidation) -> tuple[Chart, Chart]:
-    """Free run over each log, and its residuals."""
-    return fit_chart(result), residual_chart(result, unit_of("rad", result.joint))
-
-
-def fit_chart(result: EstimateValidation) -> Chart:
-    """Free run over each log, channel by channel, with the residual below."""
+    """Free run over each log, channel by channel, and its residuals."""
+    unit = unit_of("rad", result.joint)
     title = "Free run of the estimate over other logs"
-    return free_run_chart("validation", title, result, result.noise, unit_of("rad", result.joint))
+    free_run = free_run_chart("validation", title, result, result.noise, unit)
+    return free_run, residual_chart(result, unit)
 
 
 def document(result: EstimateValidation) -> dict[str, Any]:

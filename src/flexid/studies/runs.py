@@ -162,11 +162,12 @@ def simulated_runs(readings: Mapping[str, Reading]) -> dict[str, SteadyRun]:
 
 def study_reading(exponents: Exponents) -> Reading:
     """Find the poles of a reading, and simulate it if it is one of `SIMULATED`."""
+    early = simulate(table1_loop(exponents), _EARLY, _SAMPLE_TIME, TOLERANCE)
     return Reading(
         exponents,
         MEANINGS[exponents],
         closed_loop_poles(exponents),
-        _early_tracking_error(exponents),
+        early.largest_tracking_error(0.0, _EARLY),
         simulate_reading(exponents) if exponents in SIMULATED else None,
     )
 
@@ -183,11 +184,6 @@ def closed_loop_poles(exponents: Exponents, k: float = ATTENUATION) -> NDArray[n
     states = kernel.N_STATES
     poles = np.linalg.eigvals(jacobian[:states, :states])
     return np.array(sorted(map(complex, poles), key=lambda pole: (-pole.real, -pole.imag)))
-
-
-def _early_tracking_error(exponents: Exponents) -> float:
-    run = simulate(table1_loop(exponents), _EARLY, _SAMPLE_TIME, TOLERANCE)
-    return run.largest_tracking_error(0.0, _EARLY)
 
 
 def simulate_reading(exponents: Exponents) -> SteadyRun:
