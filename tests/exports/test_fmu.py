@@ -22,7 +22,7 @@ from fmpy.validation import validate_fmu
 
 import flexid
 from flexid.errors import SettingError
-from flexid.exports.fmu import write_fmu
+from flexid.exports.fmu import write as write_fmu
 from flexid.exports.request import ExportRequest
 from flexid.simulation.free_run import free_run
 

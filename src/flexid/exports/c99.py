@@ -91,7 +91,7 @@ class DriveSource:
         )
 
 
-def write_c99(request: ExportRequest, directory: Path) -> tuple[str, ...]:
+def write(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     """Write the files of an estimator."""
     drive = DriveSource(request)
     samples = request.samples

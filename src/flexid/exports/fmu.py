@@ -127,7 +127,7 @@ _YEAR = (1980, 1, 1, 0, 0, 0)  # the same content is the same file
 _TIME = Variable("time", "independent", None, "s", "simulated time")
 
 
-def write_fmu(request: ExportRequest, directory: Path) -> list[str]:
+def write(request: ExportRequest, directory: Path) -> list[str]:
     """Write the plant as an FMU of each version; return what it has not, or otherwise."""
     plant = plant_of(request)
     for version in VERSIONS:

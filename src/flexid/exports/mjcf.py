@@ -187,7 +187,7 @@ _HEADING = (
 _SLIDING = 1e-3  # kg m^2 of a body that does not turn: the engine wants some
 
 
-def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
+def write(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     """Write ``joint.xml``, the scene of an estimate."""
     result = request.identification
     if result is None:

@@ -26,7 +26,7 @@ from flexid.exports.mjcf import (
     scene,
     timestep,
 )
-from flexid.exports.request import check_known, impossible
+from flexid.exports.request import check_known, doubts_of, impossible
 from flexid.models.planar_arm import PlanarArm, planar_arm
 
 _HINGE = Hinge("hinge", "0 -1 0")  # about which x turns towards z
@@ -37,13 +37,11 @@ _HEADING = (
 )
 
 
-def write_arm(result: ArmIdentification, directory: Path) -> tuple[str, ...]:
+def write(result: ArmIdentification, directory: Path) -> tuple[str, ...]:
     """Write ``arm.xml``, the scene of an arm's estimate."""
     made = arm_scene(result)
     (directory / "arm.xml").write_text(made.xml, encoding="utf-8")
-    guessed = [name for name, p in result.parameters.items() if p.verdict == "undetermined"]
-    doubts = (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
-    return (*doubts, *made.notes)
+    return (*doubts_of(result.parameters), *made.notes)
 
 
 def arm_scene(result: ArmIdentification) -> Scene:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from flexid.estimators.samples import Samples
     from flexid.identification.preparation.joint import Joint
     from flexid.identification.result import Identification
+    from flexid.identification.vocabulary.evidence import ValueEstimate
     from flexid.recording.recording import Hold
 
 
@@ -47,9 +48,13 @@ class ExportRequest:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Warnings about the values, in sentences."""
-        found = {} if self.identification is None else self.identification.coefficients
-        guessed = [name for name, c in found.items() if c.verdict == "undetermined"]
-        return (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
+        return () if self.identification is None else doubts_of(self.identification.coefficients)
+
+
+def doubts_of(values: Mapping[str, "ValueEstimate"]) -> tuple[str, ...]:
+    """A warning where some values are undetermined, in a sentence."""
+    guessed = [name for name, value in values.items() if value.verdict == "undetermined"]
+    return (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
 
 
 def request_of_identification(
@@ -180,21 +185,18 @@ TARGETS = ("c99", "mjcf", "fmu")
 """The online estimator, the scene, the plant; each has a module of that name here."""
 
 
-def export_to(target: str, request: ExportRequest, directory: Path) -> tuple[str, ...]:
+def export_to(
+    target: str, what: "ExportRequest | ArmIdentification", directory: Path
+) -> tuple[str, ...]:
     """Write the files of a target into an empty directory; return what they do not hold."""
-    module = import_module(f"flexid.exports.{target}")
-    return tuple(vars(module)[f"write_{target}"](request, directory))
-
-
-def export_arm(target: str, arm: "ArmIdentification", directory: Path) -> tuple[str, ...]:
-    """Write the files of a target for an arm; return what they do not hold."""
-    if target != "mjcf":
-        raise SettingError(
-            target, "is for one joint, and the estimate is of an arm: export it to mjcf"
-        )
-    from flexid.exports.mjcf_arm import write_arm
-
-    return write_arm(arm, directory)
+    module = target
+    if not isinstance(what, ExportRequest):
+        if target != "mjcf":
+            raise SettingError(
+                target, "is for one joint, and the estimate is of an arm: export it to mjcf"
+            )
+        module = "mjcf_arm"
+    return tuple(import_module(f"flexid.exports.{module}").write(what, directory))
 
 
 @cache

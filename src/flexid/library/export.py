@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 from math import isfinite
 from os import PathLike
 from pathlib import Path
@@ -165,7 +164,7 @@ def export(
     terms : iterable of str, optional
         Terms of flexible-joint; those of the paper if not given.
     """
-    from flexid.exports.request import TARGETS, ExportRequest, export_arm, export_to
+    from flexid.exports.request import TARGETS, ExportRequest, export_to
     from flexid.files import output_directory
 
     if to not in TARGETS:
@@ -177,16 +176,12 @@ def export(
         option = [*given, *of_estimator][0]
         raise SettingError(option, f"is of an online estimator, and {to} has none: leave it out")
     meant = _what_is_meant(what, terms, with_memory=to == "mjcf")
-    if isinstance(meant, ExportRequest):
-        if to == "c99":
-            samples = None if log is None else _longest(log, columns, meant)
-            estimator = _estimator_settings(meant, samples, sample_time, given)
-            meant = replace(meant, settings=estimator, samples=samples)
-        write = partial(export_to, to, meant)
-    else:
-        write = partial(export_arm, to, meant)
+    if isinstance(meant, ExportRequest) and to == "c99":
+        samples = None if log is None else _longest(log, columns, meant)
+        estimator = _estimator_settings(meant, samples, sample_time, given)
+        meant = replace(meant, settings=estimator, samples=samples)
     with output_directory(Path(out)) as directory:
-        warnings = write(directory)
+        warnings = export_to(to, meant, directory)
         names = sorted(path.name for path in directory.iterdir())
     return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
 
