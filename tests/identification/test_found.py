@@ -24,7 +24,7 @@ from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import Identification
 from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
-from flexid.stored_estimates.linear_joint import linear_joint
+from flexid.stored_estimates.frequency_response import linear_joint
 from flexid.stored_estimates.structure import structure_of, values_of
 from flexid.stored_estimates.validate_estimate import validate_estimate
 from flexid.streaming.options import StreamChannels, options_of_stream

@@ -13,8 +13,11 @@ from flexid.models.flexible_joint import BACKLASH_WIDTH, BEND_DEFLECTION, SPRING
 from flexid.report.figure import draw
 from flexid.report.response_charts import bode_chart
 from flexid.simulation.free_run import free_run
-from flexid.stored_estimates.frequency_response import frequency_response
-from flexid.stored_estimates.linear_joint import linear_joint, response_band
+from flexid.stored_estimates.frequency_response import (
+    frequency_response,
+    linear_joint,
+    response_band,
+)
 from joint_logs import DAMPED as TRUE
 
 STEP = 1e-3

@@ -1,27 +1,248 @@
-"""The frequency response of an identified joint for small motions, with its band."""
+"""The frequency response of an identified joint for small motions: linearised, with its band.
 
-from collections.abc import Sequence
+With positions q of the rows and the input u,
+
+    (-ω² - jω D - K) q = B u,    K = K₀ + Σ cᵢ Kᵢ,    D and B likewise,
+
+since every row is linear in its coefficients c. A dry friction is constant while its side slides,
+and so has no part in it.
+
+Near a resonance the logarithm of a response is anything but linear in the coefficients, and the
+delta method gives bands that are too narrow below the peak and too wide above. So a band is
+computed from coefficients c + r S w, with S Sᵀ their covariance, r the quantile of Student's t and
+|w| ≤ 1. Among all w those count that lie in the plane of the two directions in which, at that
+frequency, magnitude and phase change: to all others the response is, to first order, indifferent.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import atan2
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.result import Identification
+from flexid.identification.structure.gap import PLAY
 from flexid.identification.vocabulary.estimate import (
     CONFIDENCE,
     Interval,
     checked_level,
     logarithmic_interval,
+    quantile,
 )
+from flexid.identification.vocabulary.evidence import slopes_of
+from flexid.models.flexible_joint import coefficients_of
 from flexid.models.motion import unit_of
-from flexid.stored_estimates.linear_joint import (
-    ComplexArray,
-    LinearJoint,
-    linear_joint,
-    response_band,
-)
+from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.sampled import plain_model
+from flexid.stored_estimates.structure import structure_of, values_of
+from flexid.symmetric import eigen
+
+ComplexArray = NDArray[np.complex128]
+
+
+class Shown(NamedTuple):
+    """What is shown of a kind of joint."""
+
+    outputs: tuple[str, ...]  # row by row
+    by_force: bool  # whether velocities over a force, else positions over a position
+    characteristic: Mapping[str, int]  # rows that move, from the first, at each characteristic
+
+
+SHOWN: Mapping[Kind, Shown] = {
+    "flexible": Shown(
+        ("link velocity", "motor velocity"), True, {"antiresonance": 1, "resonance": 2}
+    ),
+    "link": Shown(("link position",), False, {"antiresonance": 1}),
+    "rigid": Shown(("motor velocity",), True, {}),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LinearJoint:
+    """A joint about a place of rest; `linear_joint` makes one."""
+
+    shown: Shown
+    values: FloatArray  # (k,): coefficients in the model's order
+    stiffness: FloatArray  # K, (1 + k, n_rows, n_rows): without coefficients, then of each
+    damping: FloatArray  # D, likewise
+    gain: FloatArray  # B, (1 + k, n_rows, n_inputs), likewise: of the input and its derivatives
+    deviations: FloatArray  # (k, m): square root of the covariance, as far as it is finite
+    names: tuple[str, ...]  # of the coefficients
+    free: NDArray[np.bool_]  # (k,): not determined by the log
+    degrees_of_freedom: float  # the fewest of those involved
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Coefficients that the log leaves free."""
+        return tuple(name for name, free in zip(self.names, self.free, strict=True) if free)
+
+    @property
+    def rows(self) -> int:
+        """Number of positions."""
+        return self.stiffness.shape[1]
+
+    def positions(self, omega: FloatArray, values: FloatArray | None = None) -> ComplexArray:
+        """Positions per unit of the input, shape (..., n_rows); of the link, per motor position."""
+        c = self.values if values is None else values
+        impedance, drive = self._equations(omega, c)
+        return np.asarray(np.linalg.solve(impedance, drive[..., None])[..., 0], dtype=np.complex128)
+
+    def logarithmic_slopes(self, omega: FloatArray) -> ComplexArray:
+        """Derivatives of ln(positions) by the coefficients, shape (n, n_rows, k)."""
+        impedance, drive = self._equations(omega, self.values)
+        q = np.linalg.solve(impedance, drive[..., None])
+        jw = 1j * omega[:, None, None, None]
+        moved = (self.stiffness[1:] + jw * self.damping[1:]) @ q[:, None]
+        pushed = moved[..., 0] + self._drive(omega[:, None], self.gain[1:])
+        slopes = np.linalg.solve(impedance, pushed.swapaxes(1, 2)) / q
+        return np.asarray(slopes, dtype=np.complex128)
+
+    def _equations(self, omega: FloatArray, c: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        stiffness, damping, gain = (
+            affine[0] + np.tensordot(c, affine[1:], 1)
+            for affine in (self.stiffness, self.damping, self.gain)
+        )
+        w = omega[..., None, None]
+        impedance = -(w**2) * np.eye(self.rows) - 1j * w * damping - stiffness
+        return impedance, self._drive(omega, gain)
+
+    def _drive(self, omega: FloatArray, gain: FloatArray) -> ComplexArray:
+        """What an input of size 1, with its derivatives, does to each row."""
+        jw = 1j * omega[..., None]
+        parts = [gain[..., order] * jw**order for order in range(gain.shape[-1])]
+        return np.asarray(np.sum(parts, axis=0), dtype=np.complex128)
+
+
+def linear_joint(result: Identification, position: float | None = None) -> LinearJoint:
+    """Linearise an identified joint."""
+    # Friction is dry here even where it was smoothed: sliding, it is constant.
+    # So is one that remembers its path, along it, and what play takes off a spring in contact.
+    constant = joint_of(result.model).remembered | PLAY
+    lasting = {c: value for c, value in values_of(result, 0).items() if c not in constant}
+    structure = structure_of(result, lasting, smooth=False)
+    system = structure.unknowns(()).system.knowing(structure.joint.first)
+    given = {name: lasting.get(name, 0.0) for name in system.coefficients}
+    lost = np.array([not np.isfinite(value) for value in given.values()])
+    found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}
+    rest = _hanging(found) if position is None else position
+    if not np.isfinite(rest):
+        raise SettingError("position", f"must be a finite position in rad or m, got {rest}")
+    slopes = slopes_of([result.coefficients.get(name) for name in found], result.fit.names)
+    finite = np.isfinite(np.diag(result.fit.covariance))
+    free = (slopes[:, ~finite] != 0.0).any(axis=1) | lost
+    used = (slopes != 0.0).any(axis=0) & finite
+    variances, vectors = eigen(result.fit.covariance[np.ix_(used, used)])
+    freedom = [n for n, is_used in zip(result.fit.degrees_of_freedom, used, strict=True) if is_used]
+    return LinearJoint(
+        SHOWN[result.model],
+        np.array(list(found.values())),
+        *_matrices(system, rest),
+        slopes[:, used] @ (vectors * np.sqrt(np.maximum(variances, 0.0))),
+        tuple(found),
+        free,
+        float(min(freedom, default=np.inf)),
+    )
+
+
+def _hanging(coefficients: Mapping[str, float]) -> float:
+    """The angle at which gravity has no torque."""
+    both = map(coefficients_of, ("gravity", "gravity_cosine"))
+    for sine, cosine in zip(*both, strict=True):
+        if coefficients.get(cosine):
+            return -atan2(coefficients[cosine], coefficients.get(sine, 0.0))
+    return 0.0
+
+
+def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K, D and B: what no coefficient multiplies, then what each of them does.
+
+    They are affine in the coefficients, so unit vectors tell the parts apart.
+    """
+    slopes_of = plain_model(system).slopes
+    rows, count = len(system.rows), len(system.coefficients)
+    x, u = np.zeros(2 * rows), np.zeros(len(system.inputs))
+    x[::2] = rest
+    if len(u) > 1:  # the motor's position, before its velocity
+        u[0] = rest
+    constants = list(system.constants.values())
+    slopes = np.empty((1 + count, 2 * rows, 2 * rows))
+    gains = np.empty((1 + count, 2 * rows, len(u)))
+    for place, coefficients in enumerate(np.vstack((np.zeros(count), np.eye(count)))):
+        point = (x.tolist(), u.tolist(), coefficients.tolist(), constants)
+        slopes_of(*point, slopes[place], gains[place])
+    for parts in (slopes, gains):
+        parts[1:] -= parts[0]
+    return slopes[:, 1::2, ::2], slopes[:, 1::2, 1::2], gains[:, 1::2]
+
+
+_RADII = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+_ANGLES = 2.0 * np.pi * np.arange(32) / 32  # the largest response is missed by 0.5 % of the width
+_TURN = 2.0  # rad between neighbours, from which on the response vanishes, or peaks, between them
+
+
+def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> FloatArray:
+    """Ends of the interval of each position, shape (4, n, n_rows).
+
+    Least and largest magnitude over the estimate, least and largest phase in rad less the estimate;
+    infinite where the log leaves something free.
+    """
+    # Of a response that is zero: nothing is known of its logarithm.
+    nothing = np.repeat([[0.0], [np.inf], [-np.inf], [np.inf]], len(omega), axis=1)
+    if joint.unknown:
+        return np.stack([nothing] * joint.rows, axis=2)
+    response = joint.positions(omega)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of what does not move at all
+        slopes = joint.logarithmic_slopes(omega)
+    bands = [
+        _of_row(joint, omega, response, slopes, row, level) if response[:, row].all() else nothing
+        for row in range(joint.rows)
+    ]
+    return np.stack(bands, axis=2)
+
+
+def _of_row(
+    joint: LinearJoint,
+    omega: FloatArray,
+    response: ComplexArray,
+    slopes: ComplexArray,
+    row: int,
+    level: float,
+) -> FloatArray:
+    change = slopes[:, row] @ joint.deviations
+    if change.shape[1] == 0:  # nothing was estimated
+        none = np.zeros(len(omega))
+        return np.array((none + 1.0, none + 1.0, none, none))
+    # The first axis lies along the change of the magnitude, which so is met exactly.
+    planes = np.linalg.qr(np.stack((change.real, change.imag), axis=2)).Q
+    rays = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=1)[:, : planes.shape[2]]
+    reach = quantile(joint.degrees_of_freedom, level)
+    moves = np.einsum("ki,nij,aj->nak", joint.deviations, planes, rays)[:, :, None]
+    moves = reach * _RADII[:, None] * moves
+    at = np.broadcast_to(omega[:, None, None], moves.shape[:3])
+    ratio = joint.positions(at, joint.values + moves)[..., row] / response[:, row, None, None]
+    turned = np.angle(ratio[:, :, 1:] / ratio[:, :, :-1])
+    angles = np.cumsum(turned, axis=2)  # from the middle outwards
+    between = np.angle(np.exp(1j * np.diff(angles[:, [*range(len(rays)), 0], -1], axis=1)))
+    any_phase = (np.abs(turned) > _TURN).any(axis=(1, 2)) | (np.abs(between.sum(axis=1)) > np.pi)
+    with np.errstate(divide="ignore"):  # of a joint without damping
+        largest = 1.0 / _nearest(1.0 / ratio)
+    behind = np.where(any_phase, -np.pi, np.minimum(angles.min(axis=(1, 2)), 0.0))
+    ahead = np.where(any_phase, np.pi, np.maximum(angles.max(axis=(1, 2)), 0.0))
+    return np.array((_nearest(ratio), largest, behind, ahead))
+
+
+def _nearest(points: ComplexArray) -> FloatArray:
+    """How near the lines between points along each ray come to zero, shape (n,)."""
+    start, step = points[:, :, :-1], np.diff(points, axis=2)
+    length = np.abs(step) ** 2
+    along = -(start * step.conj()).real / np.where(length > 0.0, length, 1.0)
+    return np.abs(start + np.clip(along, 0.0, 1.0) * step).min(axis=(1, 2))
+
 
 _POINTS = 400  # of the curves, evenly on the logarithm
 _NEAR_PEAK = np.geomspace(1e-5, 0.2, 40)  # and near a peak, however narrow it is
