@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from benchmarks.arms.arm import Arm, Link, random_arm
 from benchmarks.arms.log import Motion, random_motion, save, simulate
+from numpy.typing import NDArray
 
 from flexid.arms.identify import doubt_of_negative, identify_arm
-from flexid.arms.log import read_arm_log
+from flexid.arms.log import ArmLog, read_arm_log
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.planar_arm import PlanarArm
 
@@ -81,8 +82,11 @@ def test_a_joint_that_rests(tmp_path: Path, noise: bool):
         assert found[name].reason == "joint 2 rests: let it move"
 
 
-@pytest.mark.thorough  # 20 s
-def test_a_joint_that_hardly_creeps(tmp_path: Path):
+@pytest.mark.thorough  # 20 s each
+@pytest.mark.parametrize("seed", [None, 6, 8])  # of another rounding; both once led 15 % astray
+def test_a_joint_that_hardly_creeps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int | None
+):
     """Assert that its motor is fitted as it moves, and that no stiffness is sure and wrong."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     rng = np.random.default_rng([3, 2, True])
@@ -91,12 +95,28 @@ def test_a_joint_that_hardly_creeps(tmp_path: Path):
     known = PlanarArm(tuple(link.length for link in arm.links), arm.gravity)
     log = read_arm_log(tmp_path / "run.csv", 2)
     assert log.resting == (1,)
+    if seed is not None:
+        log = rounded_otherwise(log, seed)
+    monkeypatch.setattr("flexid.arms.identify.read_arm_log", lambda *_: log)
     found = identify_arm(tmp_path / "run.csv", known).parameters
     for joint, link in enumerate(arm.links, 1):
         lower, upper = found[f"joint_stiffness_{joint}"].interval
         assert lower < link.stiffness < upper
     friction = found["motor_coulomb_friction_1"]
     assert abs(friction.value / arm.links[0].motor_coulomb - 1.0) < 0.2
+
+
+def rounded_otherwise(log: ArmLog, seed: int) -> ArmLog:
+    """A log whose numbers are off by 1e-12 of themselves."""
+    rng = np.random.default_rng(seed)
+
+    def near(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return values * (1.0 + 1e-12 * rng.standard_normal(values.shape))
+
+    near_recordings = (
+        replace(r, positions=near(r.positions), inputs=near(r.inputs)) for r in log.recordings
+    )
+    return replace(log, recordings=tuple(near_recordings))
 
 
 def test_a_fit_whose_steps_do_not_end_knows_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch):

@@ -5,7 +5,7 @@ dry friction that follows from the motion and sticks. Of stiff joints there are 
 most of them at values that no arm has: see `as_physical`.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -53,6 +53,8 @@ _LIKELIER = 5.0  # the same, by which it is better, and its sizes are sought
 _TRIED = 2  # starts, of the likeliest; further ones hardly lead elsewhere
 _SLIPS = 0.1  # share of the samples, in which a motor that seemed to rest may slip
 _SAME = 0.1  # standard deviations, by which values of one minimum may differ
+_FAR = (6.0, 12.0, 24.0)  # standard deviations, in the direction that is least known
+_FLATTER = 0.5  # of the cost there, by the curvature: it is no more than roughness then
 
 ArmInBand = FitInBand[ElasticArm]
 
@@ -220,6 +222,37 @@ def _suited(found: DisturbedFit) -> DisturbedFit:
                 if other.cost < best.cost - UNUSUAL_FALL:
                     found = DisturbedFit(job, other, ())
     return found
+
+
+def along_the_valley(found: DisturbedFit) -> DisturbedFit:
+    """The same fit, or a likelier one, with what is about as likely in the least known direction.
+
+    Friction that sticks makes the bottom rough. Steps may end on it far from the least cost, and
+    its curvature there tells of single slips, not of what the whole log leaves open.
+    """
+    ends = [found.best, *found.rivals]
+    for start in _far_along(found.fitted):
+        with suppress(ConvergenceError):
+            _go_on(found.job, start, ends)
+    best, *rivals = ends
+    return replace(found, best=best, rivals=tuple(rivals))
+
+
+def _far_along(fitted: FittedArm) -> Iterator[dict[str, float]]:
+    """The farthest values, either way, at which the cost has risen much less than by curvature."""
+    inverse, deviations = fitted.minimum.reduced.inverse, fitted.unit_deviations
+    scale = np.where(deviations > 0.0, deviations, 1.0)
+    weakest = np.linalg.eigh(inverse / np.outer(scale, scale))[1][:, -1]
+    place = int(np.argmax(np.abs(weakest)))
+    direction = inverse[place] / scale[place]
+    point = fitted.minimum.point
+    for way in (direction, -direction):
+        for far in _FAR[::-1]:
+            values = point.values + far * way
+            moved = fitted.problem.equations(replace(point, values=values), "nothing")
+            if moved.cost - _squares(fitted) < _FLATTER * far**2:
+                yield {**fitted.by_name, **dict(zip(fitted.names, values.tolist(), strict=True))}
+                break
 
 
 def creeping(

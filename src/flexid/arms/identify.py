@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import flexid
-from flexid.arms.disturbed import creeping, fit_disturbed
+from flexid.arms.disturbed import along_the_valley, creeping, fit_disturbed
 from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import (
     FittedArm,
@@ -132,6 +132,7 @@ def _found(
             still = (r.positions[:, 2 * joint - 1] for r in log.recordings for joint in log.resting)
             if not all(map(is_noise, still)):
                 disturbed = creeping(disturbed, fixed, exact.starts)
+            disturbed = along_the_valley(disturbed)
             progress("what may be wrong with it")
             doubted, widest = with_doubts(disturbed)
             if not any(doubted.degrees_of_freedom):
