@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.interpolate import make_interp_spline
 from scipy.stats import t
 from tests.made_estimates import TRUE as TRUTH
 
@@ -69,6 +70,18 @@ def joint_samples(seed: int | None = None, first: int = 0) -> Samples:
 def encoders(seed: int | None, first: int = 0) -> Samples:
     """The same without its velocities."""
     return replace(joint_samples(seed, first), velocities=None)
+
+
+def late_motion(
+    at: np.ndarray, input_delay: float, link_delay: float, by_deflection: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Link, motor and torque at some times; the torque, and the link or deflection, are late."""
+    time, states = clean_motion()
+    link, motor = (make_interp_spline(time, states[:, column], k=5) for column in (0, 2))
+    seen = link(at - link_delay)
+    if by_deflection:
+        seen += motor(at) - motor(at - link_delay)
+    return seen, motor(at), torque(at + input_delay)
 
 
 def holding(fit, truth: np.ndarray = VALUES) -> np.ndarray:

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from made_motion import fall
-from noisy_joint import SAMPLE_TIME, VALUES, clean_motion, torque
-from scipy.interpolate import make_interp_spline
+from noisy_joint import SAMPLE_TIME, VALUES, clean_motion, late_motion
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import INPUT, Timing
@@ -25,21 +24,16 @@ DURATION = 10.0  # s
 
 def log(seed: int, input_delay: float, link_delay: float, by_deflection: bool = False) -> Samples:
     """The joint of Table I whose torque acts, and whose link or deflection is read, late."""
-    time, states = clean_motion()
-    link, motor = (make_interp_spline(time, states[:, column], k=5) for column in (0, 2))
     at = 0.5 + H * np.arange(round(DURATION / H))
-    if by_deflection:
-        seen = motor(at) + link(at - link_delay) - motor(at - link_delay)
-    else:
-        seen = link(at - link_delay)
+    link, motor, torque = late_motion(at, input_delay, link_delay, by_deflection)
     noise = NOISE * np.random.default_rng(seed).standard_normal((len(at), 2))
-    positions = np.column_stack((seen, motor(at))) + noise
-    return Samples(positions, None, torque(at + input_delay)[:, None], H, 0.5)
+    positions = np.column_stack((link, motor)) + noise
+    return Samples(positions, None, torque[:, None], H, 0.5)
 
 
-def problem_of(samples: Samples, timing: Timing, duration: float = 1.0) -> SegmentedMotion:
+def problem_of(samples: Samples, timing: Timing) -> SegmentedMotion:
     """The model beside a log, with segments that leave its ends to what is late."""
-    return segmented_motion(flexible_joint(), divide([samples], duration, margin=0.03), timing)
+    return segmented_motion(flexible_joint(), divide([samples], 1.0, margin=0.03), timing)
 
 
 def fit(samples: Samples, timing: Timing, start: Sequence[float] = ()) -> PredictionErrorFit:

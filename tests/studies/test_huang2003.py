@@ -42,19 +42,16 @@ def test_errors_vanish_where_a4_holds(cases):
 
 
 def test_errors_settle_away_from_zero_at_standstill(cases):
-    """Assert that at a constant reference errors become constant and three of four stay."""
+    """Assert that at a constant reference errors become constant and three of four stay.
+
+    θ̃(0) does: equilibrium makes f orthogonal to θ, and θ̃(0) is -θ/2.
+    """
     case = cases["(A4) fails: standstill"]
     assert case.settled
     left = {limit.coefficient: limit.last / limit.first for limit in case.limits}
     assert left["alpha1"] == pytest.approx(0.0, abs=1e-3)  # x1 - x3 is not zero, x4 is
-    assert min(left["theta1"], left["theta2"], left["alpha2"]) > 0.9
-
-
-def test_standstill_teaches_nothing_about_the_link(cases):
-    """Assert that θ̃(0) stays: equilibrium makes f orthogonal to θ, and θ̃(0) is -θ/2."""
-    limits = {limit.coefficient: limit for limit in cases["(A4) fails: standstill"].limits}
-    for name in ("theta1", "theta2"):
-        assert limits[name].last == pytest.approx(limits[name].first, rel=1e-5)
+    assert left["alpha2"] > 0.9
+    assert [left[name] for name in ("theta1", "theta2")] == pytest.approx([1.0, 1.0], rel=1e-5)
 
 
 def test_small_sinusoid_leaves_the_direction_it_does_not_see(cases):
@@ -70,13 +67,6 @@ def test_small_sinusoid_leaves_the_direction_it_does_not_see(cases):
     unseen /= np.linalg.norm(unseen)
     expected = unseen * (unseen @ [-2.5, -50.0])
     np.testing.assert_allclose([limit.last for limit in case.limits], expected, rtol=5e-3)
-
-
-ERRORS = {
-    "1,2,3": {"theta1": 0.168536, "theta2": -0.225358, "alpha1": -1.542909, "alpha2": 0.113534},
-    "1,1,3": {"theta1": -4.38e-4, "theta2": -2.53e-5, "alpha1": 0.0, "alpha2": 0.0},
-}
-"""Parameter errors at 30 s, found by two other formulations with SciPy's Radau."""
 
 
 @pytest.mark.parametrize(
@@ -106,13 +96,6 @@ def test_poles_are_those_of_the_plant_written_by_hand():
     plant[3] += u / 0.3
     expected = np.sort_complex(np.linalg.eigvals(plant))
     np.testing.assert_allclose(np.sort_complex(closed_loop_poles((1, 2, 3))), expected, rtol=1e-6)
-
-
-@pytest.mark.parametrize("reading", ERRORS)
-def test_parameter_errors_at_30_s(reproduction, reading):
-    """Assert that the errors agree with the published digits to 1e-5, where that is meaningful."""
-    found = reproduction.runs[reading].parameter_errors
-    assert found == pytest.approx(ERRORS[reading], rel=1e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize(("reading", "expected"), [("1,2,3", 8.187e-4), ("1,1,3", 0.272)])
