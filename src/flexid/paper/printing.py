@@ -17,19 +17,16 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from flexid.derivation.drive_source import RESERVED, names_in_c
 from flexid.derivation.symbolic import FreshNames, symbol
-from flexid.paper.observer import VARIABLE, ObserverRow, SymbolicObserver, graded_rule
+from flexid.paper.observer import VARIABLE, SymbolicObserver, graded_rule
 
 
 @dataclass(frozen=True)
-class PrintableRow:
-    """The equations of one row."""
+class _Row:
+    """Eqs. (2) and (3) of Huang (2003) for a row, in a language."""
 
-    gain: sp.Symbol  # c
-    estimates: tuple[tuple[sp.Symbol, sp.Symbol, sp.Expr], ...]  # p̂, y and c b of ``p̂ = y + c b``
-    abbreviation: sp.Symbol  # s
-    meaning: sp.Expr  # what s stands for
-    # y, the product of regressor and prediction, and C, of ``y' = -c [product + C]``
-    updates: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...]
+    estimates: dict[str, str]  # p̂ of eq. (2)
+    abbreviation: tuple[str, str]  # s, and what it stands for
+    rates: dict[sp.Symbol, str]  # y' of eq. (3), by y
 
 
 def fresh_names(observer: SymbolicObserver) -> FreshNames:
@@ -53,28 +50,35 @@ def argument_groups(observer: SymbolicObserver) -> tuple[tuple[sp.Symbol, ...], 
     )
 
 
-def printable_rows(observer: SymbolicObserver, names: FreshNames) -> tuple[PrintableRow, ...]:
-    """Group the equations of every row, taking the abbreviations from the free names."""
+def _rows(
+    observer: SymbolicObserver,
+    names: FreshNames,  # from which the abbreviations are taken
+    show: Callable[[sp.Expr], str],
+    bracket: str,  # of a gain and what it multiplies
+) -> list[_Row]:
     letters = ["s", "r", *(f"s{number}" for number in range(3, len(observer.rows) + 1))]
-    return tuple(
-        _printable(row, names.take(letter))
-        for row, letter in zip(observer.rows, letters, strict=False)
-    )
-
-
-def _printable(row: ObserverRow, abbreviation: sp.Symbol) -> PrintableRow:
-    terms = [_tidy(p * r) for p, r in zip(row.estimates, row.row.regressor, strict=True)]
-    negative = row.row.known == 0 and all(t.could_extract_minus_sign() for t in terms)
-    side = -1 if negative else 1
-    estimates = zip(row.estimates, row.intermediate, row.immersion, strict=True)
-    updates = zip(row.intermediate, row.row.regressor, row.cancelling, strict=True)
-    return PrintableRow(
-        row.gain,
-        tuple((p, y, _tidy(row.gain * b)) for p, y, b in estimates),
-        abbreviation,
-        sp.Add(*(side * t for t in terms), row.row.known),
-        tuple((y, _tidy(side * r * abbreviation), _tidy(C)) for y, r, C in updates),
-    )
+    found = []
+    for row, letter in zip(observer.rows, letters, strict=False):
+        s = names.take(letter)
+        terms = [_tidy(p * r) for p, r in zip(row.estimates, row.row.regressor, strict=True)]
+        negative = row.row.known == 0 and all(t.could_extract_minus_sign() for t in terms)
+        side = -1 if negative else 1
+        estimates = zip(row.estimates, row.intermediate, row.immersion, strict=True)
+        rates = {}
+        for y, r, C in zip(row.intermediate, row.row.regressor, row.cancelling, strict=True):
+            product = _tidy(side * r * s)
+            inside = joined(show(product), show(_tidy(C)))
+            of_sum = bracket.format(show(row.gain), inside)
+            rates[y] = of_sum if C != 0 else show(-row.gain * product)
+        meaning = sp.Add(*(side * t for t in terms), row.row.known)
+        found.append(
+            _Row(
+                {show(p): joined(show(y), show(_tidy(row.gain * b))) for p, y, b in estimates},
+                (show(s), show(meaning)),
+                rates,
+            )
+        )
+    return found
 
 
 def _tidy(expression: sp.Expr) -> sp.Expr:
@@ -101,25 +105,13 @@ def joined(first: str, second: str) -> str:
 
 def latex_observer(observer: SymbolicObserver) -> str:
     """Print an observer as one ``align*`` block, Huang (2003), eqs. (2)-(3)."""
-    rows = printable_rows(observer, fresh_names(observer))
-    printer = LatexPrinter({"symbol_names": _symbol_names(observer)})
-    lines = [line for row in rows for line in _row_lines(row, printer)]
-    body = " \\\\\n".join(f"  {line}" for line in lines)
+    printer, lines = LatexPrinter({"symbol_names": _symbol_names(observer)}), []
+    for row in _rows(observer, fresh_names(observer), printer.doprint, r"-{} \left[ {} \right]"):
+        rates = {latex_name(str(y), r"\dot"): text for y, text in row.rates.items()}
+        sides = [*row.estimates.items(), row.abbreviation, *rates.items()]
+        lines += [f"  {left} &= {right}" for left, right in sides]
+    body = " \\\\\n".join(lines)
     return f"\\begin{{align*}}\n{body}\n\\end{{align*}}\n"
-
-
-def _row_lines(row: PrintableRow, printer: LatexPrinter) -> list[str]:
-    show = printer.doprint
-    lines = [f"{show(p)} &= {joined(show(y), show(cb))}" for p, y, cb in row.estimates]
-    lines.append(f"{show(row.abbreviation)} &= {show(row.meaning)}")
-    for y, product, C in row.updates:
-        dot = latex_name(str(y), r"\dot")
-        if C == 0:
-            lines.append(f"{dot} &= {show(-row.gain * product)}")
-        else:
-            inside = joined(show(product), show(C))
-            lines.append(rf"{dot} &= -{show(row.gain)} \left[ {inside} \right]")
-    return lines
 
 
 def _symbol_names(observer: SymbolicObserver) -> dict[sp.Symbol, str]:
@@ -177,25 +169,15 @@ def _names(texts: Iterable[str]) -> set[str]:
 def _equations(
     observer: SymbolicObserver, names: FreshNames, show: Callable[[sp.Basic], str]
 ) -> _Equations:
-    rows = printable_rows(observer, names)
-    shown = [e for row in rows for *_, e in (*row.estimates, *row.updates)]
+    shown = [e for row in observer.rows for e in (*row.immersion, *row.cancelling)]
     integrals = sorted({i for e in shown for i in e.atoms(sp.Integral)}, key=sp.default_sort_key)
     symbols = {i: sp.Symbol(f"_q{n}", real=True) for n, i in enumerate(integrals)}
-
-    def plain(expression: sp.Expr) -> str:
-        return show(expression.xreplace(symbols))
-
+    rows = _rows(observer, names, lambda e: show(e.xreplace(symbols)), "-{}*({})")
     return _Equations(
         {show(symbols[i]): (show(i.limits[0].args[2]), show(i.function)) for i in integrals},
-        {show(p): joined(show(y), plain(cb)) for row in rows for p, y, cb in row.estimates},
-        {show(row.abbreviation): show(row.meaning) for row in rows},
-        [
-            plain(-row.gain * product)
-            if C == 0
-            else f"-{show(row.gain)}*({joined(show(product), plain(C))})"
-            for row in rows
-            for _, product, C in row.updates
-        ],
+        {p: text for row in rows for p, text in row.estimates.items()},
+        dict(row.abbreviation for row in rows),
+        [rate for row in rows for rate in row.rates.values()],
     )
 
 
