@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from math import isfinite, pi
 from pathlib import Path
@@ -13,7 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from scipy.optimize import root
 
 from flexid.arrays import FloatArray
-from flexid.errors import SettingError, SimulationError
+from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
@@ -25,7 +26,7 @@ from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
 from flexid.models.terms import COULOMB_VELOCITY
 from flexid.simulation.free_run import free_run
 from flexid.simulation.sampled import plain_model
-from flexid.stored_estimates.estimate_file import StoredEstimate
+from flexid.stored_estimates.estimate_file import StoredEstimate, refusal
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
 DOUBT = 0.3
@@ -308,10 +309,7 @@ def read_drive(
     choices: Mapping[str, Any] | None = None,
 ) -> DriveFile:
     """Read a drive file."""
-
-    def refuse(key: str, reason: str) -> SettingError:
-        return SettingError(str(path), f"the key {key!r} {reason}" if key else reason)
-
+    refuse = partial(refusal, str(path))
     raw = read_bytes(path, "a TOML file", refuse)
     inputs = [(path.name, hashlib.sha256(raw).hexdigest())]
     content = parse_toml(raw, refuse)

@@ -91,7 +91,7 @@ class StoredEstimate(NamedTuple):
 
     def refuse(self, key: str, reason: str) -> SettingError:
         """An error of a key, empty where all of it is meant, and a reason."""
-        return _refusal(self.name, key, reason)
+        return refusal(self.name, key, reason)
 
 
 def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
@@ -104,13 +104,13 @@ def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
         try:
             raw = json.dumps(dict(estimate), default=str).encode()
         except (TypeError, ValueError, RecursionError):
-            raise _refusal("estimate", "", f"is no JSON: give {WANTED}") from None
+            raise refusal("estimate", "", f"is no JSON: give {WANTED}") from None
     else:
         path = Path(estimate)
         path = path / _USUAL_NAME if path.is_dir() else path
         file = str(path)
-        raw = read_bytes(path, LARGEST_FILE, WANTED, partial(_refusal, file, ""))
-    refuse = partial(_refusal, file or "estimate")
+        raw = read_bytes(path, LARGEST_FILE, WANTED, partial(refusal, file, ""))
+    refuse = partial(refusal, file or "estimate")
     try:
         content = json.loads(raw.decode("utf-8"))
     except (ValueError, RecursionError):
@@ -118,7 +118,8 @@ def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
     return StoredEstimate(_result(content, refuse), file, hashlib.sha256(raw).hexdigest())
 
 
-def _refusal(name: str, key: str, reason: str) -> SettingError:
+def refusal(name: str, key: str, reason: str) -> SettingError:
+    """An error of a file, of its key, empty where all of it is meant, and a reason."""
     return SettingError(name, f"the key {key!r} {reason}" if key else reason)
 
 

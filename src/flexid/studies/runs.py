@@ -24,7 +24,6 @@ from flexid.simulation.closed_loop import ClosedLoop, Run, loop_kernel, simulate
 from flexid.simulation.lyapunov import (
     Limit,
     LyapunovMonitor,
-    RowHistory,
     monitor_run,
     row_excitation,
     row_histories,
@@ -328,11 +327,12 @@ def theorem_case(
         monitor_run(run, 0.05 * duration),
         row_excitation(run, half),
         {
-            history.row: decay_rate(run.time, history.errors, 4 * HALF_PERIOD, _floor(history))
+            history.row: decay_rate(
+                run.time,
+                history.errors,
+                4 * HALF_PERIOD,
+                _FLOOR * float(np.linalg.norm(history.errors[0])),
+            )
             for history in row_histories(run)
         },
     )
-
-
-def _floor(history: RowHistory) -> float:
-    return _FLOOR * float(np.linalg.norm(history.errors[0]))
