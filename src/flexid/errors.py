@@ -7,7 +7,7 @@ that names the place and the remedy, fit to be shown to a user as it stands.
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, ClassVar
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -20,6 +20,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 @dataclass(eq=False, repr=False)
 class FlexidError(Exception):
     """Root of all exceptions that flexid raises on purpose; they travel between processes."""
+
+    _text: ClassVar[str] = ""  # the sentence, with a class's fields
+
+    def __str__(self) -> str:
+        return self._text.format_map(vars(self))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, field.name) for field in fields(self))
@@ -45,9 +50,7 @@ class ModelError(FlexidError):
 
     model: str  # name or file of the declaration
     reason: str  # what is wrong and what to do about it
-
-    def __str__(self) -> str:
-        return f"{self.model}: {self.reason}"
+    _text = "{model}: {reason}"
 
 
 @dataclass(eq=False, repr=False)
@@ -58,14 +61,12 @@ class AccelerationError(FlexidError):
     row: str
     coefficient: str
     velocity: str  # that of another row, on which the regressor depends
-
-    def __str__(self) -> str:
-        return (
-            f"{self.model}: row {self.row!r}: the regressor of {self.coefficient!r} depends on "
-            f"{self.velocity!r}, the velocity of another row, so its cancelling term needs the "
-            f"acceleration d{self.velocity}/dt: drop the term, or estimate this row by least "
-            f"squares on filtered regressors, which needs no cancelling term"
-        )
+    _text = (
+        "{model}: row {row!r}: the regressor of {coefficient!r} depends on {velocity!r}, the "
+        "velocity of another row, so its cancelling term needs the acceleration d{velocity}/dt: "
+        "drop the term, or estimate this row by least squares on filtered regressors, which needs "
+        "no cancelling term"
+    )
 
 
 @dataclass(eq=False, repr=False)
@@ -87,9 +88,7 @@ class SimulationError(FlexidError):
 
     reason: str  # what failed and what to change
     time: float  # simulated time at which it failed, in s
-
-    def __str__(self) -> str:
-        return f"simulation stopped at t = {self.time:.6g} s: {self.reason}"
+    _text = "simulation stopped at t = {time:.6g} s: {reason}"
 
 
 @dataclass(eq=False, repr=False)
@@ -98,9 +97,7 @@ class SettingError(FlexidError):
 
     setting: str  # name of the option or setting
     reason: str  # what is wrong with the value and what is accepted
-
-    def __str__(self) -> str:
-        return f"{self.setting}: {self.reason}"
+    _text = "{setting}: {reason}"
 
 
 @dataclass(eq=False, repr=False)
@@ -122,9 +119,7 @@ class CampaignError(FlexidError):
 
     place: str  # the directory, file or scheduler
     reason: str  # what is wrong there, a predicate of the place, and the remedy
-
-    def __str__(self) -> str:
-        return f"{self.place} {self.reason}"
+    _text = "{place} {reason}"
 
 
 @dataclass(eq=False, repr=False)
@@ -133,9 +128,7 @@ class ConvergenceError(FlexidError):
 
     estimator: str  # which estimator
     reason: str  # what happened and what to change
-
-    def __str__(self) -> str:
-        return f"{self.estimator}: {self.reason}"
+    _text = "{estimator}: {reason}"
 
 
 @dataclass(eq=False, repr=False)
@@ -145,6 +138,4 @@ class ArgumentError(FlexidError, TypeError):
     function: str
     argument: str
     reason: str  # what is wrong with it, a predicate, and what would be right
-
-    def __str__(self) -> str:
-        return f"{self.function}: {self.argument} {self.reason}"
+    _text = "{function}: {argument} {reason}"

@@ -114,9 +114,7 @@ class UploadError(FlexidError):
 
     reason: str
     status: int  # of HTTP
-
-    def __str__(self) -> str:
-        return self.reason
+    _text = "{reason}"
 
 
 def safe_name(name: str) -> str:

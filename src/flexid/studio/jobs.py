@@ -32,9 +32,7 @@ class JobError(FlexidError):
     """A job did not end as it should."""
 
     reason: str
-
-    def __str__(self) -> str:
-        return self.reason
+    _text = "{reason}"
 
 
 class Workers:
