@@ -17,11 +17,10 @@ what is imported stays, and to go through it every 700 objects takes a tenth of 
 
 
 class _Interrupted(KeyboardInterrupt):
-    """An interruption that Python does not take for one that nobody answers.
+    """An interruption that Python does not take for one that nobody answers."""
 
-    Where a bare `KeyboardInterrupt` has passed through ``exec`` of a text, by which dataclasses
-    make classes, ``python -m`` ends by a signal at its exit, whoever caught it meanwhile.
-    """
+    # Where a bare KeyboardInterrupt has passed through exec of a text, by which dataclasses make
+    # classes, python -m ends by a signal at its exit, whoever caught it meanwhile.
 
 
 def _hung_up(_number: int, _frame: FrameType | None) -> None:

@@ -117,11 +117,8 @@ _DECISIVE = {"flexid": "version of flexid", "experiment": "experiment", "plan": 
 
 
 def _settled(directory: Path, wanted: Manifest) -> Manifest:
-    """The manifest that is there, or else the one that is wanted.
-
-    A directory is refused whose rows would not be those that are wanted. The number of runs per
-    part may differ: it changes no row.
-    """
+    """The manifest that is there, or else the one that is wanted; other rows are refused."""
+    # The number of runs per part may differ: it changes no row.
     found = _read_manifest(directory)
     if found is None:
         if any(directory.glob("runs/*")):

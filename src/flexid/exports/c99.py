@@ -226,10 +226,8 @@ def vector_text(drive: DriveSource, samples: FloatArray) -> str:
 
 
 def _first_check(drive: DriveSource, history: History) -> int:
-    """The first sample whose estimates are compared: one from which on they are determined.
-
-    Before the filter's past is gone, there are more unknowns, and rounding weighs more.
-    """
+    """The first sample whose estimates are compared: one from which on they are determined."""
+    # Before the filter's past is gone, there are more unknowns, and rounding weighs more.
     n = len(history.status)
     open_ = np.flatnonzero(history.status != Status.USED)
     determined = int(open_[-1]) + 1 if len(open_) else 0

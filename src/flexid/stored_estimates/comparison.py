@@ -231,16 +231,12 @@ def _with_numbers(
 
 
 def _is_open(value: ValueEstimate) -> bool:
-    """Whether the log says nothing of a value, or something else than its width speaks against it.
-
-    A value whose interval is merely wide is compared: the interval of the difference is as wide.
-    """
+    """Whether the log says nothing of a value, or what speaks against it is not its width."""
+    # One whose interval is merely wide is compared: the interval of the difference is as wide.
     half = value.half_width
     known = isfinite(half) and isfinite(value.value) and 0.0 < value.std < inf
     if not (known and value.degrees_of_freedom > 0.0):
         return True
-    if value.logarithmic and not (value.value > 0.0 and 0.0 < value.std / value.value < inf):
-        return True  # no file of flexid has that
     wide = half > THRESHOLDS.weak_width * abs(value.value)
     return value.verdict == "undetermined" and not wide
 

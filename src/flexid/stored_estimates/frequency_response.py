@@ -159,10 +159,8 @@ def _hanging(coefficients: Mapping[str, float]) -> float:
 
 
 def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K, D and B: what no coefficient multiplies, then what each of them does.
-
-    They are affine in the coefficients, so unit vectors tell the parts apart.
-    """
+    """K, D and B: what no coefficient multiplies, then what each of them does."""
+    # They are affine in the coefficients, so unit vectors tell the parts apart.
     slopes_of = plain_model(system).slopes
     rows, count = len(system.rows), len(system.coefficients)
     x, u = np.zeros(2 * rows), np.zeros(len(system.inputs))
