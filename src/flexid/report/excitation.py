@@ -13,7 +13,7 @@ from flexid.experiment_design.excitation_report import (
 )
 from flexid.report.identification import excitation_lines, negligible_line, verdict_reasons
 from flexid.report.page import Presenter, logs_of
-from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, numbers, value_texts
+from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, number, numbers, value_texts
 
 _MANY = 99  # times, beyond which a factor is no more than large
 _LITTLE = 1e-4  # share below which one is no more than small
@@ -61,18 +61,14 @@ def _cost(c: CoefficientAssessment) -> str:
         return ""
     if not isfinite(c.inflation):
         return "unknown"
-    return _two_digits(c.inflation) if c.inflation < _MANY else f">{_MANY}"
+    return number(c.inflation, 2) if c.inflation < _MANY else f">{_MANY}"
 
 
 def format_percent(share: float) -> str:
     """A share as text, in percent."""
     if not isfinite(share):
         return "unknown"
-    return f"{_two_digits(100 * share)} %" if share >= _LITTLE else f"<{100 * _LITTLE:g} %"
-
-
-def _two_digits(number: float) -> str:
-    return f"{float(f'{number:.2g}'):g}"
+    return number(100 * share, 2, "%") if share >= _LITTLE else f"<{100 * _LITTLE:g} %"
 
 
 def advice_lines(advice: Advice | None) -> Iterator[str]:
@@ -90,7 +86,7 @@ def advice_lines(advice: Advice | None) -> Iterator[str]:
     elif not advice.caution:
         yield "Play a larger input, or one with more tones."
     if advice.longer is not None:
-        yield f"Or record about {_two_digits(advice.longer)} s of the same motion."
+        yield f"Or record about {number(advice.longer, 2)} s of the same motion."
     if advice.caution:
         yield f"{advice.caution}."
 
