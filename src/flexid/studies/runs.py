@@ -290,6 +290,11 @@ class TheoremCase:
         return all(limit.vanished for limit in self.limits)
 
     @property
+    def remaining(self) -> float:
+        """The largest error that is left, over the first one."""
+        return max(abs(limit.last / limit.first) for limit in self.limits)
+
+    @property
     def worst_condition(self) -> float:
         """Largest condition number of the judged rows' normalised Gram matrices."""
         return max(self.excitation[row].condition_number for row in self.judged)
