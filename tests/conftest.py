@@ -139,9 +139,3 @@ def flexid(
         return Outcome(status, captured.out, captured.err)
 
     return run
-
-
-@pytest.fixture
-def command(flexid: Callable[..., Outcome]) -> Callable[..., Outcome]:
-    """Return the same where ``flexid`` is the library."""
-    return flexid

@@ -80,16 +80,15 @@ def test_a_run_has_its_values_whatever_the_part(kind, runs, seed, size):
 
 
 def test_every_run_has_a_seed_of_its_own():
-    """Assert that seeds differ between runs and campaigns, and not with the number of runs."""
+    """Assert that seeds differ between runs and campaigns, and not with the number of runs.
+
+    A plan whose file lists seeds draws none, nor does one without noise.
+    """
     long = seeds(300)
     assert len(np.unique(long)) == 300
     assert long.min() >= 0
     assert np.array_equal(seeds(3), long[:3])
     assert not np.isin(seeds(3, campaign_seed=1), long).any()
-
-
-def test_seeds_that_are_varied_are_left_alone():
-    """Assert that a plan whose file lists seeds draws none, nor does one without noise."""
     seeded = variation("grid", 2, **{SEED: listed(4, 5)})  # type: ignore[arg-type]
     plan = make_plan(seeded, sampled=True)
     assert plan.table(range(2)).rows() == [(0, 4.0), (1, 5.0)]

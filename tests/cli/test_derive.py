@@ -5,19 +5,19 @@ from pathlib import Path
 
 
 def test_notes_are_on_stderr(flexid, examples: Path):
-    """Assert that u' that is needed, and what is integrated numerically, are said."""
+    """Assert that u' that is needed, and what is integrated numerically, are said.
+
+    With --json one document holds the equations and what to know of them, and nothing else.
+    """
     done = flexid("derive", "flexible-joint", "--unknown-input-gain", "--to", "c")
     assert done.status == 0
     assert "u_rate" in done.stderr
     assert "note" not in done.stdout
-    done = flexid("derive", str(examples / "models" / "stribeck.toml"))
+    model = examples / "models" / "stribeck.toml"
+    done = flexid("derive", model)
     assert done.status == 0
     assert "stribeck; integrated numerically" in done.stderr
-
-
-def test_the_document_has_text_and_notes(flexid, examples: Path):
-    """Assert that --json holds the equations and what to know of them, and is nothing else."""
-    done = flexid("derive", str(examples / "models" / "stribeck.toml"), "--to", "c", "--json")
+    done = flexid("derive", model, "--to", "c", "--json")
     document = json.loads(done.stdout)
     assert document["to"] == "c"
     assert "rate[" in document["text"]

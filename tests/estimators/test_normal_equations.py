@@ -47,7 +47,8 @@ def whole(derivatives, residuals) -> tuple[np.ndarray, np.ndarray]:
 def test_solution_and_inverse_of_the_whole(damping: float):
     """Assert that eliminating and solving at once give one step, one fall and one inverse.
 
-    Damping is Levenberg and Marquardt's of all unknowns together, and multiplies the diagonal.
+    Damping is Levenberg and Marquardt's of all unknowns together, and multiplies the diagonal. What
+    each state explains alone is the fall of its segment's sum.
     """
     derivatives, residuals = random_problem()
     matrix, right = whole(derivatives, residuals)
@@ -58,21 +59,15 @@ def test_solution_and_inverse_of_the_whole(damping: float):
     assert step == pytest.approx(expected, rel=1e-9)
     if damping:
         return
+    for d, r, alone in zip(derivatives, residuals, reduced.by_states, strict=True):
+        own = d[:, :N_STATES]  # of its segment's sum, fitted without the coefficients
+        left = r - own @ np.linalg.lstsq(own, r, rcond=None)[0]
+        assert alone == pytest.approx(r @ r - left @ left, rel=1e-9)
     fall = right @ right - np.sum((right - matrix @ expected) ** 2)
     assert reduced.decrement == pytest.approx(fall, rel=1e-9)
     expected = np.linalg.inv(normal)[-N_COEFFICIENTS:, -N_COEFFICIENTS:]
     assert reduced.inverse == pytest.approx(expected, rel=1e-9, abs=1e-12)
     assert reduced.information @ expected == pytest.approx(np.eye(N_COEFFICIENTS), abs=1e-9)
-
-
-def test_what_each_state_explains_alone():
-    """Assert that its part is the fall of its segment's sum, fitted without the coefficients."""
-    derivatives, residuals = random_problem()
-    reduced = solve_arrow(*blockwise(derivatives, residuals), N_STATES)
-    for d, r, fall in zip(derivatives, residuals, reduced.by_states, strict=True):
-        own = d[:, :N_STATES]
-        left = r - own @ np.linalg.lstsq(own, r, rcond=None)[0]
-        assert fall == pytest.approx(r @ r - left @ left, rel=1e-9)
 
 
 def test_a_direction_that_initial_states_explain_is_free():

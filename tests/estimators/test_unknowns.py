@@ -159,16 +159,14 @@ def test_brute_force_finds_the_same(bounds):
 
 
 def test_what_the_data_leave_open_keeps_to_its_bounds():
-    """Assert that infinite variance does no harm: twins share what the bounds leave them."""
+    """Assert that infinite variance does no harm: twins share what the bounds leave them.
+
+    The bounds of a coefficient sought for each group bind each group's own.
+    """
     fit, at_bound = bounded_fit(cart, Unknowns(CART), {"gain": (1.5, np.inf), "push": (0.0, 1.0)})
     assert at_bound == {"gain": 1.5}
     assert fit.names == ("twin", "push")
     assert fit.values == pytest.approx([0.5, 0.3], rel=1e-3)
-
-
-def test_bounds_hold_in_every_group():
-    """Assert that the bounds of a coefficient sought for each group bind each group's own."""
     unknowns = Unknowns(CART, {"twin": 0.0}, ("push",), (0, 1))
-    bounds = {"push": (0.4, 1.0)}
-    _, at_bound = bounded_fit(cart, unknowns, bounds)
+    _, at_bound = bounded_fit(cart, unknowns, {"push": (0.4, 1.0)})
     assert at_bound == {"push[1]": 0.4, "push[2]": 0.4}

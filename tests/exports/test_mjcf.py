@@ -212,16 +212,6 @@ def test_the_example_goes_round(example_estimate, examples, tmp_path):
     assert warnings == ()
 
 
-def test_the_command_writes_the_same(example_estimate, document, tmp_path, flexid):
-    """Assert that a stored estimate becomes the scene that the library writes of it at once."""
-    path = _stored(document, tmp_path)
-    done = flexid("export", path, "--to", "mjcf", "--out", tmp_path / "command")
-    assert (done.status, done.stderr) == (0, "")
-    assert done.stdout.split() == [str(tmp_path / "command" / "joint.xml")]
-    (made,), _ = export(example_estimate, to="mjcf", out=tmp_path / "library")
-    assert made.read_text() == (tmp_path / "command" / "joint.xml").read_text()
-
-
 def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
     """Assert that a friction that remembers its path is one of the tendon, or is refused."""
     found = document["coefficients"]

@@ -271,8 +271,7 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(
 
     huge = 1e3 * usual.sizes.disturbances
     monkeypatch.setattr(disturbed, "fit_in_band", first_astray)
-    case = CASES["a drive that stops"]
-    found = fit_disturbed(case.structure, case.data, (), (case.hold,), THRESHOLDS, with_play=False)
+    found = CASES["a drive that stops"].fit()
     assert made[1].absent > made[0].absent
     if fails:
         assert found.full.structure is made[0]
@@ -310,9 +309,8 @@ def test_what_a_balance_cannot_do_without_stays(
 
 def test_a_term_without_which_the_motion_runs_away_stays(monkeypatch: pytest.MonkeyPatch):
     """Assert that the fit before is kept where a leaner one leads nowhere."""
-    case = CASES["a drive that stops"]
     nth_fit(monkeypatch, 2, diverging)
-    fit = fit_disturbed(case.structure, case.data, (), (case.hold,), THRESHOLDS, with_play=False)
+    fit = CASES["a drive that stops"].fit()
     assert fit.fitted is fit.full
 
 

@@ -228,11 +228,11 @@ def test_what_becomes_of_an_estimate_with_hysteresis():
         request_of_identification(found)
 
 
-CHANNELS = StreamChannels("flexible", "N m", False, ())
+def test_what_becomes_of_an_estimate_with_squares():
+    """Assert that a coefficient that is a square is one, and that its model is built of it.
 
-
-def test_what_follows_is_reported_as_it_follows():
-    """Assert that a coefficient that is a square is one, and that its model is built of it."""
+    An exported estimator has them in its known part, and no term without a value.
+    """
     gear = identified_case("an eccentric gear")
     values = {name: c.value for name, c in gear.coefficients.items()}
     for name, (a, b, d) in TIES.items():
@@ -241,6 +241,16 @@ def test_what_follows_is_reported_as_it_follows():
     assert values.keys() >= SQUARES
     again = structure_of(gear, values_of(gear, 0))
     assert set(again.unknowns(()).names) == {c for c in values if c not in TIES}
+    source = request_of_identification(gear)
+    assert not SQUARES & {*source.system.coefficients}
+    assert source.system.constants.keys() >= SQUARES
+    assert Unknowns(source.system).names == source.system.coefficients
+    channels = StreamChannels("flexible", "N m", False, ())
+    assert not options_of_stream({"terms": PAPER_TERMS}, gear, channels, 2e-3).given
+    none = replace(gear.coefficients["alpha_ecc_product"], value=np.nan)
+    coefficients = {**gear.coefficients, "alpha_ecc_product": none}
+    with pytest.raises(SettingError, match="alpha_ecc_product"):
+        request_of_identification(replace(gear, coefficients=coefficients))
 
 
 def test_least_squares_seeks_no_square():
@@ -250,20 +260,6 @@ def test_least_squares_seeks_no_square():
     unknowns = smooth_unknowns(structure, (0,))
     assert not SQUARES & {*unknowns.names}
     assert {"alpha_ecc_sine", "alpha_ecc_cosine"} <= {*unknowns.names}
-
-
-def test_what_is_exported_knows_the_squares():
-    """Assert that an exported estimator has them in its known part, and no term without a value."""
-    gear = identified_case("an eccentric gear")
-    source = request_of_identification(gear)
-    assert not SQUARES & {*source.system.coefficients}
-    assert source.system.constants.keys() >= SQUARES
-    assert Unknowns(source.system).names == source.system.coefficients
-    assert not options_of_stream({"terms": PAPER_TERMS}, gear, CHANNELS, 2e-3).given
-    none = replace(gear.coefficients["alpha_ecc_product"], value=np.nan)
-    coefficients = {**gear.coefficients, "alpha_ecc_product": none}
-    with pytest.raises(SettingError, match="alpha_ecc_product"):
-        request_of_identification(replace(gear, coefficients=coefficients))
 
 
 ENGINE_LINK = Link(0.5, 2.0, 0.25, 0.0, 0.875, 100.0, 0.4, 0.3, 0.2, 0.5, 0.0, 0.0)

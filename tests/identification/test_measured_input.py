@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 from benchmarks.trials.integrator import Law
 from benchmarks.trials.realistic.drive import Plant, simulate
-from made_joint import COEFFICIENTS, PAPER, PUSHED, SAMPLE_TIME, data, made, pushed, seen, structure
+from made_joint import (
+    COEFFICIENTS,
+    PAPER,
+    PUSHED,
+    SAMPLE_TIME,
+    data,
+    log,
+    made,
+    pushed,
+    seen,
+    structure,
+)
 
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.disturbed import fit_disturbed
@@ -20,10 +31,9 @@ from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
-from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.recording.recording import Log, Recording
+from flexid.recording.recording import Recording
 from flexid.recording.velocities import with_velocities
 
 JOINT = link()
@@ -170,11 +180,6 @@ def recorded(
     return Recording(STEP, 0.0, link + errors[0], motor + errors[1], command, unit, source="made")
 
 
-def identified(recording: Recording) -> Identification:
-    """What one recording gives."""
-    return identify([Log((recording,), (), "made", "made")])
-
-
 @pytest.mark.parametrize(
     ("dead_zone", "limit", "passed"),
     [
@@ -194,7 +199,7 @@ def test_an_amplifier_is_found(dead_zone: float, limit: float):
     """Assert both constants, and a gain that is right; uncorrected it is not within 4 %."""
     recording = recorded(dead_zone, limit)
     assert np.abs(recording.needed_input).max() > 8.0
-    found = identified(recording)
+    found = identify([log(recording)])
     amplifier = found.choices.amplifier
     assert amplifier.dead_zone == pytest.approx(dead_zone, abs=0.05)
     assert amplifier.limit == pytest.approx(limit, rel=0.02)
@@ -213,7 +218,7 @@ def test_an_amplifier_is_found(dead_zone: float, limit: float):
 def test_what_cannot_be_seen_is_not_corrected(dead_zone, limit, unit, square):
     """Assert that neither a linear amplifier, a square wave, nor a torque gives a correction."""
     recording = recorded(dead_zone, limit, unit, square=square)
-    found = identified(recording)
+    found = identify([log(recording)])
     assert found.choices.amplifier == IDEAL
     assert not any("amplifier" in warning for warning in found.warnings)
     np.testing.assert_array_equal(found.recordings[0].input, recording.input)
@@ -225,7 +230,7 @@ def test_what_cannot_be_seen_is_not_corrected(dead_zone, limit, unit, square):
 def test_a_motor_that_sticks_shows_no_dead_zone(dead_zone: float):
     """Assert that what friction holds at rest is not taken for a dead zone, nor hides one."""
     recording = recorded(dead_zone, np.inf, rests=True)
-    found = identified(recording)
+    found = identify([log(recording)])
     assert found.choices.amplifier.dead_zone == pytest.approx(dead_zone, abs=0.03)
     gain = found.parameters["input_gain_per_motor_inertia"]
     assert gain.value == pytest.approx(GAIN, rel=0.02)

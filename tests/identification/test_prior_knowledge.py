@@ -6,6 +6,7 @@ from math import inf
 import numpy as np
 import pytest
 from made_joint import PAPER, data, made
+from scipy.optimize import minimize
 from scipy.stats import t
 
 from flexid.errors import SettingError
@@ -138,25 +139,6 @@ def joined(thresholds=THRESHOLDS, **statements):
     return with_prior_knowledge(JOINT, ESTIMATE, {}, stating(**statements), "N m", thresholds)
 
 
-def constrained(conditions):
-    """Return the minimum of the quadratic form under conditions, by another way."""
-    from scipy.optimize import minimize
-
-    inverse = np.linalg.inv(ESTIMATE.covariance)
-    scale = ESTIMATE.values
-
-    def cost(relative):
-        apart = (relative - 1.0) * scale
-        return float(apart @ inverse @ apart)
-
-    constraints = [
-        {"type": "ineq", "fun": lambda relative, f=function: f(relative * scale)}
-        for function in conditions
-    ]
-    found = minimize(cost, np.ones(3), constraints=constraints, method="SLSQP", tol=1e-14)
-    return found.x * scale
-
-
 @pytest.mark.parametrize(
     ("bounds", "active", "conditions"),
     [
@@ -179,9 +161,20 @@ def constrained(conditions):
     ],
 )
 def test_bounds_of_functions_give_the_minimum_within_them(bounds, active, conditions):
-    """Assert that the estimate is the least sum of squares within bounds, and says which hold."""
+    """Assert that the estimate is SciPy's least sum of squares within bounds, and names these."""
     found = joined(bounds=bounds)
-    assert found.estimate.values == pytest.approx(constrained(conditions), rel=1e-4)
+    inverse, scale = np.linalg.inv(ESTIMATE.covariance), ESTIMATE.values
+
+    def cost(relative):
+        apart = (relative - 1.0) * scale
+        return float(apart @ inverse @ apart)
+
+    constraints = [
+        {"type": "ineq", "fun": lambda relative, f=function: f(relative * scale)}
+        for function in conditions
+    ]
+    least = minimize(cost, np.ones(3), constraints=constraints, method="SLSQP", tol=1e-14).x
+    assert found.estimate.values == pytest.approx(least * scale, rel=1e-4)
     assert found.exact == {name: (end, "at its bound") for name, end in active.items()}
 
 

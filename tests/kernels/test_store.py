@@ -1,5 +1,6 @@
 """The cache of generated kernels, and the sources that are part of the package."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -14,9 +15,16 @@ from typing import Any
 import pytest
 from filelock import FileLock
 
+from flexid.derivation.model_functions import compiled_signals
+from flexid.derivation.sensitivities import sensitivity_functions
 from flexid.errors import SettingError
 from flexid.identification.preparation.joint import flexible, rigid
 from flexid.kernels import store
+from flexid.models.flexible_joint import flexible_joint
+from flexid.paper.closed_loop import compose_loop, lane_loop_source, stiff_loop_source
+from flexid.paper.laws import pd_gravity
+from flexid.paper.loop import LoopDeclaration, sinusoid
+from flexid.paper.sampled_loop import sampled_loop_source
 
 OBSERVE = """
 import sys
@@ -300,3 +308,29 @@ def test_shipped_sources_are_those_that_are_generated(
         for name, text in generated.items():
             (FOLDER / name).write_text(text, "utf-8")
     assert {path.name: path.read_text("utf-8") for path in FOLDER.iterdir()} == generated
+
+
+TEMPLATES = Path(store.__file__).parent / "templates"
+DRIVEN = flexible_joint(known={"beta1": 3.0})
+
+
+def test_stub_has_the_arguments_that_are_generated() -> None:
+    """Assert that the types of generated functions are those of functions that exist."""
+    declaration = LoopDeclaration(DRIVEN, pd_gravity(), sinusoid(1.0, 2.0))
+    law = compose_loop(declaration)
+    sources = [
+        compiled_signals(DRIVEN),
+        sensitivity_functions(DRIVEN, "Test"),
+        sampled_loop_source(declaration),
+        stiff_loop_source(law),
+        lane_loop_source(law, 2),
+    ]
+    generated = {name: value for source in sources for name, value in signatures(source).items()}
+    stub = signatures((TEMPLATES / "generated.pyi").read_text("utf-8"))
+    assert stub.items() <= generated.items()
+
+
+def signatures(source: str) -> dict[str, list[str]]:
+    """Return the arguments of each function of a source, by the function's name."""
+    functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
+    return {f.name: [argument.arg for argument in f.args.args] for f in functions}

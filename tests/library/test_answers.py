@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-import flexid
+import flexid as library
 
 ROOT = Path(__file__).parents[2]
 CAMPAIGN = """
@@ -28,10 +28,10 @@ def experiment(tmp_path_factory):
     return path
 
 
-def test_a_run(experiment, command, tmp_path):
+def test_a_run(experiment, flexid, tmp_path):
     """Assert that a run is the command's, with the numbers that were set, and is a log."""
-    run = flexid.simulate(experiment, set={"controller.proportional": 45})
-    printed = command("simulate", experiment, "--set", "controller.proportional=45", "--json")
+    run = library.simulate(experiment, set={"controller.proportional": 45})
+    printed = flexid("simulate", experiment, "--set", "controller.proportional=45", "--json")
     run.save(tmp_path / "run.json")
     assert json.loads((tmp_path / "run.json").read_text()) == json.loads(printed.stdout)
     frame = run.to_dataframe()
@@ -47,36 +47,36 @@ def test_a_run(experiment, command, tmp_path):
 def test_a_campaign(experiment, tmp_path):
     """Assert that every run is counted, also of one that is only summarised."""
     reached = []
-    found = flexid.campaign(
+    found = library.campaign(
         experiment, out=tmp_path / "rows", workers=1, progress=lambda *n: reached.append(n)
     )
     assert reached[-1] == (2, 2)
     assert found.complete
     assert found.statuses == {"finished": 2}
-    again = flexid.campaign(summary=tmp_path / "rows")
+    again = library.campaign(summary=tmp_path / "rows")
     assert again.document == found.document
     assert again.summary() == found.summary()
     found.save_figures(tmp_path / "figures")
     assert "2 of 2 runs" in repr(found)
 
 
-def test_a_derivation(command):
+def test_a_derivation(flexid):
     """Assert that the text is the command's, from the name, a file, or a model."""
     model = ROOT / "examples" / "models" / "pendulum.toml"
-    assert flexid.derive(model, to="c") == command("derive", model, "--to", "c").stdout
-    assert flexid.derive(flexid.read_model(model)) == flexid.derive(model)
-    shipped = command("derive", "flexible-joint", "--terms", "gravity", "--to", "python").stdout
-    assert flexid.derive("flexible-joint", terms=["gravity"], to="python") == shipped
+    assert library.derive(model, to="c") == flexid("derive", model, "--to", "c").stdout
+    assert library.derive(library.read_model(model)) == library.derive(model)
+    shipped = flexid("derive", "flexible-joint", "--terms", "gravity", "--to", "python").stdout
+    assert library.derive("flexible-joint", terms=["gravity"], to="python") == shipped
 
 
-def test_a_design(examples, command, tmp_path):
+def test_a_design(examples, flexid, tmp_path):
     """Assert that the design is the command's, as a document, a figure and a page."""
     text = (examples / "drive.toml").read_text().replace("duration = 10.0", "duration = 2.0")
     drive = tmp_path / "drive.toml"
     drive.write_text(text.replace("sample_time = 0.001", "sample_time = 0.004\nharmonics = 3"))
     steps = []
-    design = flexid.design(drive, progress=steps.append)
-    printed = command("design", drive, "--json")
+    design = library.design(drive, progress=steps.append)
+    printed = flexid("design", drive, "--json")
     design.save(tmp_path / "design.json")
     assert json.loads((tmp_path / "design.json").read_text()) == json.loads(printed.stdout)
     assert steps
@@ -100,7 +100,7 @@ def test_a_reproduction(reproduction):
 def test_an_excitation(examples, example_estimate):
     """Assert that it has the estimate of `identify`, with what confuses each coefficient."""
     options = {"terms": ["gravity", "motor_viscous"], "hold": "zero", "segment_duration": 2.0}
-    found = flexid.excitation(examples / "flexible_joint.csv", **options)
+    found = library.excitation(examples / "flexible_joint.csv", **options)
     estimate = example_estimate
     assert found.estimate.coefficients == estimate.coefficients
     assert {name: c.verdict for name, c in found.coefficients.items()} == {

@@ -96,16 +96,15 @@ def test_samples_that_cannot_be(samples, words):
         flexid.watch(sample_time=1e-3).feed(**samples)
 
 
-def test_channels_stay_the_same(samples):
-    """Assert that a block without the link is refused where there was one."""
+def test_a_source_or_samples(samples):
+    """Assert that what has a source is not fed, and what has none is not followed.
+
+    A block without the link is refused where there was one.
+    """
     watch = flexid.watch(sample_time=1e-3, **PAPER)
     watch.feed(**channels(samples, slice(10)))
     with pytest.raises(ArgumentError, match="give the same"):
         watch.feed(motor_position=np.zeros(3), motor_torque=np.zeros(3))
-
-
-def test_a_source_or_samples():
-    """Assert that what has a source is not fed, and what has none is not followed."""
     with pytest.raises(ArgumentError, match="come from the source"):
         flexid.watch(LOG).feed(motor_position=0.0, motor_torque=0.0)
     with pytest.raises(ArgumentError, match="source is missing"):

@@ -34,11 +34,24 @@ RIGID = {
 rigid = partial(physical_parameters, kind="rigid")
 
 
-def test_map_is_inverted():
+@pytest.mark.parametrize(
+    ("coefficients", "table", "truth"),
+    [
+        (joint_coefficients(TRUTH), physical_parameters, TRUTH),
+        # An encoder that is off leaves the whole torque of gravity, beside the angle; rigid too.
+        (OFF_ZERO, physical_parameters, TRUTH | {"gravity_angle": 0.2}),
+        (
+            RIGID,
+            rigid,
+            {"gravity_torque": 5.0, "gravity_angle": -0.3, "inertia": 1.6}
+            | {"viscous_friction": 0.1, "coulomb_friction": 0.4, "offset_torque": 0.05},
+        ),
+    ],
+)
+def test_map_is_inverted(coefficients, table, truth):
     """Assert that physical parameters survive the way to coefficients and back."""
-    coefficients = joint_coefficients(TRUTH)
-    table = physical_parameters(coefficients, input_is_torque=True)
-    assert {p.name: p.value(coefficients) for p in table} == pytest.approx(TRUTH, rel=1e-13)
+    found = {p.name: p.value(coefficients) for p in table(coefficients, input_is_torque=True)}
+    assert found == pytest.approx(truth, rel=1e-13)
 
 
 def test_gradient_exists_where_a_coefficient_is_zero():
@@ -93,17 +106,6 @@ def test_gradients_are_those_that_differences_show(coefficients, table, input_is
             numeric.append((up - down) / (2 * step))
         gradient = parameter.gradient(coefficients, names)
         np.testing.assert_allclose(gradient, numeric, rtol=1e-7, atol=1e-8)
-
-
-def test_gravity_off_the_encoders_zero():
-    """Assert that an encoder that is off leaves the whole torque, beside the angle; rigid too."""
-    found = {p.name: p.value(OFF_ZERO) for p in physical_parameters(OFF_ZERO, True)}
-    assert found["gravity_torque"] == pytest.approx(5.0, rel=1e-13)
-    assert found["gravity_angle"] == pytest.approx(0.2, rel=1e-13)
-    found = {p.name: p.value(RIGID) for p in rigid(RIGID, True)}
-    expected = {"gravity_torque": 5.0, "gravity_angle": -0.3, "inertia": 1.6}
-    expected |= {"viscous_friction": 0.1, "coulomb_friction": 0.4, "offset_torque": 0.05}
-    assert found == pytest.approx(expected, rel=1e-13)
 
 
 def test_friction_by_direction():

@@ -1,5 +1,5 @@
 # What `flexid.derivation` prints ahead of the templates, for whoever checks types. A kernel has
-# only some of it; tests/kernels/test_templates.py compares the arguments.
+# only some of it; tests/kernels/test_store.py compares the arguments.
 
 from collections.abc import Callable
 from typing import Any
