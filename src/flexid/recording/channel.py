@@ -31,7 +31,8 @@ def check_cells(file: str, rows: int, columns: int) -> None:
         )
 
 
-POSITIONS = ("link_position", "motor_position", "deflection")
+ENCODERS = ("link_position", "motor_position")
+POSITIONS = (*ENCODERS, "deflection")
 VELOCITIES = ("link_velocity", "motor_velocity")
 INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference
 SI_UNITS: dict[str, tuple[str, ...]] = {  # of a revolute joint
@@ -90,10 +91,6 @@ class Channel:
     def place(self) -> str:
         """The column, for a message."""
         return f"column {self.column!r}"
-
-
-ENCODERS = ("link_position", "motor_position")
-POSITIONS = (*ENCODERS, "deflection")
 
 
 @dataclass(eq=False)

@@ -1,7 +1,6 @@
 """Does a log make sense as that of a flexible joint? One small function per check."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -264,11 +263,8 @@ def drop_frozen(log: Draft) -> None:
     """
     kept = np.ones(len(log.time), dtype=np.bool_)
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
-        sensors = {
-            name: _Position(log[name], _CLEAR * position_noise(log[name]))
-            for name in log.those_of(POSITIONS)
-        }
-        found = {name: list(_of_one(name, sensors)) for name in sensors}
+        clear = {name: _CLEAR * position_noise(log[name]) for name in log.those_of(POSITIONS)}
+        found = {name: list(_of_one(log, name, clear)) for name in clear}
     for name, stretches in found.items():
         # One side that rests to the end of the log may have met a brake.
         lasting = [one for one in stretches if one[1] == len(kept)]
@@ -288,27 +284,19 @@ def _warn(log: Draft, name: str, stretches: Sequence[Stretch], remedy: str) -> N
         log.warn(name, f"{_STUCK.format(name=name, at=first_times(spans))}: {remedy}", Rank.DATA)
 
 
-class _Position(NamedTuple):
-    """A position, and by how much it has to move."""
-
-    values: FloatArray
-    clear: float
-
-
-def _of_one(name: str, sensors: Mapping[str, _Position]) -> Iterator[Stretch]:
+def _of_one(log: Draft, name: str, clear: Mapping[str, float]) -> Iterator[Stretch]:
     """Stretches in which one sensor repeats itself while the other side moves."""
-    others = [sensor for other, sensor in sensors.items() if other != name]
-    position = sensors[name]
-    count = len(position.values)
-    if not others or not np.ptp(position.values):
+    values = log[name]
+    other = next((one for one in clear if one != name), None)
+    if other is None or not np.ptp(values):
         return
-    for start, stop in _unchanging(position.values):
-        moves = others[0].values[start:stop]
-        if np.ptp(moves) <= others[0].clear or len(np.unique(moves)) < _FEWEST // 2:
+    for start, stop in _unchanging(values):
+        moves = log[other][start:stop]
+        if np.ptp(moves) <= clear[other] or len(np.unique(moves)) < _FEWEST // 2:
             continue
-        far = np.ptp(moves) > _FAR * np.ptp(others[0].values)
-        lasting = stop == count and stop - start >= _SHARE * count
-        if _jumps(position, stop - 1) or (lasting and far):
+        far = np.ptp(moves) > _FAR * np.ptp(log[other])
+        lasting = stop == len(values) and stop - start >= _SHARE * len(values)
+        if _jumps(values[stop - 1 :], clear[name]) or (lasting and far):
             yield start, stop
 
 
@@ -319,9 +307,7 @@ def _unchanging(values: FloatArray) -> Iterator[Stretch]:
         yield int(edges[place]), int(edges[place + 1])
 
 
-def _jumps(position: _Position, last: int) -> bool:
-    """Whether a position's step from a sample on is beyond its noise and all that follow it."""
-    steps = np.abs(np.diff(position.values[last : last + 2 + _JUST_AFTER]))
-    return len(steps) > _JUST_AFTER and bool(
-        steps[0] > max(position.clear, _JUMP * steps[1:].max())
-    )
+def _jumps(values: FloatArray, clear: float) -> bool:
+    """Whether a position's first step is beyond its noise and all that follow it."""
+    steps = np.abs(np.diff(values[: 2 + _JUST_AFTER]))
+    return len(steps) > _JUST_AFTER and bool(steps[0] > max(clear, _JUMP * steps[1:].max()))

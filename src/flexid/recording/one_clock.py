@@ -1,7 +1,6 @@
 """Signals with time stamps of their own, brought to common times."""
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from math import ceil
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ from flexid.errors import RecordingError
 from flexid.recording.caution import Rank
 from flexid.recording.channel import INPUTS, VELOCITIES, Draft
 from flexid.recording.names import quoted
-from flexid.recording.sampling import EVEN, GAP, MOST_GAPS, interpolated
+from flexid.recording.sampling import EVEN, MOST_GAPS, are_gaps, interpolated, parts_between
 
 _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
 _PASSED = 0.8  # of half the slower rate, up to which an input passes
@@ -120,8 +119,7 @@ def drop_holes(log: Draft) -> None:
         Signal(name, columns[name], log[name][own], name in INPUTS) for name, own in there.items()
     ]
     times, found, warnings = on_one_clock(log.file, stamps, signals)
-    steps = np.diff(times)
-    if np.mean(steps > GAP * np.median(steps)) > MOST_GAPS:
+    if np.mean(are_gaps(times)) > MOST_GAPS:
         raise log.refusal(
             missing,
             f"{count}, at uneven times: log every channel in every sample, or at a rate of its own",
@@ -149,12 +147,10 @@ def _slow(stamps: FloatArray, values: FloatArray, ratio: float) -> FloatArray:
 
     half = ceil(round(_LENGTH * ratio, 6))  # a rate is known but for rounding
     weights = firwin(2 * half + 1, _PASSED / ratio)
-    steps = np.diff(stamps)
-    edges = [0, *(np.flatnonzero(steps > GAP * np.median(steps)) + 1).tolist(), len(stamps)]
     slow = np.empty(len(values))
-    for first, stop in pairwise(edges):
-        longer = np.pad(values[first:stop], half, mode="reflect", reflect_type="odd")
-        slow[first:stop] = oaconvolve(longer, weights, mode="valid")
+    for part in parts_between(are_gaps(stamps)):
+        longer = np.pad(values[part], half, mode="reflect", reflect_type="odd")
+        slow[part] = oaconvolve(longer, weights, mode="valid")
     return slow
 
 
@@ -179,8 +175,7 @@ def _between_samples(stamps: FloatArray, times: FloatArray) -> np.ndarray:
     after = np.searchsorted(stamps, times)
     inside = (times >= stamps[0]) & (times <= stamps[-1])
     after = np.clip(after, 1, len(stamps) - 1)
-    steps = np.diff(stamps)
-    return inside & (steps[after - 1] <= GAP * np.median(steps))
+    return inside & ~are_gaps(stamps)[after - 1]
 
 
 def _check_wraps(file: str, signal: Signal, chosen: str) -> None:

@@ -21,10 +21,11 @@ from flexid.arrays import FloatArray
 from flexid.recording.caution import Rank
 from flexid.recording.channel import INPUTS, POSITIONS, Draft
 from flexid.recording.sampling import (
-    GAP,
+    EVEN,
     MOST_GAPS,
     MOST_JITTER,
     ROUNDED,
+    are_gaps,
     interpolated,
     warn_rounded,
 )
@@ -46,14 +47,13 @@ _MOST_WINDOWS = 5_000  # learnt from: more make it slower and no better
 _ALIKE = 1e-10  # singular values over the largest, and errors over steps, that count as none
 FEWEST_PLACES = 3  # where samples are lost: fewer change next to nothing
 _SHORTEST_PART = 2.0  # s between losses that the clock shows: a log of longer parts is cut instead
-_EVEN = 1e-3  # of a step, by which a counted time differs from even
 
 
 def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.int64]:
     """How many samples are lost after each, shape (n - 1,); all 0 where nothing shows it."""
     none = np.zeros(len(time) - 1, dtype=np.int64)
     steps = np.diff(time)
-    is_counted = np.ptp(steps) <= _EVEN * np.median(steps)
+    is_counted = np.ptp(steps) <= EVEN * np.median(steps)
     if not positions or len(time) < _FEWEST_WINDOWS * len(positions) or not is_counted:
         return none
     seen = np.column_stack(positions)
@@ -116,7 +116,7 @@ def counted_anew(time: FloatArray, positions: list[FloatArray]) -> FloatArray | 
     steps = np.diff(time) / np.median(np.diff(time))
     whole = np.maximum(np.rint(steps), 1.0)
     doubled = whole == 2.0
-    if not 0.0 < np.mean(doubled) <= MOST_GAPS or np.abs(steps - whole).max() > _EVEN:
+    if not 0.0 < np.mean(doubled) <= MOST_GAPS or np.abs(steps - whole).max() > EVEN:
         return None
     evidence = _evidence_of_losses(np.column_stack(positions), doubled) if positions else 0.0
     if evidence > _CLEAR:
@@ -365,8 +365,8 @@ def _put_back(log: Draft, lost: NDArray[np.int64], time: FloatArray) -> None:
 
 def _mend_spikes(log: Draft, name: str) -> None:
     """Replace the spikes of a position, where they are few."""
-    clock, values = np.diff(log.time), log[name].copy()
-    places, sizes = _spikes(values, clock <= GAP * np.median(clock))
+    values = log[name].copy()
+    places, sizes = _spikes(values, ~are_gaps(log.time))
     if not 0 < len(places) <= max(1.0, _MOST * len(values)):
         return
     values[places] -= sizes

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from flexid.arrays import FloatArray
 from flexid.recording import checks
 from flexid.recording.channel import ENCODERS, INPUTS, VELOCITIES, Draft
-from flexid.recording.checks import drop_frozen
 from flexid.recording.columns import read_channels
 from flexid.recording.one_clock import drop_holes
 from flexid.recording.outliers import mend
@@ -65,7 +64,7 @@ def _drafted(table: Table, columns: MapSource | None) -> Draft:
     checks.check_magnitude(log)
     drop_repeats(log, table)
     drop_holes(log)
-    drop_frozen(log)
+    checks.drop_frozen(log)
     return log
 
 

@@ -20,9 +20,7 @@ from flexid.recording.table import Table
 FEWEST_SAMPLES = 20  # of a recording
 FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept out
 GAP = 1.5  # sample times between two samples; a single lost sample makes 2
-_WIDE_GAP = (
-    4.0  # likewise, where the steps vary: interpolation bridges three lost samples, not more
-)
+_WIDE_GAP = 4.0  # likewise, where steps vary: interpolation bridges three lost samples, not more
 MOST_GAPS = 0.05  # share of the steps
 _MOST_OF = 0.9  # of the samples
 _SMOOTHER = 1.05  # times: DFKI's pendulum, whose encoder's steps hide its clock, has 1.00004
@@ -115,6 +113,18 @@ def keep_common(logs: Sequence[Draft]) -> None:
             log.keep(np.isin(log.time, common))
 
 
+def are_gaps(time: FloatArray) -> NDArray[np.bool_]:
+    """Between which of increasing times samples are missing, shape (n - 1,)."""
+    steps = np.diff(time)
+    return steps > GAP * np.median(steps)
+
+
+def parts_between(are_ends: NDArray[np.bool_]) -> list[slice]:
+    """Samples from one end to the next, where it is known between which two of them one is."""
+    cuts = [0, *(np.flatnonzero(are_ends) + 1).tolist(), len(are_ends) + 1]
+    return [slice(first, stop) for first, stop in pairwise(cuts)]
+
+
 def even_grid(logs: Sequence[Draft]) -> Grid:
     """Sample time and gaps of increasing time stamps in s; raise where they are too uneven.
 
@@ -139,7 +149,7 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
             f"are logged at: if it is in another unit, write that, as in [ms]",
             Rank.SCALE,
         )
-    is_gap = steps > GAP * typical
+    is_gap = are_gaps(time)
     off_whole = np.abs(steps / typical - np.rint(steps / typical)).max()
     is_whole = off_whole < EVEN and is_gap.mean() <= MOST_GAPS  # where samples are missing
     rounded = None if is_whole else _rounded_step(log)
@@ -150,8 +160,7 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
         is_gap = steps > _WIDE_GAP * usual
         if is_gap.mean() > MOST_GAPS or len(_changes(steps)) == 1:
             raise _uneven(log, steps)
-    cuts = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(time)]
-    parts = [slice(a, b) for a, b in pairwise(cuts)]
+    parts = parts_between(is_gap)
     recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
     if not recordings:
         reason = f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps"

@@ -29,7 +29,7 @@ from flexid.recording.names import (
     usual_channel,
 )
 from flexid.recording.one_clock import Signal, on_one_clock
-from flexid.recording.sampling import GAP
+from flexid.recording.sampling import are_gaps
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 
@@ -306,7 +306,7 @@ def unwrap(log: Draft) -> None:
 def _unwrap(log: Draft, name: str) -> bool:
     """Whether a position jumped by turns, which it then does no more; raise for other jumps."""
     channel, time = log.channels[name], log.time
-    values, steps, clock = channel.values, np.diff(channel.values), np.diff(time)
+    values, steps = channel.values, np.diff(channel.values)
     turn = _motor_turn(log, name)
     if np.abs(steps).max() <= 0.5 * (turn or TURN) or (log.joint == "prismatic" and not turn):
         return False
@@ -315,7 +315,7 @@ def _unwrap(log: Draft, name: str) -> bool:
         return False
     period = period or TURN
     # A position may be another after a gap: there only a turn of the link's side is a wrap.
-    seen = (clock <= GAP * np.median(clock)) | (period == TURN)
+    seen = ~are_gaps(time) | (period == TURN)
     jumps = np.flatnonzero(seen & (np.abs(steps) > 0.5 * period))
     if not len(jumps) or (period == TURN and len(jumps) > len(steps) // 4):
         return False  # a wrong unit makes so many, which `check_speed` finds
@@ -360,8 +360,8 @@ def without_wraps(
 def _check_jumps(log: Draft, name: str) -> None:
     """Warn of a position that jumps across its range, as a counter does that overflows."""
     # It may be another after a gap, and one of a few counts does not jump.
-    values, clock = log[name], np.diff(log.time)
-    steps = np.where(clock > GAP * np.median(clock), 0.0, np.abs(np.diff(values)))
+    values = log[name]
+    steps = np.where(are_gaps(log.time), 0.0, np.abs(np.diff(values)))
     extent = float(np.ptp(values))
     is_jump = steps > 0.5 * extent
     rest = steps[~is_jump].max(initial=0.0)

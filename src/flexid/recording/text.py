@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 MINUS = "\N{MINUS SIGN}".encode()  # as some languages' formats write it before a number
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-_COMMENTS = tuple(mark.encode() for mark in COMMENTS)
+COMMENT_MARKS = tuple(mark.encode() for mark in COMMENTS)
 
 _STANDARD_INPUT = Path("-")
 
@@ -180,7 +180,7 @@ def _rows(text: bytes) -> bytes:
     while end > 0:
         start = text.rfind(b"\n", 0, end) + 1
         line = text[start:end].strip(b" \t\r,;|")
-        if line and not line.startswith(_COMMENTS):
+        if line and not line.startswith(COMMENT_MARKS):
             break
         end = start - 1
     return text[: max(end, 0)].rstrip(b"\r")

@@ -107,8 +107,8 @@ def simulate_sampled_ensemble(
     for place, (loop, sampling) in enumerate(zip(loops, samplings, strict=True)):
         own, row = totals[place], record[place : place + 1]
         try:
-            end = run_sampled(kernel, loop, sampling, grids[place], row, own)
-            status[place], steps[place] = end.status, end.samples
+            ended = run_sampled(kernel, loop, sampling, grids[place], row, own)
+            status[place], steps[place], _ = ended
         except SimulationError:
             status[place] = STATUS.index("step too small")
             own[:] = np.nan

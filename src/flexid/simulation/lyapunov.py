@@ -7,7 +7,7 @@ finite integral, errors and their rates have limits.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +39,6 @@ class RowHistory:
     def error_rates(self) -> FloatArray:
         """p̃' = -c r rᵀp̃ of Huang (2003), eq. (7), shape (n, m), per second."""
         return -self.gain * self.regressors * self.mismatch[:, None]
-
-    def part(self, samples: slice) -> "RowHistory":
-        """The same row over some of the samples."""
-        return replace(self, regressors=self.regressors[samples], errors=self.errors[samples])
 
 
 def row_histories(run: Run) -> tuple[RowHistory, ...]:
@@ -156,7 +152,7 @@ def _place_of_minimum(value: FloatArray) -> NDArray[np.intp]:
 
 
 def _limits(row: RowHistory, window: slice) -> list[Limit]:
-    rates = np.abs(row.part(window).error_rates).max(axis=0)
+    rates = np.abs(row.error_rates[window]).max(axis=0)
     drift = np.ptp(row.errors[window], axis=0)
     columns = zip(row.coefficients, row.errors[0], row.errors[-1], drift, rates, strict=True)
     return [Limit(name, *map(float, numbers)) for name, *numbers in columns]

@@ -6,7 +6,6 @@ the next sample, while the plant moves on continuously.
 
 from dataclasses import asdict, dataclass
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -96,12 +95,6 @@ class Sampling:
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise SettingError(name, f"{getattr(self, name)!r} must be zero or positive")
 
-    @property
-    def sensors(self) -> tuple[float, float, float]:
-        """Noise of positions and of velocities, and resolution of positions."""
-        noise = float(self.position_noise), float(self.velocity_noise)
-        return *noise, float(self.position_resolution)
-
     def noise(self, count: int, states: int) -> FloatArray:
         """Standard normal numbers behind the noise, (count, states), or no rows without noise.
 
@@ -122,23 +115,15 @@ def simulate_sampled(loop: ClosedLoop, duration: float, sampling: Sampling | Non
     grid = SampleGrid(duration, sampling.sample_time)
     kernel = sampled_kernel(loop.declaration)
     record = np.empty((grid.count, kernel.N_RECORD))
-    end = run_sampled(kernel, loop, sampling, grid, record, np.empty(0))
-    if end.status != kernel.FINISHED:
+    status, taken, limited = run_sampled(kernel, loop, sampling, grid, record, np.empty(0))
+    if status != kernel.FINISHED:
         raise SimulationError(
             "the sampled loop diverges: lower its gains or its sample time",
-            (end.samples - 1) * sampling.sample_time,
+            (taken - 1) * sampling.sample_time,
         )
     settings = {"task": "sampled", "duration": duration, **asdict(sampling)}
-    limited = {"limited_samples": end.limited}
-    return run_of(loop, kernel, grid, record, settings, limited, sensed=True)
-
-
-class SampledEnd(NamedTuple):
-    """How a sampled run ended: status, samples taken, samples at which the input was limited."""
-
-    status: int
-    samples: int
-    limited: int
+    statistics = {"limited_samples": limited}
+    return run_of(loop, kernel, grid, record, settings, statistics, sensed=True)
 
 
 def run_sampled(
@@ -148,26 +133,30 @@ def run_sampled(
     grid: SampleGrid,
     record: FloatArray,  # (count or 1, N_RECORD)
     totals: FloatArray,  # (N_MEASURES or 0,)
-) -> SampledEnd:
-    """Run a sampled loop in compiled code; other threads can run meanwhile."""
+) -> tuple[int, int, int]:
+    """Status of a sampled run in compiled code, samples taken, samples with the input limited."""
     system, h = loop.system, sampling.sample_time
     start, still = np.array(loop.initial_state), np.zeros(len(system.inputs))
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     coefficients = loop.true_coefficients
     substeps = runge_kutta_substeps(system, start, still, coefficients, constants, h)
     gains = [loop.observer_gains[row.name] for row in system.rows for _ in row.coefficients]
-    end = kernel.sampled_run(
+    noise = float(sampling.position_noise), float(sampling.velocity_noise)
+    return kernel.sampled_run(
         start[np.newaxis],
         loop.parameters[np.newaxis],
         constants,
-        (sampling.noise(grid.count, kernel.N_STATES), *sampling.sensors),
+        (
+            sampling.noise(grid.count, kernel.N_STATES),
+            *noise,
+            float(sampling.position_resolution),
+        ),
         (sampling.input_limit, substeps),
         (loop.start_estimates, np.array([h, 1.0, *gains, *constants])),  # 1: inputs are held
         grid.count,
         record,
         totals,
     )
-    return SampledEnd(*end)
 
 
 def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:

@@ -22,7 +22,6 @@ from flexid.recording.clock import Clock
 from flexid.recording.columns import channels_of, read_channels, recipes_of
 from flexid.recording.layout import (
     BLANK,
-    COMMENTS,
     LONGEST_LINE,
     Layout,
     layout_of,
@@ -31,7 +30,7 @@ from flexid.recording.layout import (
 from flexid.recording.sampling import GAP, check_typical
 from flexid.recording.series import tables_of_file
 from flexid.recording.table import Table, decimal_mark
-from flexid.recording.text import UTF_16, as_utf_8, read_text
+from flexid.recording.text import COMMENT_MARKS, UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels
 from flexid.streaming.sources import name_of, open_source
 
@@ -44,7 +43,6 @@ BLOCK = 65_536  # rows of a log that are read at once
 HEAD_LINES = 200  # lines at the beginning from which layout and sample time are taken
 LINES_FOR_LAYOUT = 8  # lines from which the layout alone is taken, where the sample time is known
 FEWEST_LINES = 4  # the fewest of them: a header and three samples, where the stream has ended
-_COMMENTS = tuple(mark.encode() for mark in COMMENTS)
 
 
 class _Columns:
@@ -230,7 +228,7 @@ def _cells(layout: Layout, line: bytes) -> Sequence[str | None]:
 def _may_be_row(line: bytes) -> bool:
     """Whether a line is neither blank nor a comment."""
     stripped = line.strip()
-    return bool(stripped) and not stripped.startswith(_COMMENTS)
+    return bool(stripped) and not stripped.startswith(COMMENT_MARKS)
 
 
 def sample_time_of(source: str, time: FloatArray) -> float:
