@@ -17,11 +17,11 @@ from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS, SI_UNITS
 from flexid.recording.names import folded, named_channel, nearest_name, split_header
 from flexid.recording.read import logs_of_joints
+from flexid.recording.recipes import map_in_file
 from flexid.recording.recording import Log
 from flexid.recording.series import names_of, table_of_file
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
-from flexid.toml_file import parse_toml, read_bytes
 
 _NEEDED = (
     ("time", "sample_time"),
@@ -72,7 +72,7 @@ def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog
     file = shown(path)
     is_text = format_of(path) is None
     table = read_table(path) if is_text else _names(path)
-    given = _given(columns)
+    given = {} if columns is None else map_in_file(columns)
     _check_joints(file, table, given, joints)
     if columns is not None:
         _check_keys(columns, given, joints)
@@ -103,18 +103,6 @@ def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog
 def _names(path: Path) -> Table:
     with Reading(path) as reading:
         return names_of(reading)
-
-
-def _given(columns: Path | None) -> dict[str, Any]:
-    """The entries of a column map, by key."""
-    if columns is None:
-        return {}
-    file = shown(columns)
-
-    def refuse(_key: str, reason: str) -> RecordingError:
-        return RecordingError(file, "", reason)
-
-    return parse_toml(read_bytes(columns, "a column map in TOML", refuse), refuse)
 
 
 def _check_joints(file: str, table: Table, given: dict[str, Any], joints: int) -> None:

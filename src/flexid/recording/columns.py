@@ -265,10 +265,7 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
 
 
 def _side_of_bare(known: Collection[str], count: int) -> str:
-    """The side of the joint that names without one have, beside positions that are known.
-
-    `count` is how many positions have no side; the side is empty where they may be of either.
-    """
+    """The side that `count` names of positions without one have, beside known ones; or none."""
     if not known:
         return "motor"  # of a drive with one encoder
     if count == 1 and known == {"motor_position"}:

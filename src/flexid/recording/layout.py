@@ -166,10 +166,7 @@ def _check_quotes(header: _Line) -> None:
 
 
 def _to_first_row(file: str, text: bytes) -> tuple[list[_Line], tuple[str, int] | None]:
-    """Lines up to the first row of numbers that others follow, its separator and how many cells.
-
-    Without such a row these are all that may stand before one.
-    """
+    """Lines up to the first of some rows of numbers, its separator and width; else all lines."""
     ahead = _head(file, text)
     lines: list[_Line] = []
     waiting: list[_Line] = []  # that may be a row, or follow one

@@ -194,10 +194,7 @@ def _likeliest(
 
 
 def _usual(squares: FloatArray, channels: int) -> FloatArray:
-    """How much larger squares of errors usually are nearby than by chance, or 1, shape (m,).
-
-    What the log speaks for is less right where a motion is at its fastest.
-    """
+    """How much larger squares of errors are nearby than by chance, as in fast motion; 1 or more."""
     by_chance = channels * (1.0 - 2.0 / (9.0 * channels)) ** 3  # median of their sum
     parts = np.array_split(squares, max(1, len(squares) // _NEARBY))
     each = [

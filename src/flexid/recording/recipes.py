@@ -91,13 +91,17 @@ def read_map(source: MapSource) -> ColumnMap:
     """The column map in a TOML file, or in a mapping with its keys; a `false` channel is unread."""
     if isinstance(source, Mapping):
         return _map_of(ARGUMENT, dict(source))
-    file = shown(source)
+    return _map_of(shown(source), map_in_file(source))
+
+
+def map_in_file(path: Path) -> dict[str, Any]:
+    """Keys and values of a column map in a TOML file."""
 
     def refuse(_key: str, reason: str) -> RecordingError:
-        return RecordingError(file, "", reason)
+        return RecordingError(shown(path), "", reason)
 
-    raw = read_bytes(source, "a column map in TOML", refuse)
-    return _map_of(file, parse_toml(raw, lambda _, reason: refuse("", _no_map(raw, reason))))
+    raw = read_bytes(path, "a column map in TOML", refuse)
+    return parse_toml(raw, lambda _, reason: refuse("", _no_map(raw, reason)))
 
 
 def _no_map(raw: bytes, reason: str) -> str:

@@ -192,25 +192,20 @@ def _jitter(steps: FloatArray) -> float:
 
 
 def _is_smoother_if_even(logs: Sequence[Draft], recordings: Sequence[slice]) -> bool:
-    """Whether samples were even and stamped late, by the position that tells most.
-
-    They then lie closer to the cubic through their neighbours than at the stamped times, which are
-    believed where noise hides the difference.
-    """
+    """Whether samples were even and stamped late, by the position that tells most."""
+    # Stamps are believed where noise hides the difference.
     positions = [log[name] for log in logs for name in log.those_of(POSITIONS)]
     gains = [_gain_if_even(logs[0].time, values, recordings) for values in positions]
     return max(gains, key=abs) > np.log(_SMOOTHER)
 
 
 def _gain_if_even(time: FloatArray, values: FloatArray, recordings: Sequence[slice]) -> float:
-    """Logarithm by how much smoother a position is at even times than at the stamped ones.
-
-    Jumps and wraps are few, so quantiles are compared.
-    """
+    """Logarithm by how much smoother a position is at even times than at the stamped ones."""
     gains, lengths = [0.0], [1]
     for part in recordings:
         own, stamps = values[part], time[part]
         at = (np.arange(len(own), dtype=np.float64), stamps)
+        # Jumps and wraps are few.
         off = np.array([np.quantile(_off_neighbours(times, own), _MOST_OF) for times in at])
         rounding = _ROUNDING * np.ptp(own)
         if off.max() > rounding:  # what rests is no evidence
@@ -221,10 +216,7 @@ def _gain_if_even(time: FloatArray, values: FloatArray, recordings: Sequence[sli
 
 
 def _off_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
-    """Distance of each sample from the cubic through the two before and after, shape (n - 4,).
-
-    In standard deviations, if all samples have white noise of one.
-    """
+    """Distance of each sample from the cubic through four others, over their noise, (n - 4,)."""
     ahead = sliding_window_view(time, 5) - time[2:-2, None]
     others = [0, 1, 3, 4]
     weights = np.ones((len(ahead), len(others)))

@@ -98,10 +98,7 @@ def _warnings(file: str, layout: Layout) -> Iterator[str]:
 def _samples(
     file: str, layout: Layout, body: bytes, header: str, *, is_cut: bool
 ) -> tuple[Layout, bytes]:
-    """Rows without the lines between them that hold no sample; raise at one of another length.
-
-    Where a file was cut its last row may be half a sample.
-    """
+    """Rows without lines that hold no sample, nor half a one at a cut; raise at another width."""
     kept: list[str] = []
     left_out: dict[int, str] = {}
 

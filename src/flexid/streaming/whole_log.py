@@ -220,11 +220,7 @@ def _result(
 
 
 def _apart(estimate: Estimate, head: Mapping[str, CoefficientEstimate]) -> FloatArray:
-    """How far values are from those of the head, shape (k,); 0 where noise explains it.
-
-    Both share the head's noise, so the root of the sum of the squares of the half-widths bounds
-    what noise alone does to their difference.
-    """
+    """How far values are from those of the head, shape (k,); 0 where noise explains it."""
     found = np.zeros(len(estimate.names))
     for place, name in enumerate(estimate.names):
         freedom, beside = estimate.degrees_of_freedom[place], head.get(name)
@@ -233,6 +229,7 @@ def _apart(estimate: Estimate, head: Mapping[str, CoefficientEstimate]) -> Float
         half = quantile(freedom) * float(estimate.deviations[place])
         other = beside.half_width
         apart = abs(float(estimate.values[place]) - beside.value)
+        # Both share the head's noise, which makes no larger difference than this.
         if np.isfinite(apart) and apart > np.hypot(half, other):
             found[place] = apart
     return found
