@@ -52,6 +52,7 @@ SWING = np.sin(SLOW[:800])
 CASES: dict[str, Columns] = {
     "a dead encoder": changed(motor_position=0.0),
     "a dead torque": changed(motor_torque=0.0),
+    "a dead torque of a rigid joint": changed("link_position", "link_velocity", motor_torque=0.0),
     "a dead velocity": changed(link_velocity=0.0),
     "one encoder twice": {**changed(), "link_position": changed()["motor_position"]},
     "a fast joint": changed("velocity", link_position=3e3, motor_position=3e3),

@@ -32,7 +32,7 @@ _DEAD = {
     **dict.fromkeys(ENCODERS, "the encoder is stuck or not connected"),
     **dict.fromkeys(VELOCITIES, "the sensor is dead, so leave the column out"),
 }
-_DEAD_INPUT = "nothing drives the motor; without the column the link is identified alone"
+_DEAD_INPUT = "nothing drives the motor"
 
 
 def check_magnitude(log: Draft) -> None:
@@ -42,6 +42,21 @@ def check_magnitude(log: Draft) -> None:
         if np.any(sizes > LARGEST_VALUE):
             largest = f"{np.nanmax(sizes):.3g} {channel.unit}"
             raise log.refusal(name, f"{name} reaches {largest}: correct the cell or the unit")
+
+
+def drop_dead_inputs(log: Draft) -> None:
+    """Leave out an input that is constant where two sides move: the link's motion is known."""
+    if len(log.those_of(POSITIONS)) < 2:
+        return
+    for name in log.those_of(INPUTS):
+        if _is_constant(log[name], log[name]):
+            log.warn(
+                name,
+                f"{name} is constant, so nothing drives the motor: the link was identified alone; "
+                f"record an input that varies",
+                Rank.SCALE,
+            )
+            del log.channels[name]
 
 
 def check_varies(log: Draft, name: str) -> None:

@@ -72,6 +72,7 @@ def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool) -> Log:
     """Recordings on an even grid, of channels that make sense together."""
     origins = {name: channel.origin for name, channel in log.channels.items()}
     if not rests:
+        checks.drop_dead_inputs(log)
         _check_each(log)
     unwrap(log)
     _add_link_position(log)
