@@ -193,11 +193,26 @@ def quadratic(names, information, values, robust=1.0) -> Any:
     )
 
 
+def hidden(reported, full, scale, **one_way: dict[str, float]) -> np.ndarray:
+    """Covariance from what is gone, of a size; frictions that turn one way pass for others."""
+    fits = {"reported": reported, "full": full, "scales": {"gone": scale}, "one_way": one_way}
+    return hidden_covariance(cast(Any, SimpleNamespace(**fits)))
+
+
+def test_a_friction_one_way_may_be_as_large_as_its_scale():
+    """Assert that it adds half its square by what it passes for, whatever the fit says of it."""
+    reported = quadratic(("kept", "other"), np.eye(2), np.zeros(2))
+    full = quadratic(("kept", "other", "gone"), np.diag([1.0, 1.0, 1e6]), np.zeros(3))
+    assert hidden(reported, full, 3.0) == pytest.approx(np.zeros((2, 2)), abs=1e-5)
+    found = hidden(reported, full, 3.0, gone={"other": 0.5})
+    assert found == pytest.approx(np.diag([0.0, 0.5 * (3.0 * 0.5) ** 2]))
+
+
 def added(information, values, scale, robust=1.0) -> float:
     """Variance that the second of two coefficients adds to the first by its absence."""
     reported = quadratic(("kept",), information[:1, :1], values[:1])
     full = quadratic(("kept", "gone"), information, values, robust)
-    covariance = hidden_covariance(cast(Any, reported), cast(Any, full), {"gone": scale})
+    covariance = hidden(reported, full, scale)
     return float(covariance[0, 0])
 
 
@@ -239,7 +254,7 @@ def test_what_is_left_of_the_information_is_not_lost_in_rounding():
     reported = quadratic(("a", "b"), information[:2, :2], np.zeros(2))
     full = quadratic(("a", "b", "gone"), information, np.zeros(3))
     scale = 1e-3
-    covariance = hidden_covariance(cast(Any, reported), cast(Any, full), {"gone": scale})
+    covariance = hidden(reported, full, scale)
     orthogonal, _ = np.linalg.qr(columns[:, :2])
     rest = columns[:, 2] - orthogonal @ (orthogonal.T @ columns[:, 2])
     assert 1.0 / np.linalg.norm(rest) > scale  # the log cannot see it

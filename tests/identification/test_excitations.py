@@ -10,6 +10,7 @@ from flexid.estimators.rowwise import RowFit
 from flexid.estimators.samples import Samples
 from flexid.identification.estimation.excitations import (
     directions,
+    one_way_frictions,
     row_excitation,
     unexcited,
     without_noise,
@@ -161,3 +162,35 @@ def test_noise_is_added_as_the_sensors_have_it(relative: bool):
     deflection = 1e-5 if relative else np.sqrt(2.0) * 1e-3
     assert added.std(axis=0) == pytest.approx(1e-3, rel=0.05)
     assert (added[:, 0] - added[:, 1]).std() == pytest.approx(deflection, rel=0.15)
+
+
+WAYS = np.repeat([0.0, 1.0], [100, 300])
+TORQUE = np.where(WAYS, 8.0, 0.0)
+SPEED = np.linspace(-1.0, 5.0, 400)
+RIPPLE = np.sin(np.arange(400))
+
+
+@pytest.mark.parametrize(
+    ("ways", "torque", "parts"),
+    [
+        (WAYS, TORQUE, {"alpha2": 0.0, "beta1": 0.125}),
+        (-WAYS, TORQUE, {"alpha2": 0.0, "beta1": -0.125}),
+        (WAYS, TORQUE + 0.05 * RIPPLE, {"alpha2": 0.0, "beta1": 0.125}),
+        (WAYS, TORQUE + 0.5 * RIPPLE, None),
+        (np.where(np.arange(400) > 390, -1.0, WAYS), TORQUE, None),
+        (np.zeros(400), TORQUE, None),
+    ],
+    ids=["step", "back", "hardly varies", "varies", "both ways", "rest"],
+)
+def test_a_friction_one_way_is_part_of_a_constant_torque(ways, torque, parts):
+    """Assert that it is hidden, and stands for how much of the torque, if nothing else varies."""
+    row = SimpleNamespace(
+        coefficients=("alpha2", "alpha_coulomb", "beta1"),
+        regressors=np.array([SPEED, ways, torque]),
+    )
+    rows: Any = [row]
+    found = one_way_frictions(rows, ("alpha2", "beta1"), THRESHOLDS.lost_share)
+    assert set(found) == ({"alpha_coulomb"} if parts else set())
+    if parts:
+        assert found["alpha_coulomb"] == pytest.approx(parts, abs=2e-3)
+    assert not one_way_frictions(rows, row.coefficients, THRESHOLDS.lost_share)

@@ -132,3 +132,21 @@ def test_a_long_log_is_searched_in_part(monkeypatch: pytest.MonkeyPatch, enough:
     assert len(some.problem.segments) == pytest.approx(len(whole.problem.segments) / of, abs=1)
     assert some.by_name == whole.by_name
     assert some.excess == pytest.approx(whole.excess, rel=0.1)
+
+
+def test_a_part_is_searched_as_a_whole(monkeypatch: pytest.MonkeyPatch):
+    """Assert it where a part could be taken of it again: each recording's first segment stays."""
+    whole, part = made_fit(9.0, states="whole"), made_fit(9.0, states="part")
+    parts = {"whole": part, "part": made_fit(9.0, states="part of the part")}
+    asked = []
+
+    def led_from(fit, *_, **__):
+        asked.append(fit.minimum.point.initial_states)
+        return made_fit(1.0, by_name={})
+
+    monkeypatch.setattr(fits_by_length, "led_from", led_from)
+    monkeypatch.setattr(
+        fits_by_length, "sampled", lambda fit: parts[fit.minimum.point.initial_states]
+    )
+    assert fits_by_length.explained_by(whole, WITHOUT, {}, 1.0, THRESHOLDS) is not None
+    assert asked == ["part", None, "whole", None]

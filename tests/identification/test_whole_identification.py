@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made, recording
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.identify import identify
@@ -79,6 +80,36 @@ def test_rest_before_a_motion_changes_nothing(clean):
     assert all(own.std < 1e-3 * own.value for own in result.coefficients.values())
     assert any("nothing moves long before" in warning for warning in result.warnings)
     assert sum(map(len, result.recordings)) < 1.2 * len(moving)
+
+
+def test_a_step_one_way_leaves_room_for_friction():
+    """Assert that a fifth of a constant torque may be friction, and that ratios stay known."""
+    link, motor, stiffness, damping, viscous = 1.0, 0.5, 100.0, 0.3, 0.8
+    balance = [
+        [0.0, 1.0, 0.0, 0.0],
+        [-stiffness / link, -damping / link, stiffness / link, damping / link],
+        [0.0, 0.0, 0.0, 1.0],
+        [stiffness / motor, damping / motor, -stiffness / motor, -(damping + viscous) / motor],
+    ]
+    times = SAMPLE_TIME * np.arange(1500)
+    torque = np.where(times >= 0.2, 5.0, 0.0)
+    acting = 0.8 * torque  # friction takes the rest
+    held = np.zeros((5, 5))  # the torque is the fifth state, and stays as it is
+    held[:4, :4], held[3, 4] = balance, 1.0 / motor
+    step, states = expm(SAMPLE_TIME * held), np.zeros((1500, 4))
+    for sample, pulls in enumerate(acting[:-1]):
+        states[sample + 1] = (step @ [*states[sample], pulls])[:4]
+    assert np.all(states[times > 0.21, 3] > 0.0)
+    noisy = states[:, ::2].T + 1e-4 * np.random.default_rng(4).standard_normal((2, 1500))
+    result = identify([log(recording(times, noisy[0], noisy[1], torque))])
+    for name, true in (("link_inertia", link), ("joint_stiffness", stiffness)):
+        found = result.parameters[name]
+        assert found.interval[0] < true < found.interval[1]
+        assert found.verdict != "determined"
+    spring = result.coefficients["theta2"]
+    assert spring.value == pytest.approx(stiffness / link, rel=0.01)
+    assert spring.verdict == "determined"
+    assert any("turns one way under a constant input" in warning for warning in result.warnings)
 
 
 def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFits]):

@@ -35,6 +35,7 @@ from flexid.identification.result import (
     compliance_warnings,
     deflection_warnings,
     model_warnings,
+    one_way_warnings,
     provenance,
     sign_warnings,
     summary,
@@ -133,6 +134,7 @@ def identify(
                 *amplifier_warnings(amplifier),
                 *deflection_warnings(turned_round=turned),
                 *sign_warnings(_undoubted(numbers.coefficients, found), fits.driving),
+                *(one_way_warnings(fits.one_way) if exact else ()),
                 *model_warnings(
                     fits.error, job.joint.kind, numbers.widest, found.disturbances, thresholds
                 ),

@@ -253,6 +253,16 @@ def sign_warnings(
         )
 
 
+def one_way_warnings(frictions: Collection[str]) -> Iterator[Caution]:
+    """Warn of dry frictions that are nothing but a part of a constant torque."""
+    if frictions:
+        yield Caution(
+            "the drive turns one way under a constant input, of which dry friction may take any "
+            "part; the intervals allow for that: record motion both ways",
+            Rank.MODEL,
+        )
+
+
 def amplifier_warnings(amplifier: Amplifier) -> Iterator[Caution]:
     """Warn of a voltage that was corrected before anything was fitted to it."""
     found = []

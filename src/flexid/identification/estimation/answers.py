@@ -213,7 +213,7 @@ def _disturbed(job: Job) -> Answer:
     except ConvergenceError:
         refitted, whole, retreat = fitted, training, (RETREAT,)
     fits = _fits(refitted, retreat, job)
-    hidden = hidden_covariance(fits.reported, fits.full, fits.scales)
+    hidden = hidden_covariance(fits)
     estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
     disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
     found = Answer(fits, validation, estimate, disturbances, widest)

@@ -22,6 +22,7 @@ _OFFSETS = (
     *declared.TERMS["link_offset"].coefficients,
     *declared.TERMS["motor_offset"].coefficients,
 )
+DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
 _SCATTER = 3.0  # standard deviations of a mean square, by which noise may exceed its own
 _PART = 0.1  # of a direction, from which on a coefficient counts as part of it
 _LEAST_MOTION = (
@@ -80,6 +81,32 @@ def unexcited(
             for share, parts in zip(shares.tolist(), part_of, strict=True):
                 found |= parts if share < lost_share else frozenset()
     return frozenset(found | _COUPLED if found & _COUPLED else found)
+
+
+def one_way_frictions(
+    rows: Iterable[RowFit], kept: Collection[str], lost_share: float
+) -> dict[str, dict[str, float]]:
+    """Dry frictions beside what was kept that the rows cannot show, and what each passes for.
+
+    A side that keeps turning one way under a constant torque has a constant friction: that torque
+    less a part of it moves the same drive, a lighter one. Before it moves friction balances what
+    acts, and nothing of that is seen either.
+    """
+    hidden: dict[str, dict[str, float]] = {}
+    for row in rows:
+        beside = [i for i, name in enumerate(row.coefficients) if name in kept]
+        for place, name in enumerate(row.coefficients):
+            if name not in declared.DRY_FRICTIONS or name in kept:
+                continue
+            moving = np.abs(row.regressors[place]) >= DIRECTED
+            ways, others = row.regressors[place, moving], row.regressors[beside][:, moving]
+            if np.count_nonzero(moving) <= len(beside) or len({*np.sign(ways).tolist()}) > 1:
+                continue
+            parts = np.linalg.lstsq(others.T, ways)[0]
+            if np.linalg.norm(ways - parts @ others) < lost_share * np.linalg.norm(ways):
+                names = [row.coefficients[i] for i in beside]
+                hidden[name] = dict(zip(names, parts.tolist(), strict=True))
+    return hidden
 
 
 def without_noise(row: RowFit, noisier: RowFit, independent: float) -> RowFit:

@@ -12,7 +12,12 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.normal_equations import least_with, scaled_inverse
 from flexid.estimators.rowwise import LeastSquaresFit
-from flexid.identification.estimation.excitations import row_sizes, unexcited, without_noise
+from flexid.identification.estimation.excitations import (
+    one_way_frictions,
+    row_sizes,
+    unexcited,
+    without_noise,
+)
 from flexid.identification.estimation.measured_input import error_of, widened_by
 from flexid.identification.estimation.model_error import (
     driving_covariance,
@@ -30,7 +35,7 @@ from flexid.identification.structure.link_delay import confused_covariance
 from flexid.identification.structure.shapes import settled
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
-from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import coefficients_of
 from flexid.recording.velocities import with_velocities
 
@@ -94,6 +99,12 @@ class FinalFits:
         delays = self.full.structure.timing.sought
         return scales | dict.fromkeys(delays, self.full.data.margin)
 
+    @cached_property
+    def one_way(self) -> dict[str, dict[str, float]]:
+        """Dry frictions that the log cannot show, and what they pass for."""
+        rows = self.least_squares(self.full.structure).rows
+        return one_way_frictions(rows, self.reported.names, THRESHOLDS.lost_share)
+
     def unexcited(self, lost_share: float) -> set[str]:
         """What the motion says nothing of; gravity counts as far as the log might show it."""
         if not self.reported.converged:
@@ -148,7 +159,7 @@ def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -
     """The estimate with all that is doubted in its covariance."""
     reported, error = fits.reported, fits.error
     estimate = with_free_width(widened_by(reported, error), reported)
-    estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))
+    estimate = estimate.widened(hidden_covariance(fits))
     estimate = estimate.widened(hold_covariance(reported, fits.choice.by_length.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error, thresholds))
     estimate = estimate.widened(driving_covariance(reported, fits.driving))
@@ -212,7 +223,7 @@ def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
     return Alignment(structure.timing.hold, input_delay, link_delay, "")
 
 
-def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float]) -> FloatArray:
+def hidden_covariance(fits: FinalFits) -> FloatArray:
     """Covariance, shape (k, k), of what was reported, from what the model does without.
 
     That a term is not seen does not mean that it is not there: where the log cannot distinguish it
@@ -226,6 +237,7 @@ def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float
     of the fit. A term that the log sees well and does not find adds nothing; one that it cannot
     see adds half of all that it could be.
     """
+    reported, full, scales = fits.reported, fits.full, fits.scales
     names = list(full.names)
     kept = [names.index(name) for name in reported.names if name in names]
     places = [i for i, name in enumerate(reported.names) if name in names]
@@ -237,6 +249,10 @@ def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float
     for i, name in enumerate(names):
         scale = scales.get(name, scales.get(name.partition("[")[0], 0.0))
         if i in kept or scale <= 0.0:
+            continue
+        if (parts := fits.one_way.get(name)) is not None:
+            shift = np.array([parts.get(other, 0.0) for other in reported.names])
+            added += _mean_square(0.0, np.inf, scale) * np.outer(shift, shift)
             continue
         beside = np.isin(np.arange(len(names)), [*kept, i])
         place = int(np.count_nonzero(beside[:i]))

@@ -197,10 +197,21 @@ def explained_by(
     """
     some = sampled(before)
     if some is not before:
-        part = explained_by(some, structure, way, floor, thresholds)
+        part = _explained_at_once(some, structure, way, floor, thresholds)
         if part is None:
             return None
         structure, way = part.structure, part.by_name
+    return _explained_at_once(before, structure, way, floor, thresholds)
+
+
+def _explained_at_once(
+    before: Fitted,
+    structure: Structure,
+    way: Mapping[str, float],
+    floor: float,
+    thresholds: Thresholds,
+) -> Fitted | None:
+    """The same, of all that the fit was fitted to."""
     found = led_from(before, structure, way, insist=False, iterations=FIRST_ITERATIONS)
     wanted = thresholds.shape_share * (before.excess - floor)
     if found is None or before.excess - found.excess < wanted:
