@@ -8,15 +8,11 @@ from benchmarks.arms.arm import random_arm
 from benchmarks.arms.log import Motion, simulate
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.starts import starts
-from flexid.estimators.balance_motion import (
-    balance_kernel,
-    balance_motion,
-    balance_unknowns,
-)
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point
+from flexid.estimators.segmented_motion import Point, motion_kernel
 from flexid.estimators.segments import divide
+from flexid.identification.preparation.joint import ElasticArm
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.recording.velocities import position_noise
 
@@ -34,13 +30,14 @@ def seven_joints(seed: int, joints: int = 7) -> None:
     truth = arm.truth()
     names = [f"joint_stiffness_{i}" for i in range(1, joints + 1)]
     clock = _Clock()
-    balance_kernel(balance)
+    motion_kernel(balance)
     clock.say("equations derived")
     first = next(iter(starts(balance, [samples], fixed)))
     clock.say("columns compiled, least squares")
     values = dict(first)
     segments = divide([samples], 0.1)
-    problem = balance_motion(balance, segments, Timing("zero"), balance_unknowns(balance, fixed))
+    model = ElasticArm(balance)
+    problem = model.motion(segments, Timing("zero"), model.unknowns((), fixed))
     noise = np.array([position_noise(column) for column in positions.T])
     candidates = []
     for start in starts(balance, [samples], fixed):

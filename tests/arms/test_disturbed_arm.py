@@ -32,7 +32,7 @@ from flexid.arms.log import arm_data
 from flexid.arms.starts import starts
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.balance_motion import balance_columns
+from flexid.estimators.balance_columns import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide

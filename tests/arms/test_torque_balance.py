@@ -12,11 +12,11 @@ from two_links import ARM, TRUTH, TwoLinks, accelerations, motion, truth_values
 
 from flexid.arrays import FloatArray
 from flexid.derivation.torque_balance import balance_functions
-from flexid.estimators.balance_motion import balance_motion, balance_unknowns
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import divide
+from flexid.identification.preparation.joint import ElasticArm
 from flexid.kernels.store import template
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import TorqueBalance
@@ -56,7 +56,8 @@ def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None)
     positions = np.zeros((len(torques), 4)) if outputs is None else outputs
     segments = divide([Samples(positions, None, torques, h)], 1e3)
     fixed = {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
-    problem = balance_motion(BALANCE, segments, Timing("zero"), balance_unknowns(BALANCE, fixed))
+    arm = ElasticArm(BALANCE)
+    problem = arm.motion(segments, Timing("zero"), arm.unknowns((), fixed))
     return replace(problem, substeps=4)
 
 

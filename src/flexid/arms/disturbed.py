@@ -24,7 +24,7 @@ from flexid.arms.fitting import (
 )
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.balance_motion import balance_columns
+from flexid.estimators.balance_columns import balance_columns
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.band import (
     SPRING_SHARE,
@@ -155,10 +155,8 @@ class DisturbedFit:
         """
         job, fitted = self.job, self.fitted
         first, starts = before_the_end(job.data)
-        sizes = replace(self.best.sizes, sensors=self.best.sizes.sensors * np.sqrt(job.factor))
-        follow = observer_following(job.in_band.directions, sizes)
-        least, most = 5.0 * job.data.samples[0].sample_time, 0.1 * job.data.duration
-        periods = np.clip(2.0 * np.pi / resonances(job.balance, self.values), least, most).tolist()
+        follow = observer_following(job.in_band.directions, self.best.sizes, job.factor)
+        periods = job.data.periods(resonances(job.balance, self.values)).tolist()
         try:
             begun = replace(job, data=first).in_band
             values = begun.with_gains_of(fitted, fitted.by_name, NEAR_STEPS).by_name

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.balance_motion import balance_columns
+from flexid.estimators.balance_columns import balance_columns
 from flexid.estimators.samples import Samples
 from flexid.models.torque_balance import JointTerm, TorqueBalance
 from flexid.recording.velocities import position_noise

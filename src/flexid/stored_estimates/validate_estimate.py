@@ -75,8 +75,8 @@ def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> Estimate
     if offsets := dict.fromkeys(n.partition("[")[0] for n in stored.coefficients if "[" in n):
         named = " and ".join(offsets)
         doubts.append(f"the estimate has {named} log by log: for these logs the mean is taken")
-    noise, warnings = _noise(joint, data), (*dropped, *cautions(Rank.MODEL, doubts))
-    return _predicted(estimate, structure, values, data, noise, logs, warnings)
+    warnings = (*dropped, *cautions(Rank.MODEL, doubts))
+    return _predicted(estimate, structure, values, data, logs, warnings)
 
 
 def _predicted(
@@ -84,7 +84,6 @@ def _predicted(
     structure: Structure[Any],
     values: Mapping[str, float],  # of its coefficients
     data: Data,
-    noise: Mapping[str, float],
     logs: Sequence[Log] | Sequence[ArmLog],
     warnings: Sequence[str],
 ) -> EstimateValidation:
@@ -107,7 +106,7 @@ def _predicted(
         model=made.model,
         joint=made.joint if isinstance(made, Identification) else "revolute",
         residuals=_residuals(found, channels, samples, starts),
-        noise=noise,
+        noise=_noise(channels, data),
         warnings=ranked([*(w for log in logs for w in log.warnings), *warnings]),
         provenance={
             "flexid_version": flexid.__version__,
@@ -192,17 +191,21 @@ def _residuals(
     return {**by_horizon, np.inf: _by_channel(channels, free)}
 
 
-def _noise(joint: Joint, data: Data) -> dict[str, float]:
-    if joint.kind == "rigid":
-        return _by_channel(joint, data.noise)
-    if joint.kind == "link":
-        motor = position_noise(max(data.samples, key=len).inputs[:, 0])
-        return _by_channel(joint, np.array([data.noise[0], np.hypot(data.noise[0], motor)]))
-    return _by_channel(joint, np.array([*data.noise, np.hypot(*data.noise)]))
+def _noise(model: Channels, data: Data) -> dict[str, float]:
+    """Standard deviation of each channel's noise: a deflection has that of both positions."""
+    kind = model.kind if isinstance(model, Joint) else "flexible"
+    noise = data.noise
+    if kind == "rigid":
+        return _by_channel(model, noise)
+    if kind == "link":
+        noise = np.append(noise, position_noise(max(data.samples, key=len).inputs[:, 0]))
+    sides = noise.reshape(-1, 2)
+    every = np.column_stack((sides, np.hypot(*sides.T))).ravel()
+    return _by_channel(model, every[::2] if kind == "link" else every)
 
 
-def _by_channel(joint: Channels, numbers: FloatArray) -> dict[str, float]:
-    return dict(zip(joint.channels, map(float, numbers), strict=True))
+def _by_channel(model: Channels, numbers: FloatArray) -> dict[str, float]:
+    return dict(zip(model.channels, map(float, numbers), strict=True))
 
 
 def common_doubts(
@@ -245,14 +248,11 @@ def validate_arm(
             )
     data = arm_data(_long_enough(logs), logs[0].relative_to)
     arm = ElasticArm(planar_arm(stored.arm))
-    spread = data.noise.reshape(-1, 2)
-    by_channel = np.column_stack((spread, np.hypot(*spread.T))).ravel()
     delays = {f"{row}{DELAY}": delay for row, delay in stored.encoder_delays.items()}
     delays |= {INPUT: stored.input_delay} if stored.input_delay else {}
     structure = Structure(arm, frozenset(), Timing(stored.hold, delays), stored.fixed)
     doubts = cautions(Rank.MODEL, [*common_doubts(stored, stored.parameters, logs)])
-    noise = _by_channel(arm, by_channel)
-    return _predicted(estimate, structure, stored.fit.by_name, data, noise, logs, doubts)
+    return _predicted(estimate, structure, stored.fit.by_name, data, logs, doubts)
 
 
 def _long_enough(logs: Sequence[ArmLog]) -> list[Samples]:

@@ -259,9 +259,8 @@ def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
     It begins from the state that fits the period before: what acts besides the spring shifts a
     state that has to fit many.
     """
-    period = 2.0 * np.pi / max(resonance(fitted.by_name), np.finfo(float).tiny)
     whole, starts = job.whole, job.recordings.starts
-    period = float(np.clip(period, 5.0 * whole.samples[0].sample_time, 0.1 * whole.duration))
+    period = float(whole.periods(np.array(resonance(fitted.by_name))))
     found = validate(fitted, whole, starts, horizons=(period,), warm_up=period).horizons
     return period, found[period].get("deflection", np.nan) if found else np.nan
 

@@ -319,11 +319,13 @@ def _states_near(segments: Segments, near: Fitted[M]) -> FloatArray:
     return found
 
 
-def observer_following(directions: FloatArray, sizes: Sizes) -> Follower:
+def observer_following(directions: FloatArray, sizes: Sizes, factor: int) -> Follower:
     """Predictions from where an observer has got to that knows the sizes of disturbances.
 
-    Where that runs away, they begin from the states that fit best.
+    They are of a log as it was recorded, and the sizes those of every so many of its samples. Where
+    the observer runs away, predictions begin from the states that fit best.
     """
+    sizes = replace(sizes, sensors=sizes.sensors * np.sqrt(factor))
 
     def follow(
         model: SegmentedMotion, values: FloatArray, windows: Segments, warm: NDArray[np.int64]

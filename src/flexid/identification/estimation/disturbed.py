@@ -274,9 +274,7 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
 def follower(found: Disturbed, data: Data) -> Follower:
     """Predictions of a log, as it was recorded, from where the observer of a fit has got to."""
     directed = directions(data.samples, 1, found.factor)
-    sizes = replace(found.sizes, sensors=found.sizes.sensors * np.sqrt(found.factor))
-
-    return observer_following(directed, sizes)
+    return observer_following(directed, found.sizes, found.factor)
 
 
 def _start(structure: Structure, data: Data) -> dict[str, float]:

@@ -75,6 +75,11 @@ class Data:
         """Length of all recordings in s."""
         return sum(len(recording) * recording.sample_time for recording in self.samples)
 
+    def periods(self, resonances: FloatArray) -> FloatArray:
+        """Period in s of each angular frequency in rad/s, within what can be predicted."""
+        least, most = 5.0 * self.samples[0].sample_time, 0.1 * self.duration
+        return np.clip(2.0 * np.pi / np.maximum(resonances, np.finfo(float).tiny), least, most)
+
     def halves(self) -> Iterator["Data"]:
         """The first and the second half of every recording."""
         cut = [(own, len(own) // 2) for own in self.samples]

@@ -8,12 +8,11 @@ and dropped without a kernel of their own.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.balance_motion import balance_motion, balance_unknowns
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples, samples_of_recording
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
@@ -376,7 +375,9 @@ class ElasticArm:
         groups: Sequence[int] = (),  # noqa: ARG002 - as a joint's, whose offsets differ by log
     ) -> Unknowns:
         """What is sought where some parameters have a value."""
-        return balance_unknowns(self.balance, {**dict.fromkeys(absent, 0.0), **fixed})
+        known = {**dict.fromkeys(absent, 0.0), **fixed}
+        # Of a system, estimators take the names, the constants and the compiled motion alone.
+        return Unknowns(cast(ParametricSystem, self.balance), known)
 
     def with_widths(
         self,
@@ -387,4 +388,4 @@ class ElasticArm:
 
     def motion(self, segments: Segments, timing: Timing, unknowns: Unknowns) -> SegmentedMotion:
         """Its motion over segments."""
-        return balance_motion(self.balance, segments, timing, unknowns)
+        return segmented_motion(unknowns.system, segments, timing, unknowns)
