@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from flexid.derivation.model_functions import split_regressor
+from flexid.derivation.model_functions import signal_parts
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
@@ -38,9 +38,7 @@ def drive_functions(system: ParametricSystem) -> CFunctions:
     texts = [text for row in system.rows for text in row.regressors.values()]
     texts += [row.known for row in system.rows]
     comments = [comment(f"{label}: {text}") for label, text in zip(labels, texts, strict=True)]
-    expressions = [r for row in symbolic.rows for r in row.regressor]
-    expressions += [row.known for row in symbolic.rows]
-    parts = [split_regressor(expression, symbolic) for expression in expressions]
+    parts = signal_parts(symbolic)
     sampled = [
         (f"signal[{i}] =", part.memoryless + part.remainder, comment)
         for i, (part, comment) in enumerate(zip(parts, comments, strict=True))

@@ -177,7 +177,7 @@ def signal_module(system: ParametricSystem) -> str:
     """
     symbolic = symbolic_system(system)
     names = [*system.coefficients, *(f"known part of {row.name}" for row in system.rows)]
-    parts = _signal_parts(symbolic)
+    parts = signal_parts(symbolic)
     needed = tuple(name for name, part in zip(names, parts, strict=True) if part.remainder != 0)
     constants = (
         f"N_SIGNALS = {len(parts)}\n"
@@ -201,11 +201,11 @@ def signal_module(system: ParametricSystem) -> str:
 def compiled_signals(system: ParametricSystem) -> str:
     """Source of ``sampled_parts`` alone, compiled, for a kernel to call by its address."""
     symbolic = symbolic_system(system)
-    sampled = _sampled_parts(symbolic, _signal_parts(symbolic), called(4))
+    sampled = _sampled_parts(symbolic, signal_parts(symbolic), called(4))
     return "\n\n".join((_head(system), CALLED_IMPORTS, sampled))
 
 
-def _signal_parts(symbolic: SymbolicSystem) -> list[RegressorParts]:
+def signal_parts(symbolic: SymbolicSystem) -> list[RegressorParts]:
     """The three parts of each signal; a `ModelError` where a coefficient multiplies none."""
     for coefficient in symbolic.coefficients[len(symbolic.linear) :]:
         raise ModelError(
