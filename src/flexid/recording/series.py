@@ -55,7 +55,7 @@ def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> G
         yield read_table(path)
         return
     with Reading(path) as reading:
-        yield from tables_of(reading, columns, size)
+        yield from Signals(reading, columns).tables(size)
 
 
 def names_of(reading: Reading) -> Table:
@@ -87,15 +87,10 @@ def names_of(reading: Reading) -> Table:
     return Table(file, frame, reading.sha256, short=short, kinds=kinds | reading.others)
 
 
-def tables_of(reading: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
-    """Tables of about so many rows of the signals that a log needs; without a size, one of all."""
-    return _Wanted(reading, columns).tables(size)
-
-
 Part = tuple["polars.DataFrame", tuple[str, ...]]  # with warnings
 
 
-class _Wanted:
+class Signals:
     """The signals that a log needs, of those that a file holds."""
 
     def __init__(self, reading: Reading, columns: MapSource | None) -> None:
@@ -112,7 +107,7 @@ class _Wanted:
         self.paths = {one.path: header for header, one in self.chosen.items()}
 
     def tables(self, size: int | None) -> Iterator[Table]:
-        """Its rows, about so many at a time."""
+        """Their rows, about so many at a time; without a size, all at once."""
         lengths = {one.path: one.length for one in self.chosen.values()}
         empty = [path for path, length in lengths.items() if not length]
         if empty or not lengths:

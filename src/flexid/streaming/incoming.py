@@ -181,12 +181,12 @@ class Replay:
         table = next(self._tables)
         self._columns = _Columns(self.name, table, column_map, model)
         self.channels = self._columns.channels
-        self.warnings = tuple(dict.fromkeys(table.warnings + self.channels.warnings))
+        self.warnings = table.warnings + self.channels.warnings  # of the latest block
 
     def __iter__(self) -> Iterator[FloatArray]:
         yield self._columns.first
         for table in self._tables:
-            self.warnings = tuple(dict.fromkeys(self.warnings + table.warnings))
+            self.warnings = table.warnings
             yield self._columns.samples(table)
 
     def close(self) -> None:

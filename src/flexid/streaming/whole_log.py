@@ -43,7 +43,7 @@ from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.read import log_of_table
 from flexid.recording.recording import Log
 from flexid.recording.sampling import EVEN, GAP
-from flexid.recording.series import names_of, tables_of
+from flexid.recording.series import Signals, names_of
 from flexid.recording.velocities import with_velocities
 from flexid.streaming.incoming import Replay
 from flexid.streaming.learner import findings, regressor_sizes
@@ -102,7 +102,7 @@ def _head(path: Path, columns: "MapSource | None") -> tuple[Log, int, int]:
     with Reading(path) as reading:
         names_of(reading)  # raises where there are no samples
         rows = reading.series[0].length
-        table = next(tables_of(reading, columns, min(rows, HEAD_ROWS)))
+        table = next(Signals(reading, columns).tables(min(rows, HEAD_ROWS)))
     return log_of_table(table, columns), table.frame.height, rows
 
 
