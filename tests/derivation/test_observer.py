@@ -1,13 +1,27 @@
-"""The observer derived for the whole class: Huang (2003), eqs. (2), (3) and (7)."""
+"""The observer derived for the whole class, Huang (2003), eqs. (2), (3) and (7), and printed."""
 
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import quad
 from systems import ALL, NO_CLOSED_FORM, PAPER, THREE_ROWS, UNKNOWN_GAIN, expected_error_dynamics
 
 from flexid.errors import AccelerationError, ModelError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
-from flexid.paper.observer import derive_observer, error_dynamics
+from flexid.paper.observer import SymbolicObserver, derive_observer, error_dynamics, graded_rule
+from flexid.paper.printing import (
+    c_observer,
+    latex_observer,
+    python_observer,
+)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -76,3 +90,122 @@ def test_what_cannot_be_integrated_is_refused(regressor: str):
 def test_regressor_with_value_at_rest_is_derived(regressor: str):
     """Assert that other divisions are no concern of the velocity's integral."""
     derive_observer(ParametricSystem("rest", (Row("arm", "q", "v", {"a": regressor}),)))
+
+
+PRINTERS = {"latex": (latex_observer, "tex"), "python": (python_observer, "py.txt")}
+PRINTERS |= {"c": (c_observer, "c")}
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+@pytest.mark.parametrize("target", PRINTERS)
+@pytest.mark.parametrize("name", ["paper", "unknown input gain", "three rows"])
+def test_golden_text(target: str, name: str, request: pytest.FixtureRequest):
+    """Assert that the printed equations are those kept, read and approved."""
+    printer, suffix = PRINTERS[target]
+    printed = printer(derive_observer(ALL[name]))
+    file = GOLDEN / f"{name.replace(' ', '_')}.{suffix}"
+    if request.config.getoption("--update-golden"):
+        file.write_text(printed, encoding="utf-8")
+    assert printed == file.read_text("utf-8")
+
+
+def symbolic_values(observer: SymbolicObserver) -> tuple[list[np.ndarray], list, list]:
+    """Random values of all that an observer depends on, and (2) and (3), integrals by SymPy's."""
+    rng, symbolic = np.random.default_rng(7), observer.symbolic
+    signals = (
+        symbolic.states,
+        symbolic.inputs,
+        observer.rates if observer.input_rates else (),
+        [y for row in observer.rows for y in row.intermediate],
+    )
+    constants = (observer.gains, symbolic.constants)
+    values = [rng.normal(size=len(group)) for group in signals]
+    values += [rng.uniform(0.5, 2.0, len(group)) for group in constants]
+    named = [symbol for group in (*signals, *constants) for symbol in group]
+    point: dict[Any, Any] = dict(zip(named, np.concatenate(values).tolist(), strict=True))
+    estimates = [float(e.subs(point).evalf()) for row in observer.rows for e in row.outputs]
+    hats = [p for row in observer.rows for p in row.estimates]
+    point |= dict(zip(hats, estimates, strict=True))
+    rates = [float(e.subs(point).evalf()) for row in observer.rows for e in row.updates]
+    return values, estimates, rates
+
+
+@pytest.fixture(scope="module")
+def compile_c(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], ctypes.CDLL]:
+    """Return a function that compiles C99, with warnings as errors, and loads it."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("there is no gcc to compile the printed C with")
+
+    def build(source: str) -> ctypes.CDLL:
+        folder = tmp_path_factory.mktemp("c")
+        (folder / "observer.c").write_text(source, encoding="utf-8")
+        options = "-std=c99 -pedantic -Wall -Wextra -Werror -O1 -shared -fPIC -o observer.so"
+        command = [compiler, *options.split(), "observer.c", "-lm"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return ctypes.CDLL(str(folder / "observer.so"))
+
+    return build
+
+
+def call_c(function, values: list[np.ndarray], size: int) -> np.ndarray:
+    """Call one printed C function."""
+    result = np.empty(size)
+    pointer = ctypes.POINTER(ctypes.c_double)
+    function.restype = None
+    function(*(a.ctypes.data_as(pointer) for a in (*values, result)))
+    return result
+
+
+AWKWARD = ParametricSystem(
+    "awkward names",
+    (
+        Row(
+            "arm",
+            "double",
+            "θ",
+            {"s": "-double*θ", "sum": "gains*sign(θ)", "estimates": "exp(-θ**2)*tanh(θ)"},
+            known="zip*int",
+        ),
+    ),
+    inputs=("zip", "int"),
+    constants={"gains": 1.0},
+)
+
+
+@pytest.mark.parametrize("system", [*ALL.values(), AWKWARD], ids=[*ALL, "awkward names"])
+def test_printed_functions_have_the_symbolic_values(
+    system: ParametricSystem, compile_c: Callable[[str], ctypes.CDLL]
+):
+    """Assert that printed Python, and C without a warning, compute (2) and (3), whatever names.
+
+    Names may be keywords of C, built-in in Python, or Greek.
+    """
+    observer = derive_observer(system)
+    values, estimates, rates = symbolic_values(observer)
+    namespace: dict = {}
+    exec(compile(python_observer(observer), "printed", "exec"), namespace)
+    arguments = [v.tolist() for v in values if len(v)]
+    assert namespace["estimates"](*arguments) == pytest.approx(estimates, rel=1e-9)
+    assert namespace["rates"](*arguments) == pytest.approx(rates, rel=1e-9)
+    library, size = compile_c(c_observer(observer)), len(estimates)
+    found = call_c(library.observer_estimates, values, size)
+    assert found == pytest.approx(estimates, rel=1e-9)
+    assert call_c(library.observer_rates, values, size) == pytest.approx(rates, rel=1e-9)
+
+
+@pytest.mark.parametrize("width", [0.02, 0.1, 1.0, 10.0])
+@pytest.mark.parametrize("velocity", [-10.0, 0.3, 10.0])
+def test_quadrature_error_of_friction_curves(width: float, velocity: float):
+    """Assert an error below 1e-7 for Stribeck curves down to 1/500 of the velocity."""
+    nodes, weights = graded_rule()
+
+    def curve(v: float | np.ndarray) -> Any:
+        return np.exp(-((v / width) ** 2)) * np.tanh(3 * v / width)
+
+    end = min(abs(velocity), 7 * width)
+    wanted, _ = quad(curve, 0.0, end, epsabs=1e-14, epsrel=1e-12, limit=200)
+    found = velocity * weights @ curve(velocity * nodes)
+    assert found == pytest.approx(wanted, rel=1e-7)  # even in v
