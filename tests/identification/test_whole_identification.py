@@ -173,13 +173,6 @@ def test_what_is_known_shifts_and_bounds(clean, alone):
     assert (alpha2.value, alpha2.std, alpha2.reason) == (least, 0.0, "at its bound")
 
 
-def test_input_of_unknown_gain_gives_ratios():
-    """Assert that of a current only ratios are determined, and no inertia is named."""
-    result = identify([log(replace(made(1), input_unit="A"))], SETTINGS)
-    assert result.parameters["link_inertia_per_motor_inertia"].value == pytest.approx(10 / 3, 1e-3)
-    assert not {"motor_inertia", "joint_stiffness", "link_inertia"} & set(result.parameters)
-
-
 def pendulum() -> Recording:
     """Ten seconds of one inertia of 1.25 kg m² with gravity and friction, one encoder."""
     time = SAMPLE_TIME * np.arange(5000)

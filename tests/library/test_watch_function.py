@@ -45,17 +45,6 @@ def test_fed_one_by_one(samples):
     assert repr(one).startswith("<Watch: conver")
 
 
-def test_followed(samples):
-    """Assert that following the log is feeding its samples."""
-    watch = flexid.watch(LOG, stop_at_end=True, every=5.0, **PAPER)
-    times = [now.time for now in watch]
-    assert times == pytest.approx([4.999, 9.999, 14.999, 19.999, 24.999, 29.999, 29.999])
-    fed = flexid.watch(sample_time=1e-3, **PAPER)
-    fed.feed(time=samples.time, **channels(samples))
-    found, right = watch.parameters, fed.parameters
-    assert found["motor_inertia"].value == pytest.approx(right["motor_inertia"].value, rel=1e-9)
-
-
 def test_a_source_that_cannot_be_read_on(tmp_path, monkeypatch):
     """Assert that a turn with all that came before precedes the error."""
     text = "".join(LOG.read_text().splitlines(keepends=True)[:3001])
@@ -70,16 +59,6 @@ def test_a_source_that_cannot_be_read_on(tmp_path, monkeypatch):
     assert next(watch).counts.taken == 3000
     with pytest.raises(RecordingError, match=r"cannot be read on \(Input/output error\)"):
         next(watch)
-
-
-@pytest.mark.parametrize("terms", ["motor_viscous", "viscous"])
-def test_one_encoder(samples, terms):
-    """Assert that a drive with one encoder is watched as a rigid joint, by either name of terms."""
-    watch = flexid.watch(sample_time=1e-3, terms=terms)
-    given = channels(samples, slice(3000))
-    del given["link_position"]
-    watch.feed(**given)
-    assert set(watch.coefficients) == {"gamma_viscous", "beta1"}
 
 
 @pytest.mark.parametrize(

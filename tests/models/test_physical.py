@@ -31,6 +31,13 @@ RIGID = {
     "gamma_offset": 0.05 / 1.6,
     "beta1": 1 / 1.6,
 }
+RATIOS = {
+    **{f"{n}_per_link_inertia": TRUTH[n] / 1.3 for n in ("gravity_torque", "joint_stiffness")},
+    **{f"{n}_per_motor_inertia": TRUTH[n] / 0.3 for n in ("gravity_torque", "joint_stiffness")},
+    "link_inertia_per_motor_inertia": 1.3 / 0.3,
+    "viscous_friction_per_motor_inertia": 0.1 / 0.3,
+    "input_gain_per_motor_inertia": 1.0 / 0.3,
+}
 rigid = partial(physical_parameters, kind="rigid")
 
 
@@ -38,6 +45,7 @@ rigid = partial(physical_parameters, kind="rigid")
     ("coefficients", "table", "truth"),
     [
         (joint_coefficients(TRUTH), physical_parameters, TRUTH),
+        (joint_coefficients(TRUTH), lambda c, **_: physical_parameters(c, False), RATIOS),
         # An encoder that is off leaves the whole torque of gravity, beside the angle; rigid too.
         (OFF_ZERO, physical_parameters, TRUTH | {"gravity_angle": 0.2}),
         (
