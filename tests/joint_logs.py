@@ -6,10 +6,6 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 from made_estimates import TRUE
 
-DAMPED = {**TRUE, "theta_damping": 0.5, "alpha1": 400.0, "alpha2": 1.5, "alpha_damping": 2.0}
-DAMPED |= {"beta1": 4.0}
-"""The same with a spring that damps and a smaller motor."""
-
 SAMPLE_TIME = 0.002
 FINE = SAMPLE_TIME / 10
 NOISE = 1e-4

@@ -1,10 +1,7 @@
-"""Systems on which the derivation is tested, and the error dynamics they must have."""
-
-import sympy as sp
+"""Systems on which the derivation is tested."""
 
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
-from flexid.paper.observer import ObserverRow
 
 PAPER = flexible_joint(known={"beta1": 1 / 0.3})
 
@@ -51,10 +48,3 @@ ALL = {
     "three rows": THREE_ROWS,
     "unknown input gain": UNKNOWN_GAIN,
 }
-
-
-def expected_error_dynamics(row: ObserverRow) -> list[sp.Expr]:
-    """Return -c r rᵀ p̃: Huang (2003), eq. (7)."""
-    regressor, errors = row.row.regressor, row.errors
-    product = sp.Add(*(r * e for r, e in zip(regressor, errors, strict=True)))
-    return [-row.gain * r * product for r in regressor]

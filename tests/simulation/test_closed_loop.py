@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from table_1 import table_1
 
 from flexid.errors import SimulationError
 from flexid.models.flexible_joint import flexible_joint
@@ -18,7 +17,10 @@ from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import simulate_ensemble, simulate_sampled_ensemble
 from flexid.simulation.free_run import free_run
 from flexid.simulation.sampled import Sampling, simulate_sampled
+from flexid.studies.runs import table1_loop
 
+TABLE_1 = table1_loop((1, 2, 3))
+LOOP = replace(TABLE_1, controller=pd_gravity())
 READINGS = json.loads((Path(__file__).parent / "reference" / "table_1.json").read_text())
 
 
@@ -26,7 +28,7 @@ READINGS = json.loads((Path(__file__).parent / "reference" / "table_1.json").rea
 def test_table_1(exponents: tuple[int, int, int]) -> None:
     """Assert that both readings agree with SciPy's Radau on equations written by hand."""
     reference = READINGS[",".join(map(str, exponents))]
-    run = simulate(table_1(exponents), 30.0)
+    run = simulate(table1_loop(exponents), 30.0)
     expected = np.array(reference["parameter_errors_at_30s"])
     # 1e-5 of the value, or of 1e-3 where the value is smaller than that.
     allowed = 1e-5 * np.maximum(np.abs(expected), 1e-3)
@@ -39,20 +41,19 @@ def test_table_1(exponents: tuple[int, int, int]) -> None:
 def test_unstable_readings_say_so(exponents: tuple[int, int, int]) -> None:
     """Assert that a loop that diverges raises, with a time, instead of returning numbers."""
     with pytest.raises(SimulationError, match="largest coordinate has reached") as caught:
-        simulate(table_1(exponents), 30.0, maximum_steps=200_000)
+        simulate(table1_loop(exponents), 30.0, maximum_steps=200_000)
     assert 0.1 < caught.value.time < 30.0
 
 
 def test_input_is_what_moves_the_plant() -> None:
     """Assert that x4' of the run is that of eq. (4) with the run's own input."""
-    run = simulate(table_1(controller=pd_gravity()), 2.0, 1e-3, 1e-9)
+    run = simulate(LOOP, 2.0, 1e-3, 1e-9)
     x1, _, x3, x4 = run.states.T
     expected = (100.0 * (x1 - x3) - 0.1 * x4 + run.inputs[:, 0]) / 0.3
     slope = np.gradient(x4, run.time)[1:-1]
     assert slope == pytest.approx(expected[1:-1], abs=1e-4 * np.max(np.abs(expected)))
 
 
-LOOP = table_1(controller=pd_gravity())
 REAL = Sampling(
     input_limit=30.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7
 )
@@ -116,7 +117,7 @@ def test_noise_is_what_was_asked_for() -> None:
 def test_divergence_is_reported() -> None:
     """Assert that the paper's high-gain law, sampled at 1 kHz, is said to diverge."""
     with pytest.raises(SimulationError, match="diverges: lower its gains or its sample time"):
-        simulate_sampled(table_1(), 30.0)
+        simulate_sampled(TABLE_1, 30.0)
 
 
 NEGATIVE: dict[str, Any] = dict.fromkeys(
@@ -125,18 +126,18 @@ NEGATIVE: dict[str, Any] = dict.fromkeys(
 OUT_OF_RANGE: dict[str, Any] = {"sample_time": 0.0, "input_limit": 0.0, "velocity_noise": -1.0}
 NO_ALPHA2 = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0}
 REFUSED: dict[str, Callable[[], object]] = {
-    "duration": lambda: simulate(table_1(), -1.0),
+    "duration": lambda: simulate(TABLE_1, -1.0),
     **{
-        name: lambda name=name: simulate(table_1(), 1.0, **{name: NEGATIVE[name]})
+        name: lambda name=name: simulate(TABLE_1, 1.0, **{name: NEGATIVE[name]})
         for name in NEGATIVE
     },
-    "a coefficient": lambda: replace(table_1(), coefficients=NO_ALPHA2),
+    "a coefficient": lambda: replace(TABLE_1, coefficients=NO_ALPHA2),
     **{
         f"{name} of a sampling": lambda name=name: replace(REAL, **{name: OUT_OF_RANGE[name]})
         for name in OUT_OF_RANGE
     },
     "no loops": lambda: simulate_ensemble([], 1.0),
-    "two kinds of loops": lambda: simulate_ensemble([LOOP, table_1()], 1.0),
+    "two kinds of loops": lambda: simulate_ensemble([LOOP, TABLE_1], 1.0),
     "duration of many": lambda: simulate_ensemble([LOOP], -1.0),
     "samplings": lambda: simulate_sampled_ensemble([LOOP], 1.0, []),
     "duration of sampled ones": lambda: simulate_sampled_ensemble([LOOP], 0.0, [Sampling()]),

@@ -4,7 +4,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from table_1 import table_1
 
 from flexid.experiments.measures import measure, settling_times
 from flexid.paper.laws import pd_gravity
@@ -16,8 +15,10 @@ from flexid.simulation.ensemble import (
     simulate_sampled_ensemble,
 )
 from flexid.simulation.sampled import Sampling, simulate_sampled
+from flexid.studies.runs import table1_loop
 
-LOOP = table_1(controller=pd_gravity())
+TABLE_1 = table1_loop((1, 2, 3))
+LOOP = replace(TABLE_1, controller=pd_gravity())
 MANY = 35  # more than run side by side, and no multiple of that
 NOISY = Sampling(
     input_limit=100.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7
@@ -133,7 +134,7 @@ def test_a_fast_transient_is_weighted_by_its_time() -> None:
     The robust law starts with an input of 2e9 that lasts some microseconds. A mean over steps,
     which crowd there, would make the tracking error of the first instant that of the run.
     """
-    loop = table_1()
+    loop = TABLE_1
     ensemble = simulate_ensemble([loop], 5.0)
     fine, coarse = (measure(simulate(loop, 5.0, step)) for step in (1e-4, 1e-3))
     assert ensemble.tracking_rms[0] == pytest.approx(fine.tracking_rms, rel=1e-3)

@@ -18,8 +18,9 @@ from flexid.stored_estimates.frequency_response import (
     linear_joint,
     response_band,
 )
-from joint_logs import DAMPED as TRUE
 
+TRUE = {"theta1": 5.0, "theta2": 100.0, "theta_damping": 0.5}
+TRUE |= {"alpha1": 400.0, "alpha2": 1.5, "alpha_damping": 2.0, "beta1": 4.0}
 STEP = 1e-3
 TERMS = ("gravity", "motor_viscous", "joint_damping")
 HALF_GAP = 2e-3  # rad
