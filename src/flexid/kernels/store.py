@@ -244,10 +244,7 @@ def _digest(*parts: str) -> str:
 
 @cache
 def _generator_digest() -> str:
-    """Hash of the code that generates: a changed derivation derives again.
-
-    The declarations' code counts too: it fixes what a text means and the order of the parameters.
-    """
+    """Hash of the code that generates, and of that which fixes what declarations mean."""
     content = hashlib.sha256()
     for package in ("flexid.models", "flexid.derivation", "flexid.paper"):
         files = [f for f in resources.files(package).iterdir() if f.name.endswith((".py", ".toml"))]

@@ -46,10 +46,7 @@ class Grid(NamedTuple):
 
 
 def drop_repeats(log: Draft, table: Table) -> None:
-    """Leave out rows that are written twice; raise at the first that does not come after another.
-
-    Of 2000 samples per second in whole milliseconds two have the same time, and are even.
-    """
+    """Leave out rows that are written twice; raise at the first that does not come after another."""
     time = log.time
     steps = np.diff(time)
     again = steps == 0.0
@@ -59,7 +56,7 @@ def drop_repeats(log: Draft, table: Table) -> None:
         values = log[name]
         again &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     increases = (steps > 0.0) | again
-    if not np.all(increases):
+    if not np.all(increases):  # of 2000 samples a second in whole ms two have the same time
         sample_time = _rounded_step(log)
         if sample_time is None:
             raise _not_increasing(log, table, increases)
@@ -245,11 +242,7 @@ def check_typical(file: str, place: str, typical: float, steps: FloatArray) -> N
 
 
 def _rounded_step(log: Draft) -> float | None:
-    """Sample time of times that are off even ones by no more than their last digit, or None.
-
-    Of 400 samples per second, written in whole milliseconds, two come 3 ms after the one before and
-    two 2 ms: they are even all the same, and interpolation would make them uneven.
-    """
+    """Sample time of times that are off even ones by no more than their last digit, or None."""
     time = log.time
     sample_time = _fitted_sample_time(time, [slice(0, len(time))])
     off = np.ptp(time - sample_time * np.arange(len(time)))
