@@ -46,7 +46,7 @@ class Grid(NamedTuple):
 
 
 def drop_repeats(log: Draft, table: Table) -> None:
-    """Leave out rows that are written twice; raise at the first that does not come after another."""
+    """Leave out rows that are written twice; raise at the first that does not come after one."""
     time = log.time
     steps = np.diff(time)
     again = steps == 0.0
