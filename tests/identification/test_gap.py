@@ -134,7 +134,6 @@ def test_half_the_way_may_lead_on(monkeypatch):
 LARGE = 0.3  # rad, of deflections of 0.6
 
 
-@cache
 def with_large_gap(noise_of: int) -> Fitted:
     """Play of half the deflection, fitted as wide as its gap, with noise drawn for each number."""
     recording = made(1, 10.0, half_gap=LARGE, noise=0.0)

@@ -134,9 +134,7 @@ ESTIMATE = Estimate(
 )
 
 
-def joined(thresholds=THRESHOLDS, **statements):
-    """Join statements to a stiffness of 100 N m/rad and a link inertia of 2 kg m²."""
-    return with_prior_knowledge(JOINT, ESTIMATE, {}, stating(**statements), "N m", thresholds)
+"""A stiffness of 100 N m/rad and a link inertia of 2 kg m²."""
 
 
 @pytest.mark.parametrize(
@@ -162,7 +160,8 @@ def joined(thresholds=THRESHOLDS, **statements):
 )
 def test_bounds_of_functions_give_the_minimum_within_them(bounds, active, conditions):
     """Assert that the estimate is SciPy's least sum of squares within bounds, and names these."""
-    found = joined(bounds=bounds)
+    statements = stating(bounds=bounds)
+    found = with_prior_knowledge(JOINT, ESTIMATE, {}, statements, "N m", THRESHOLDS)
     inverse, scale = np.linalg.inv(ESTIMATE.covariance), ESTIMATE.values
 
     def cost(relative):
