@@ -106,6 +106,20 @@ def test_a_joint_that_hardly_creeps(
     assert abs(friction.value / arm.links[0].motor_coulomb - 1.0) < 0.2
 
 
+@pytest.mark.thorough  # 20 s
+def test_a_coupling_that_makes_up_for_inertia(tmp_path: Path):
+    """Assert that no stiffness is sure that another coupling of the rotor makes twice as large."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    rng = np.random.default_rng([13, 2, True])
+    arm, motion = random_arm(rng, 2, True), random_motion(rng, True)
+    save(simulate(arm, motion, rng), tmp_path / "run.csv")
+    known = PlanarArm(tuple(link.length for link in arm.links), arm.gravity)
+    lower, upper = (
+        identify_arm(tmp_path / "run.csv", known).parameters["joint_stiffness_2"].interval
+    )
+    assert lower < arm.links[1].stiffness < upper
+
+
 def rounded_otherwise(log: ArmLog, seed: int) -> ArmLog:
     """A log whose numbers are off by 1e-12 of themselves."""
     rng = np.random.default_rng(seed)

@@ -35,7 +35,7 @@ from flexid.identification.estimation.band import (
     thinned,
     thinned_samples,
 )
-from flexid.identification.full_model.fitting import Steps, lengths, motion_at
+from flexid.identification.full_model.fitting import Steps, lengths, motion_at, with_some_zero
 from flexid.identification.full_model.model import Data, Structure, encoder_noise, sensor_noise
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.structure.validation import HORIZONS, validate_with
@@ -223,17 +223,31 @@ def _suited(found: DisturbedFit) -> DisturbedFit:
 
 
 def along_the_valley(found: DisturbedFit) -> DisturbedFit:
-    """The same fit, or a likelier one, with what is about as likely in the least known direction.
+    """The same fit, or a likelier one, with what is about as likely without couplings or far away.
 
     Friction that sticks makes the bottom rough. Steps may end on it far from the least cost, and
     its curvature there tells of single slips, not of what the whole log leaves open.
     """
     ends = [found.best, *found.rivals]
-    for start in _far_along(found.fitted):
+    for start in (*_uncoupled(found), *_far_along(found.fitted)):
         with suppress(ConvergenceError):
             _go_on(found.job, start, ends)
     best, *rivals = ends
     return replace(found, best=best, rivals=tuple(rivals))
+
+
+def _uncoupled(found: DisturbedFit) -> Iterator[dict[str, float]]:
+    """Values that fit best without couplings of rotors, of which most gears have next to none.
+
+    Inertia moves from link to motor, and stiffness with it, where a coupling makes up for that.
+    """
+    best, in_band = found.fitted, found.job.in_band
+    none = {name: 0.0 for name in best.names if name.startswith("rotor_coupling")}
+    structure = replace(in_band.structure, fixed={**in_band.structure.fixed, **none})
+    for start in with_some_zero(structure, best):
+        with suppress(ConvergenceError):
+            bare = replace(in_band, structure=structure)
+            yield {**bare.with_gains_of(best, start, _FAR_STEPS).by_name, **none}
 
 
 def _far_along(fitted: FittedArm) -> Iterator[dict[str, float]]:

@@ -304,7 +304,7 @@ def fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> F
     Of a leaner structure the rest follows what is gone, if there is no way without.
     """
     segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
-    for start in chain((fitted.by_name,), _following(structure, fitted)):
+    for start in chain((fitted.by_name,), with_some_zero(structure, fitted)):
         try:
             return refit(structure, fitted.data, start, segments, tolerance, states)
         except ConvergenceError:
@@ -312,7 +312,7 @@ def fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> F
     return None
 
 
-def _following(structure: Structure, fitted: Fitted) -> Iterator[dict[str, float]]:
+def with_some_zero(structure: Structure[M], fitted: Fitted[M]) -> Iterator[dict[str, float]]:
     """Values of a fit of which some become zero, as the rest follows along its quadratic form."""
     sought = {*structure.unknowns(fitted.data.groups).names, *structure.timing.sought}
     gone = np.array([name not in sought for name in fitted.names])
