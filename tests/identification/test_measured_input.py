@@ -211,12 +211,26 @@ def test_an_amplifier_is_found(dead_zone: float, limit: float):
     )
 
 
+@pytest.mark.parametrize("limit", [4.0, 6.0])
+def test_a_torque_that_was_commanded_has_a_limit(limit: float):
+    """Assert that it is found, and that the intervals allow for how well it is known."""
+    found = identify([log(recorded(0.0, limit, "N m"))])
+    assert found.choices.amplifier.dead_zone == 0.0
+    assert found.choices.amplifier.limit == pytest.approx(limit, rel=0.01)
+    for name, true in (("motor_inertia", 0.3), ("link_inertia", 1.0), ("joint_stiffness", 100.0)):
+        parameter = found.parameters[name]
+        assert parameter.interval[0] < true < parameter.interval[1]
+        assert 1e-3 * true < parameter.std < 0.02 * true
+        assert parameter.verdict == "determined"
+    assert any("had a limit of" in warning for warning in found.warnings)
+
+
 @pytest.mark.parametrize(
     ("dead_zone", "limit", "unit", "square"),
-    [(0.0, np.inf, "V", False), (0.4, np.inf, "V", True), (0.4, 6.0, "N m", False)],
+    [(0.0, np.inf, "V", False), (0.4, np.inf, "V", True), (0.4, np.inf, "N m", False)],
 )
 def test_what_cannot_be_seen_is_not_corrected(dead_zone, limit, unit, square):
-    """Assert that neither a linear amplifier, a square wave, nor a torque gives a correction."""
+    """Assert that a linear amplifier, a square wave, and a torque's dead zone are left alone."""
     recording = recorded(dead_zone, limit, unit, square=square)
     found = identify([log(recording)])
     assert found.choices.amplifier == IDEAL

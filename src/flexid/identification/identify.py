@@ -14,7 +14,12 @@ from flexid.identification.estimation.answers import Answer, answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.full_model.amplifier import IDEAL, amplifier_of
+from flexid.identification.full_model.amplifier import (
+    IDEAL,
+    Amplifier,
+    amplifier_of,
+    limit_changes,
+)
 from flexid.identification.full_model.model import LINK
 from flexid.identification.full_model.starting import turned_round
 from flexid.identification.judgement import (
@@ -84,12 +89,8 @@ def identify(
     settings = settings or Settings()
     recordings, dropped = prepare(logs, settings.validation_share, settings.model)
     job = job_of(recordings, settings, progress, thresholds)
-    # A current is controlled; what becomes of a voltage depends on the amplifier.
-    amplifier = amplifier_of(job.structure, job.training) if job.input_unit == "V" else IDEAL
-    if amplifier.corrects:
-        job = replace(job, recordings=amplifier.split_behind(recordings))
+    job, found, amplifier = _answered(job)
     recordings = job.recordings
-    found = answer(job)
     fits, validation, choice = found.fits, found.validation, found.fits.choice
     numbers = _doubted(_numbers(job, fits, found), found)
     turned = turned_round(
@@ -131,7 +132,7 @@ def identify(
                 *found.doubts,
                 *cautions(Rank.MODEL, fits.retreat),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
-                *amplifier_warnings(amplifier),
+                *amplifier_warnings(amplifier, job.input_unit),
                 *deflection_warnings(turned_round=turned),
                 *sign_warnings(_undoubted(numbers.coefficients, found), fits.driving),
                 *(one_way_warnings(fits.one_way) if exact else ()),
@@ -146,6 +147,33 @@ def identify(
         recordings=recordings.whole,
         disturbances=found.disturbances,
     )
+
+
+def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
+    """What a log says, of the input that an amplifier passed on; and that amplifier.
+
+    What becomes of a voltage depends on it. A torque or a current is what was commanded where the
+    terms explain the log, and where they do not, unless a limit explains more.
+    """
+    is_voltage = job.input_unit == "V"
+    found = None if is_voltage else answer(job)
+    if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
+        return job, found, IDEAL
+    amplifier = amplifier_of(job.structure, job.training, is_voltage=is_voltage)
+    changes = limit_changes(job.structure, job.training, amplifier)
+    if amplifier.corrects:
+        job = replace(job, recordings=amplifier.split_behind(job.recordings))
+    if found is None or amplifier.corrects:
+        found = answer(job)
+    estimate = found.estimate
+    moved = estimate.values * [changes.get(name, 0.0) for name in estimate.names]
+    return job, replace(found, estimate=estimate.widened(np.outer(moved, moved))), amplifier
+
+
+def _explains(found: Answer, thresholds: Thresholds) -> bool:
+    """Whether the terms alone leave no more than noise."""
+    fitted = found.fits.reported
+    return found.disturbances is None and fitted.excess <= thresholds.sensor_excess
 
 
 class _Numbers(NamedTuple):

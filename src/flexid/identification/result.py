@@ -263,17 +263,17 @@ def one_way_warnings(frictions: Collection[str]) -> Iterator[Caution]:
         )
 
 
-def amplifier_warnings(amplifier: Amplifier) -> Iterator[Caution]:
-    """Warn of a voltage that was corrected before anything was fitted to it."""
+def amplifier_warnings(amplifier: Amplifier, unit: str) -> Iterator[Caution]:
+    """Warn of an input that was corrected before anything was fitted to it."""
     found = []
     if amplifier.dead_zone:
-        found.append(f"a dead zone of {amplifier.dead_zone:.2g} V")
+        found.append(f"a dead zone of {amplifier.dead_zone:.2g} {unit}")
     if amplifier.limit is not None:
-        found.append(f"a limit of {amplifier.limit:.3g} V")
+        found.append(f"a limit of {amplifier.limit:.3g} {unit}")
     if found:
         yield Caution(
-            f"the motor moves as if its amplifier had {' and '.join(found)}: the voltage was "
-            f"corrected for that; to be sure, log the voltage at the motor",
+            f"the motor moves as if its amplifier had {' and '.join(found)}: the input was "
+            f"corrected for that; to be sure, log what reaches the motor",
             Rank.NOTE,
         )
 

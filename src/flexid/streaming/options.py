@@ -370,8 +370,8 @@ def not_accounted_for(result: Identification, sample_time: float) -> Iterator[st
             )
     if result.choices.amplifier.corrects:
         yield (
-            "the estimate corrected the voltage for its amplifier, and a stream is taken as it "
-            "comes: send the voltage at the motor, or gain and friction seem to have changed"
+            "the estimate corrected the input for its amplifier, and a stream is taken as it "
+            "comes: send what reaches the motor, or gain and friction seem to have changed"
         )
 
 

@@ -209,7 +209,7 @@ def _result(
                 *cautions(Rank.MODEL, _stream_warnings(found, noisy, apart)),
                 *cautions(Rank.SCALE, (*contradicted, *now.against)),
                 *sign_warnings(now.coefficients, ()),
-                *amplifier_warnings(found.choices.amplifier),
+                *amplifier_warnings(found.choices.amplifier, found.recordings[0].input_unit),
                 *model_warnings(found.model_error, found.model, widest(now.coefficients, sizes)),
                 *validation_warnings(found.validation.fit_percent),
                 *compliance_warnings(found.compliance),

@@ -1,26 +1,29 @@
-"""What an amplifier makes of the voltage that was logged: a dead zone, and a limit.
+"""What an amplifier makes of the input that was logged: a limit, and of a voltage a dead zone.
 
-A voltage that was commanded is not what reaches the motor. Below the dead zone nothing passes, and
-of more only what exceeds it; beyond the limit nothing follows. Neither is linear in the
+What was commanded is not what reaches the motor. Below the dead zone nothing passes, and of more
+only what exceeds it; beyond the limit nothing follows. Neither is linear in the
 coefficients, but both leave the balance of the motor linear in all else, so that least squares
 shows which of them suit the log. Uncorrected, a dead zone of 3 % of the range makes the gain 8 %
 and the inertias' ratio up to 13 % wrong.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cached_property
+from math import sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.estimators.rowwise import RowFit
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.recording.recording import Recording
 
-_LARGEST_DEAD_ZONE, _LOWEST_LIMIT = 0.1, 0.2  # of the largest input
+_LARGEST_DEAD_ZONE, _LIMITS = 0.1, (0.1, 1.0)  # of the largest input
 _NOTHING = np.finfo(float).tiny  # left by a log without noise
 _TOLERANCE = 1e-3  # of the largest input
 _RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
@@ -28,6 +31,7 @@ _RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
 # 4 % save half and more where an input takes all values, and hardly anything where it is a square
 # wave, whose dead zone is a smaller gain.
 _LEAST_SAVED = 0.1
+_REFINED = 0.01  # the same of one that is corrected already, once the other one is
 # Of a recording's samples, those that are at least on either side of a limit: a square wave is on
 # one side, and what passes for a limit is a gain that differs between two of them.
 _CROSSING = 0.01
@@ -74,37 +78,116 @@ IDEAL = Amplifier()
 """Passes everything on."""
 
 
-def amplifier_of(structure: Structure, data: Data) -> Amplifier:
-    """The dead zone and the limit that a log shows."""
-    largest = max(float(np.abs(samples.inputs[:, 0]).max()) for samples in data.samples)
+def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Amplifier:
+    """The limit that a log shows; of a voltage also the dead zone, which is a friction of others.
 
-    moves = {rate: _moves(data, rate) for rate in _RATES}
-    if min(map(np.count_nonzero, moves.values())) < _FEWEST:
+    A current is controlled, and a torque is what acts, but either may be what was commanded.
+    """
+    driven = _Driven(structure, data)
+    if min(map(np.count_nonzero, driven.moves.values())) < _FEWEST:
         return IDEAL
 
-    @cache  # the best of a search was tried within it
-    def misfits(candidate: Amplifier) -> FloatArray:
-        return np.array([_misfit(structure, data, candidate, *each) for each in moves.items()])
-
-    def with_dead_zone(share: float) -> Amplifier:
-        return replace(found, dead_zone=share * largest)
-
-    def with_limit(share: float) -> Amplifier:
-        return replace(found, limit=share * largest)
-
-    found, left = IDEAL, misfits(IDEAL)
+    corrections: dict[Literal["dead_zone", "limit"], tuple[float, float]] = {"limit": _LIMITS}
+    if is_voltage:
+        corrections = {"dead_zone": (0.0, _LARGEST_DEAD_ZONE), **corrections}
+    found, left = IDEAL, driven.misfits(IDEAL)
     before = None
     while found != before:  # one shows, and is right, only beside the other
         before = found
-        for corrected, ends in (
-            (with_dead_zone, (0.0, _LARGEST_DEAD_ZONE)),
-            (with_limit, (_LOWEST_LIMIT, 1.0)),
-        ):
-            best = _best(corrected, ends, misfits)
-            remaining = misfits(best)
-            if _is_crossed(data, best) and np.all(remaining < (1.0 - _LEAST_SAVED) * left):
+        for field, ends in corrections.items():
+            best = driven.best(found, field, ends)
+            remaining = driven.misfits(best)
+            saved = _LEAST_SAVED if getattr(found, field) == getattr(IDEAL, field) else _REFINED
+            if _is_crossed(data, best) and np.all(remaining < (1.0 - saved) * left):
                 found, left = best, remaining
     return found
+
+
+def limit_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dict[str, float]:
+    """Relative standard deviations, with their signs, that the limit's own makes of coefficients.
+
+    Each filter has a limit that suits it best: by as much as they differ, it is not known.
+    """
+    if amplifier.limit is None:
+        return {}
+    driven = _Driven(structure, data)
+    limits = [driven.best(amplifier, "limit", _LIMITS, (rate,)).limit or 0.0 for rate in _RATES]
+    spread = max(abs(limits[1] - limits[0]) / sqrt(2.0), _TOLERANCE * driven.largest)
+    one, other = (
+        driven.coefficients(replace(amplifier, limit=amplifier.limit + half), max(_RATES))
+        for half in (0.5 * spread, -0.5 * spread)
+    )
+    return {
+        name: float(np.log(value / other[name]))
+        for name, value in one.items()
+        if value * other[name] > 0.0
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """The driven balance of a log, by least squares where its motor moves."""
+
+    structure: Structure
+    data: Data
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest input."""
+        return max(float(np.abs(samples.inputs[:, 0]).max()) for samples in self.data.samples)
+
+    @cached_property
+    def moves(self) -> dict[float, NDArray[np.bool_]]:
+        """By filter, whether the motor moves, equation by equation."""
+        return {rate: _moves(self.data, rate) for rate in _RATES}
+
+    def best(
+        self,
+        amplifier: Amplifier,
+        field: Literal["dead_zone", "limit"],
+        ends: tuple[float, float],  # of the largest input
+        rates: Sequence[float] = _RATES,
+    ) -> Amplifier:
+        """The amplifier with which least is left, as a geometric mean over the filters."""
+        # Slow to import, and few logs need it.
+        from scipy.optimize import minimize_scalar
+
+        def corrected(share: float) -> Amplifier:
+            return replace(amplifier, **{field: share * self.largest})
+
+        def left(share: float) -> float:
+            misfits = self.misfits(corrected(share), rates)
+            return float(np.log(np.maximum(misfits, _NOTHING)).sum())
+
+        least = minimize_scalar(left, bounds=ends, method="bounded", options={"xatol": _TOLERANCE})
+        return corrected(float(least.x))
+
+    def misfits(self, amplifier: Amplifier, rates: Sequence[float] = _RATES) -> FloatArray:
+        """Sums of squares that are left behind an amplifier, by filter."""
+        sums = []
+        for rate in rates:
+            row, values = self._fitted(amplifier, rate)
+            left = (row.left_hand_side - values @ row.regressors)[self.moves[rate]]
+            sums.append(float(left @ left))
+        return np.array(sums)
+
+    def coefficients(self, amplifier: Amplifier, rate: float) -> dict[str, float]:
+        """What the balance says behind an amplifier."""
+        row, values = self._fitted(amplifier, rate)
+        return dict(zip(row.coefficients, values.tolist(), strict=True))
+
+    def _fitted(self, amplifier: Amplifier, rate: float) -> tuple[RowFit, FloatArray]:
+        """The row, and least squares of it."""
+        samples = tuple(
+            replace(
+                own,
+                inputs=np.column_stack((amplifier.passed(own.inputs[:, 0]), own.inputs[:, 1:])),
+            )
+            for own in self.data.samples
+        )
+        _, fit = least_squares_start(self.structure, replace(self.data, samples=samples), rate)
+        (row,) = (row for row in fit.rows if row.name in _DRIVEN)
+        return row, row.over(self.moves[rate])
 
 
 def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
@@ -113,41 +196,6 @@ def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
         return True
     beyond = [np.mean(np.abs(own.inputs[:, 0]) > amplifier.limit) for own in data.samples]
     return any(_CROSSING <= share <= 1.0 - _CROSSING for share in beyond)
-
-
-def _best(
-    corrected: Callable[[float], Amplifier],
-    ends: tuple[float, float],
-    misfits: Callable[[Amplifier], FloatArray],
-) -> Amplifier:
-    """The correction that leaves least, as a geometric mean over the filters."""
-    # Slow to import, and few logs hold a voltage.
-    from scipy.optimize import minimize_scalar
-
-    least = minimize_scalar(
-        lambda share: float(np.log(np.maximum(misfits(corrected(share)), _NOTHING)).sum()),
-        bounds=ends,
-        method="bounded",
-        options={"xatol": _TOLERANCE},
-    )
-    return corrected(float(least.x))
-
-
-def _misfit(
-    structure: Structure, data: Data, amplifier: Amplifier, rate: float, moves: NDArray[np.bool_]
-) -> float:
-    """Sum of squares that least squares leaves of the driven balance where its motor moves."""
-    samples = tuple(
-        replace(
-            own,
-            inputs=np.column_stack((amplifier.passed(own.inputs[:, 0]), own.inputs[:, 1:])),
-        )
-        for own in data.samples
-    )
-    _, fit = least_squares_start(structure, replace(data, samples=samples), rate)
-    (row,) = (row for row in fit.rows if row.name in _DRIVEN)
-    left = row.left_hand_side - row.over(moves) @ row.regressors
-    return float(np.sum(left[moves] ** 2))
 
 
 def _moves(data: Data, rate: float) -> NDArray[np.bool_]:
