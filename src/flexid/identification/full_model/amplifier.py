@@ -155,11 +155,15 @@ class _Driven:
         def corrected(share: float) -> Amplifier:
             return replace(amplifier, **{field: share * self.largest})
 
-        def left(share: float) -> float:
-            misfits = self.misfits(corrected(share), rates)
-            return float(np.log(np.maximum(misfits, _NOTHING)).sum())
+        def left(share: float) -> FloatArray:
+            return np.log(np.maximum(self.misfits(corrected(share), rates), _NOTHING))
 
-        least = minimize_scalar(left, bounds=ends, method="bounded", options={"xatol": _TOLERANCE})
+        least = minimize_scalar(
+            lambda share: float(left(share).sum()),
+            bounds=ends,
+            method="bounded",
+            options={"xatol": _TOLERANCE},
+        )
         return corrected(float(least.x))
 
     def misfits(self, amplifier: Amplifier, rates: Sequence[float] = _RATES) -> FloatArray:
