@@ -28,18 +28,14 @@ from joint_logs import SAMPLE_TIME, steady_sine
 SEEDS = 40
 
 
-def quick(examples, **choices):
-    """The example drive with a short experiment of few tones."""
-    file = read_drive(examples / "drive.toml")
-    short = {"duration": 6.0, "sample_time": 0.002, "harmonics": 6}
-    experiment = file.drive.experiment.model_copy(update=short | choices)
-    return replace(file, drive=file.drive.model_copy(update={"experiment": experiment}))
-
-
 @pytest.fixture(scope="module")
 def designed(examples) -> Design:
-    """One design for all tests of this file."""
-    return design(quick(examples), 0, lambda _: None)
+    """The design of a short experiment of few tones for the example drive."""
+    file = read_drive(examples / "drive.toml")
+    short = {"duration": 6.0, "sample_time": 0.002, "harmonics": 6}
+    experiment = file.drive.experiment.model_copy(update=short)
+    quick = replace(file, drive=file.drive.model_copy(update={"experiment": experiment}))
+    return design(quick, 0, lambda _: None)
 
 
 def test_beats_the_papers_motion_at_equal_torque(designed):

@@ -200,8 +200,17 @@ def test_what_cannot_be_is_refused(units, version, tmp_path):
 
 
 def test_what_it_lacks_is_said(units, tmp_path, monkeypatch):
-    """Assert that smoothed friction, a missing compiler and missing values are sentences."""
+    """Assert that smoothed friction and a missing compiler are sentences.
+
+    A friction that jumps otherwise than Coulomb's is smoothed as that is.
+    """
     assert [w for w in units[1] if "coulomb_velocity" in w] == units[1]
+    system = flexid.flexible_joint(("motor_stribeck",), known={"beta1": 4.0})
+    values = {"theta2": 100.0, "alpha1": 400.0, "alpha_stribeck": 0.5}
+    warnings = write_fmu(ExportRequest(system, values), tmp_path)
+    assert any("coulomb_velocity" in w for w in warnings)
+    described = fmpy.read_model_description(str(tmp_path / "plant_fmi3.fmu"))
+    assert "coulomb_velocity" in {v.name for v in described.modelVariables}
     monkeypatch.setattr(shutil, "which", lambda _: None)
     (tmp_path / "bare").mkdir()
     (said,) = write_fmu(PLAIN, tmp_path / "bare")
@@ -212,16 +221,6 @@ def test_what_it_lacks_is_said(units, tmp_path, monkeypatch):
         content = zipfile.ZipFile(tmp_path / "bare" / name).namelist()
         assert "sources/plant.c" in content
         assert not [path for path in content if path.startswith("binaries")]
-
-
-def test_a_jump_is_smoothed(tmp_path):
-    """Assert that a friction that jumps otherwise than Coulomb's is smoothed as that is."""
-    system = flexid.flexible_joint(("motor_stribeck",), known={"beta1": 4.0})
-    values = {"theta2": 100.0, "alpha1": 400.0, "alpha_stribeck": 0.5}
-    warnings = write_fmu(ExportRequest(system, values), tmp_path)
-    assert any("coulomb_velocity" in w for w in warnings)
-    described = fmpy.read_model_description(str(tmp_path / "plant_fmi3.fmu"))
-    assert "coulomb_velocity" in {v.name for v in described.modelVariables}
 
 
 FAILURES = {
