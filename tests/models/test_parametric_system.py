@@ -12,14 +12,6 @@ from flexid.models.parametric_system import ParametricSystem, Row
 ARM = Row("arm", "q", "v", {"a": "-sin(q)", "b": "-v"}, known="u")
 
 
-def test_order_of_names():
-    """Assert that states and coefficients keep the order of declaration, row by row."""
-    system = ParametricSystem("two", (ARM, Row("motor", "p", "w", {"d": "p - q"})))
-    assert system.states == ("q", "v", "p", "w")
-    assert system.coefficients == ("a", "b", "d")
-    assert [part for _, part in system.row_slices()] == [slice(0, 2), slice(2, 3)]
-
-
 def test_sympy_expressions_are_stored_as_text():
     """Assert that a SymPy expression and its text declare the same system."""
     q, v = sp.symbols("q v")
