@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +158,7 @@ class _Driven:
         def left(share: float) -> FloatArray:
             return np.log(np.maximum(self.misfits(corrected(share), rates), _NOTHING))
 
-        least = minimize_scalar(
+        least: Any = minimize_scalar(
             lambda share: float(left(share).sum()),
             bounds=ends,
             method="bounded",
