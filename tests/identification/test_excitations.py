@@ -179,8 +179,10 @@ RIPPLE = np.sin(np.arange(400))
         (WAYS, TORQUE + 0.5 * RIPPLE, None),
         (np.where(np.arange(400) > 390, -1.0, WAYS), TORQUE, None),
         (np.zeros(400), TORQUE, None),
+        (np.where(np.arange(400) < 205, 0.98, 1.0), TORQUE, None),
+        (np.where(np.arange(400) < 195, 0.98, 1.0), TORQUE, {"alpha2": 0.0, "beta1": 0.125}),
     ],
-    ids=["step", "back", "hardly varies", "varies", "both ways", "rest"],
+    ids=["step", "back", "hardly varies", "varies", "both ways", "rest", "seldom", "mostly"],
 )
 def test_a_friction_one_way_is_part_of_a_constant_torque(ways, torque, parts):
     """Assert that it is hidden, and stands for how much of the torque, if nothing else varies."""
