@@ -67,7 +67,7 @@ def test_a_resonance_of_few_samples_a_period_is_no_noise(samples: float, count: 
     """Assert it of an oscillator that noise drives, whose mean over a block is nearly zero."""
     pole = 0.95 * np.exp(2j * pi / samples)
     driven = np.random.default_rng(2).standard_normal(count + 200)
-    swinging = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], driven)[200:]
+    swinging = np.asarray(lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], driven))[200:]
     assert not is_noise(swinging)
 
 

@@ -11,7 +11,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.normal_equations import least_with, scaled_inverse
-from flexid.estimators.rowwise import LeastSquaresFit
+from flexid.estimators.rowwise import LeastSquaresFit, RowFit
 from flexid.identification.estimation.excitations import (
     one_way_frictions,
     row_sizes,
@@ -84,6 +84,11 @@ class FinalFits:
         return least_squares_start(bare, data or self._timely, self.filter_rate)[1]
 
     @cached_property
+    def _full_rows(self) -> tuple[RowFit, ...]:
+        """Rows of the full model by least squares."""
+        return self.least_squares(self.full.structure).rows
+
+    @cached_property
     def _timely(self) -> Data:
         """All data with the channels' delays corrected."""
         alignment = _alignment(self.reported.structure, self.reported.delays)
@@ -94,7 +99,7 @@ class FinalFits:
     @cached_property
     def scales(self) -> dict[str, float]:
         """How large a coefficient may be: as much as moves its row as it does move; and delays."""
-        sizes = row_sizes(self.least_squares(self.full.structure).rows)
+        sizes = row_sizes(self._full_rows)
         scales = {name: 1.0 / size for name, size in sizes.items() if size > 0.0}
         delays = self.full.structure.timing.sought
         return scales | dict.fromkeys(delays, self.full.data.margin)
@@ -102,8 +107,7 @@ class FinalFits:
     @cached_property
     def one_way(self) -> dict[str, dict[str, float]]:
         """Dry frictions that the log cannot show, and what they pass for."""
-        rows = self.least_squares(self.full.structure).rows
-        return one_way_frictions(rows, self.reported.names, THRESHOLDS.lost_share)
+        return one_way_frictions(self._full_rows, self.reported.names, THRESHOLDS.lost_share)
 
     def unexcited(self, lost_share: float) -> set[str]:
         """What the motion says nothing of; gravity counts as far as the log might show it."""
