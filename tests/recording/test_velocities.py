@@ -59,6 +59,7 @@ def test_a_short_motion_is_no_noise() -> None:
     for count in range(20, 300):
         assert not is_noise(POSITION[: 17 * count : 17])
         assert is_noise(noise[:count]) == (count >= 40)
+    assert is_noise(np.zeros(100))  # a sensor that does not even show noise
 
 
 @pytest.mark.parametrize("samples", [2.5, 3.0, 4.0, 5.0])

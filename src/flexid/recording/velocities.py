@@ -71,11 +71,10 @@ def is_noise(values: FloatArray) -> bool:
     if count < 4 * FEWEST_BLOCKS or np.var(np.diff(values)) < np.var(values):
         return False  # neighbours are alike, of which few blocks may not tell
     about = values - values.mean()
-    alike = [about[lag:] @ about[:-lag] for lag in range(1, LAGS + 1)]
-    correlations = np.array(alike) / (about @ about)
+    alike = np.array([about[lag:] @ about[:-lag] for lag in range(1, LAGS + 1)])
     # Box and Pierce, Journal of the American Statistical Association 65 (1970): chi-squared.
-    expected = len(correlations) + CHANCE * sqrt(2.0 * len(correlations))
-    if count * float(correlations @ correlations) > expected:
+    by_chance = LAGS + CHANCE * sqrt(2.0 * LAGS)
+    if count * float(alike @ alike) > by_chance * float(about @ about) ** 2:
         return False
     for length in (4, 16, 64):
         count = len(values) // length

@@ -9,6 +9,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.estimators.excitation import Excitation, excitation_of_gram
 from flexid.estimators.rowwise import RowFit
+from flexid.identification.full_model.starting import DIRECTED
 from flexid.models import flexible_joint as declared
 from flexid.symmetric import eigen
 
@@ -25,7 +26,6 @@ _OFFSETS = (
 # Of equations, those in which a side that turns one way keeps moving: 0.72 in a step response,
 # 0.002 where it turns round so fast that the filter hardly ever forgets it.
 _MOSTLY = 0.5
-_DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
 _SCATTER = 3.0  # standard deviations of a mean square, by which noise may exceed its own
 _PART = 0.1  # of a direction, from which on a coefficient counts as part of it
 _LEAST_MOTION = (
@@ -101,7 +101,7 @@ def one_way_frictions(
         for place, name in enumerate(row.coefficients):
             if name not in declared.DRY_FRICTIONS or name in kept:
                 continue
-            moving = np.abs(row.regressors[place]) >= _DIRECTED
+            moving = np.abs(row.regressors[place]) >= DIRECTED
             ways, others = row.regressors[place, moving], row.regressors[beside][:, moving]
             if np.mean(moving) < _MOSTLY or len({*np.sign(ways).tolist()}) > 1:
                 continue

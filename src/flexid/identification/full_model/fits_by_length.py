@@ -196,32 +196,21 @@ def explained_by(
     Of a log with very many samples it has to do so in part of it first.
     """
     some = sampled(before)
-    if some is not before:
-        part = _explained_at_once(some, structure, way, floor, thresholds)
-        if part is None:
+    found = None
+    for fitted in (before,) if some is before else (some, before):
+        found = led_from(fitted, structure, way, insist=False, iterations=FIRST_ITERATIONS)
+        wanted = thresholds.shape_share * (fitted.excess - floor)
+        if found is None or fitted.excess - found.excess < wanted:
             return None
-        structure, way = part.structure, part.by_name
-    return _explained_at_once(before, structure, way, floor, thresholds)
-
-
-def _explained_at_once(
-    before: Fitted,
-    structure: Structure,
-    way: Mapping[str, float],
-    floor: float,
-    thresholds: Thresholds,
-) -> Fitted | None:
-    """The same, of all that the fit was fitted to."""
-    found = led_from(before, structure, way, insist=False, iterations=FIRST_ITERATIONS)
-    wanted = thresholds.shape_share * (before.excess - floor)
-    if found is None or before.excess - found.excess < wanted:
-        return None
-    # In steps that suit where it is now it may diverge.
-    found = led_from(found, found.structure, data=before.data, insist=False)
-    # A friction that drives is no hysteresis: it stands for a gap, say.
-    names = structure.joint.remembered
-    drives = found is not None and any(found.by_name.get(name, 0.0) < 0.0 for name in names)
-    return None if drives else found
+        # In steps that suit where it is now it may diverge.
+        found = led_from(found, found.structure, data=fitted.data, insist=False)
+        if found is None:
+            return None
+        # A friction that drives is no hysteresis: it stands for a gap, say.
+        if any(found.by_name.get(name, 0.0) < 0.0 for name in structure.joint.remembered):
+            return None
+        structure, way = found.structure, found.by_name
+    return found
 
 
 def leaves_more(fitted: Fitted, chosen: Sequence[Fitted], thresholds: Thresholds) -> bool:

@@ -41,7 +41,7 @@ from flexid.recording.recording import Recording
 RATES = (20.0, 60.0, 7.0, 200.0)
 """Of the filters of least squares, in 1/s."""
 
-_DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
+DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
 _FEWEST_EACH = 10  # samples for each coefficient
 _COMPARED = 50  # segments over which starts are compared
 _FILTER_RATE = 20.0  # 1/s, of least squares that shows what each term does to its row
@@ -127,7 +127,7 @@ def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
     found: dict[str, float] = {}
     for row in fit.rows:
         frictions = [i for i, c in enumerate(row.coefficients) if c in declared.DRY_FRICTIONS]
-        moving = np.all(np.abs(row.regressors[frictions]) >= _DIRECTED, axis=0)
+        moving = np.all(np.abs(row.regressors[frictions]) >= DIRECTED, axis=0)
         few = np.count_nonzero(moving) < _FEWEST_EACH * len(row.coefficients)
         if few or moving.all():
             continue
