@@ -22,10 +22,7 @@ KEPT = json.loads(coverage_page.RESULTS.read_text(encoding="utf-8"))
 
 @pytest.mark.parametrize("made", [accuracy_page, coverage_page, rivals, trials])
 def test_the_page_is_the_results(made):
-    """Assert that each page was made from the results that are kept, to the letter.
-
-    The families of today stand on the page of trials.
-    """
+    """Assert that each page is what the kept results make, to the letter, with today's families."""
     kept, page = (path.read_text(encoding="utf-8") for path in (made.RESULTS, made.PAGE))
     assert block_of(page, made.BLOCK) == made.render(json.loads(kept))
     if made is trials:

@@ -80,10 +80,7 @@ def test_a_run_has_its_values_whatever_the_part(kind, runs, seed, size):
 
 
 def test_every_run_has_a_seed_of_its_own():
-    """Assert that seeds differ between runs and campaigns, and not with the number of runs.
-
-    A plan whose file lists seeds draws none, nor does one without noise.
-    """
+    """Assert that drawn seeds differ between runs and campaigns, not with the number of runs."""
     long = seeds(300)
     assert len(np.unique(long)) == 300
     assert long.min() >= 0

@@ -5,10 +5,7 @@ from pathlib import Path
 
 
 def test_notes_are_on_stderr(flexid, examples: Path):
-    """Assert that u' that is needed, and what is integrated numerically, are said.
-
-    With --json one document holds the equations and what to know of them, and nothing else.
-    """
+    """Assert that u' that is needed, and what is integrated numerically, are said, in JSON too."""
     done = flexid("derive", "flexible-joint", "--unknown-input-gain", "--to", "c")
     assert done.status == 0
     assert "u_rate" in done.stderr

@@ -14,10 +14,7 @@ PAPER += ("motor_viscous_friction",)
 
 
 def test_example_recovers_the_truth(flexid, examples, tmp_path):
-    """Assert that every true value lies within three standard deviations, and nothing is doubted.
-
-    Of ten intervals of 95 %, one may miss. Table, document, page and figures are there.
-    """
+    """Assert that every value is true and determined (of ten intervals one may miss), and files."""
     outcome = flexid("identify", examples / "flexible_joint.csv", "--out", tmp_path / "out")
     assert outcome.status == 0, outcome.stderr
     assert all(name in outcome.stdout for name in (*PAPER, *TRUE))
@@ -49,10 +46,7 @@ def test_example_recovers_the_truth(flexid, examples, tmp_path):
 
 
 def test_small_single_sine_is_undetermined(flexid, tmp_path):
-    """Assert that a log with gravity and stiffness confused exits 1 and calls no value known.
-
-    None is wrong, and gravity may be any. The page says what to do.
-    """
+    """Assert that a log with gravity and stiffness confused exits 1, and that no value is wrong."""
     log = write_log(tmp_path / "small.csv", *steady_sine(0.1, 5.0, sample_time=FINE))
     outcome = flexid("identify", log, "--json", "--out", tmp_path / "out")
     assert outcome.status == 1

@@ -181,10 +181,7 @@ AWKWARD = ParametricSystem(
 def test_printed_functions_have_the_symbolic_values(
     system: ParametricSystem, compile_c: Callable[[str], ctypes.CDLL]
 ):
-    """Assert that printed Python, and C without a warning, compute (2) and (3), whatever names.
-
-    Names may be keywords of C, built-in in Python, or Greek.
-    """
+    """Assert that printed Python, and C without a warning, compute (2) and (3), whatever names."""
     observer = derive_observer(system)
     values, estimates, rates = symbolic_values(observer)
     namespace: dict = {}

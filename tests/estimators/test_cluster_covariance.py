@@ -64,10 +64,7 @@ def response(blocks: list[np.ndarray]) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_unbiased_in_white_noise_with_satterthwaites_degrees_of_freedom(seed: int):
-    """Assert that the mean of the variances is that of white noise, to rounding.
-
-    Degrees of freedom come from the eigenvalues of the variance as a quadratic form.
-    """
+    """Assert the variance of white noise in the mean, and the eigenvalues' degrees of freedom."""
     blocks = derivatives(seed)
     influences, problem = response(blocks), clusters(blocks, np.zeros(200))
     mean = np.sum(influences**2, axis=(1, 2))
@@ -79,10 +76,7 @@ def test_unbiased_in_white_noise_with_satterthwaites_degrees_of_freedom(seed: in
 
 
 def test_each_block_undoes_its_own_leverage():
-    """Assert by hand that a block which decides three quarters of a value counts twice.
-
-    Its residuals have shrunk to a quarter of their variance, those of the other to three.
-    """
+    """Assert by hand that a block which decides three quarters of a value counts twice."""
     normal, scores = np.array([[[3.0]], [[1.0]]]), np.array([[0.6], [-0.6]])
     influences, _ = cluster_influences(Clusters(normal, scores, np.arange(2), np.array([[0.25]])))
     assert influences[0] == pytest.approx([0.25 * 0.6 / 0.25**0.5, -0.25 * 0.6 / 0.75**0.5])
@@ -222,10 +216,7 @@ def test_noise_is_covered(variances, blocks, least):
 
 
 def test_published_formula():
-    """Assert shares and values by hand: traces 4 and 10 of two directions, ten blocks.
-
-    An infinite variance, which no block shows, stays, and the others are drawn without it.
-    """
+    """Assert values by hand: traces 4 and 10 of two directions, and an infinite variance."""
     spread, white = np.diag([3.0, np.inf, 1.0]), np.diag([1.0, 5.0, 1.0])
     covariance, freedom = shrunken(spread, white, np.array([10.0, 0.0, 10.0]))
     assert np.isinf(covariance[1, 1])

@@ -135,10 +135,7 @@ def mean_and_moment(function: Function, first: float, h: float, late: float) -> 
 @pytest.mark.parametrize("delay", DELAYS)
 @pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
 def test_lines_have_the_mean_and_the_moment_of_the_input(hold, delay):
-    """Assert that each line has the mean and first moment of the late input, to its ends.
-
-    They change with the delay as finite differences say.
-    """
+    """Assert that lines have mean and moment of the late input, and derivatives by the delay."""
     found, high, low = (
         held_input(SAMPLES[:, None], STEP, hold, delay + step)[:, 0] for step in (0.0, 1e-7, -1e-7)
     )
@@ -154,10 +151,7 @@ def test_lines_have_the_mean_and_the_moment_of_the_input(hold, delay):
 
 @pytest.mark.parametrize("delay", [1e300, -1e300, np.inf, 1e9])
 def test_any_delay_is_one(delay: float):
-    """Assert that a delay beyond all samples leaves the first or the last one.
-
-    A spline through a corner fades by a factor of four from sample to sample.
-    """
+    """Assert that a delay beyond all samples leaves the first or the last one, as corners fade."""
     line = held_input(SAMPLES[:, None], STEP, "cubic", delay)
     last = SAMPLES[-1] if delay < 0.0 else SAMPLES[0]
     np.testing.assert_allclose(line[:, 0, 0], last, rtol=1e-3)

@@ -93,10 +93,7 @@ def test_block_that_stops_at_once_sticks(side, samples, slides):
 
 @pytest.mark.parametrize(("pull", "grazes"), [(0.65, False), (0.5005, True)])
 def test_derivatives_stay_bounded_where_a_friction_that_drives_is_hardly_overcome(pull, grazes):
-    """Assert that they are exact down to a tenth of the jump of acceleration, and no larger beyond.
-
-    Where a block turns at next to no acceleration the moment of turning changes by any amount.
-    """
+    """Assert that they are exact to a tenth of the jump of acceleration, and no larger beyond."""
     problem = problem_of(BLOCK, np.full(100, -pull), 0.01)
     _, found = off_at(problem, point_of([-0.5, 1.0], 0.0, 1e-4), 99)
     values = np.array([0.0, 1e-4, -0.5, pull / 3.0])

@@ -174,10 +174,7 @@ def apart(problem: SegmentedMotion, samples: Samples) -> float:
 
 
 def test_kernel_is_a_kalman_filter():
-    """Assert that the kernel, given Kalman's gains or its own, foresees what the exact filter does.
-
-    Its own correct states as Kalman's do.
-    """
+    """Assert that the kernel, by Kalman's gains or its own, foresees what the exact filter does."""
     samples = disturbed_samples(2)
     problem = observed(samples)
     assert problem.observer is not None
@@ -219,10 +216,7 @@ def both_resting(samples: Samples) -> np.ndarray:
 @pytest.mark.parametrize("directions", [still, resting, both_resting])
 @pytest.mark.parametrize("delays", [(), ("input_delay", "link_delay")], ids=["timely", "late"])
 def test_derivatives_are_those_of_differences(delays, directions):
-    """Assert that the right-hand side is minus half the slope of the cost, the gains held.
-
-    A late position corrects what comes after it, so that all innovations depend on a delay.
-    """
+    """Assert that the right-hand side is minus half the slope of the cost, by delays as well."""
     samples = disturbed_samples(4)
     problem = observed(samples)
     assert problem.observer is not None

@@ -100,10 +100,7 @@ def test_the_rest_follows_what_is_zero():
 
 
 def test_nothing_moves_along_an_open_direction():
-    """Assert that of two values whose sum alone counts each takes half of what the third leaves.
-
-    Their difference stays what it was, and both are free. Where nothing is zero all stay.
-    """
+    """Assert that of two values whose sum alone counts each takes half, and that both are free."""
     columns = np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 2.0]])
     values = np.array([1.0, 3.0, 0.5])
     found = least_with(np.array([True, True, False]), columns.T @ columns, values)

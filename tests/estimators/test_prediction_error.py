@@ -65,10 +65,7 @@ def test_less_is_part_of_everything():
 
 
 def test_accuracy_at_one_second():
-    """Assert a median worst coefficient below 0.003 % and RMS errors within 1.2 of the bound.
-
-    Segments of 5 s tell more.
-    """
+    """Assert a median worst coefficient below 0.003 % and RMS errors within 1.2 of the bound."""
     fits = [fit(joint_samples(seed)) for seed in range(10)]
     assert np.median([worst_error(found.values) for found in fits]) <= 0.003
     bound = cramer_rao_bound(30)

@@ -28,10 +28,7 @@ def test_segments_cover_every_recording_and_cross_none():
 
 
 def test_halves_start_where_the_whole_did():
-    """Assert that halving keeps the samples and that every other start is an old one.
-
-    Halves put together are the whole ones, and an odd number of segments has no pairs.
-    """
+    """Assert that halving keeps the samples, and that halves put together are the whole."""
     segments = divide([record(1001, start_time=5.0)], 2.5)
     halves = segments.halved()
     assert np.array_equal(halves.starts[::2], segments.starts)

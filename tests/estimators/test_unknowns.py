@@ -91,10 +91,7 @@ def test_derivatives_of_a_tie(fixed):
 
 
 def test_a_tie_whose_source_is_off_is_off():
-    """Assert that without the damping of the motor there is none of the link, nor any derivative.
-
-    Not even where the stiffness is zero, and the ratio none.
-    """
+    """Assert that without the motor's damping the link has none, be the stiffness zero or not."""
     unknowns = TIED.fixing({"alpha_damping": 0.0})
     place = DAMPED.coefficients.index("theta_damping")
     for alpha1 in (300.0, 0.0):
@@ -159,10 +156,7 @@ def test_brute_force_finds_the_same(bounds):
 
 
 def test_what_the_data_leave_open_keeps_to_its_bounds():
-    """Assert that infinite variance does no harm: twins share what the bounds leave them.
-
-    The bounds of a coefficient sought for each group bind each group's own.
-    """
+    """Assert that infinite variance does no harm, and that bounds bind what each group has."""
     fit, at_bound = bounded_fit(cart, Unknowns(CART), {"gain": (1.5, np.inf), "push": (0.0, 1.0)})
     assert at_bound == {"gain": 1.5}
     assert fit.names == ("twin", "push")

@@ -53,10 +53,7 @@ REPLAYS = [
 
 @pytest.mark.parametrize(("build", "name", "precision"), REPLAYS)
 def test_replay_agrees_with_python(drives, tmp_path, build, name, precision):
-    """Assert that the example compiles without a warning and finds what Python finds.
-
-    Half a minute in float is right to 2e-5; plain sums lose 9e-5.
-    """
+    """Assert that it compiles without a warning and finds what Python does, to 2e-5 in float."""
     if name in OTHERS:
         flexid.export("flexible-joint", to="c99", out=tmp_path / "other", **OTHERS[name])
     directory = tmp_path / "other" if name in OTHERS else drives[name]

@@ -200,10 +200,7 @@ def test_what_cannot_be_is_refused(units, version, tmp_path):
 
 
 def test_what_it_lacks_is_said(units, tmp_path, monkeypatch):
-    """Assert that smoothed friction and a missing compiler are sentences.
-
-    A friction that jumps otherwise than Coulomb's is smoothed as that is.
-    """
+    """Assert that smoothed friction, of any kind, and a missing compiler are sentences."""
     assert [w for w in units[1] if "coulomb_velocity" in w] == units[1]
     system = flexid.flexible_joint(("motor_stribeck",), known={"beta1": 4.0})
     values = {"theta2": 100.0, "alpha1": 400.0, "alpha_stribeck": 0.5}

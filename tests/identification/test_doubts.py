@@ -218,10 +218,7 @@ def added(information, values, scale, robust=1.0) -> float:
 
 @pytest.mark.parametrize(("value", "scale"), [(0.0, 3.0), (0.4, 3.0), (1.1, 0.5), (2.5, 20.0)])
 def test_it_is_the_mean_square_of_the_posterior(value, scale):
-    """Assert that what is added is E[b²] of a term that is there or not, times its leverage.
-
-    The two share 0.6 of their information: one unit of the second moves the first by 0.6.
-    """
+    """Assert that what is added is E[b²] of a term that is there or not, times 0.6 squared."""
     information = np.array([[1.0, 0.6], [0.6, 1.0]])
     deviation = 1.0 / np.sqrt(1.0 - 0.36)
 

@@ -229,10 +229,7 @@ def test_what_becomes_of_an_estimate_with_hysteresis():
 
 
 def test_what_becomes_of_an_estimate_with_squares():
-    """Assert that a coefficient that is a square is one, and that its model is built of it.
-
-    An exported estimator has them in its known part, and no term without a value.
-    """
+    """Assert that a square is a coefficient, and a known part of an exported estimator."""
     gear = identified_case("an eccentric gear")
     values = {name: c.value for name, c in gear.coefficients.items()}
     for name, (a, b, d) in TIES.items():

@@ -300,10 +300,7 @@ def test_terms_and_what_is_always_there_make_the_system(joint):
 
 @pytest.mark.parametrize("term", ["joint_damping", "cubic_stiffness", "backlash", "eccentricity"])
 def test_what_the_spring_does_to_both_sides_is_one_number(term):
-    """Assert that the link's side of the spring follows from the motor's by the inertias' ratio.
-
-    Jr/Jl = theta2/alpha1 = 0.3 here, so 2 on the motor's side are 0.6 on the link's.
-    """
+    """Assert that the link's side follows from the motor's by theta2/alpha1 = 0.3: 0.6 for 2."""
     found = FLEXIBLE.unknowns(FLEXIBLE.optional - {*FLEXIBLE.terms[term]}, {}, groups=(0,))
     known = {"theta2": 90.0, "alpha1": 300.0, "beta1": 1.0}
     values = [known.get(name, 2.0) for name in found.names]

@@ -84,10 +84,7 @@ FIGURES = ("fit", "residuals", "bode")
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_leave_matplotlib_as_it_is(estimate, name):
-    """Assert that a figure is as a notebook shows it, needs no display, and leaves no setting.
-
-    In the place of axes its panels stand in one half of a figure that has something in the other.
-    """
+    """Assert that a figure needs no display, leaves no setting, and takes given axes' place."""
     before = dict(mpl.rcParams)
     figure = estimate.plot(name)
     assert isinstance(figure, Figure)
@@ -144,10 +141,7 @@ def test_results_cannot_be_changed(estimate, loaded):
 
 
 def test_residuals_and_criteria(estimate, loaded):
-    """Assert that residuals are noise, that chi-square counts them, and what a file lacks.
-
-    All else comes back from it.
-    """
+    """Assert that residuals are noise, that chi-square counts them, and what a file lacks."""
     assert np.std(estimate.residuals["motor_position"]) < 2e-4
     (recording,) = estimate.result.recordings
     assert estimate.chi_square == pytest.approx(2 * len(recording), rel=0.1)
@@ -160,10 +154,7 @@ def test_residuals_and_criteria(estimate, loaded):
 
 
 def test_it_is_held_against_a_log(estimate, loaded, examples, tmp_path):
-    """Assert that its own log is predicted to the noise, and what estimate, file and arrays give.
-
-    That is one answer, with frame, figures and page.
-    """
+    """Assert that its own log is predicted to the noise, by estimate, file and arrays alike."""
     log = examples / "flexible_joint.csv"
     found, frame = estimate.validate(log), pl.read_csv(log)
     arrays = loaded.validate({name: frame[name].to_numpy() for name in frame.columns})

@@ -76,10 +76,7 @@ def test_samples_that_cannot_be(samples, words):
 
 
 def test_a_source_or_samples(samples):
-    """Assert that what has a source is not fed, and what has none is not followed.
-
-    A block without the link is refused where there was one.
-    """
+    """Assert that what has a source is not fed, and what has none is not followed."""
     watch = flexid.watch(sample_time=1e-3, **PAPER)
     watch.feed(**channels(samples, slice(10)))
     with pytest.raises(ArgumentError, match="give the same"):

@@ -26,10 +26,7 @@ def condition_number(amplitude: float, second_tone: float = 0.0) -> float:
 
 
 def test_printed_12_does_not_follow_from_dependence() -> None:
-    """Assert that eq. (12) is no integral of x2' = -K sin x1 over time, K = theta1 + a theta2.
-
-    It would be one of dx2/dx1 = -K sin x1. Over time its derivative has a factor x2 too much.
-    """
+    """Assert that eq. (12) is no integral of x2' = -K sin x1 over time, but one of dx2/dx1."""
     time, factor = sp.symbols("t K")
     x1 = sp.Function("x1")(time)
     x2 = x1.diff(time)
@@ -57,10 +54,7 @@ def test_a_sinusoid_is_no_pendulum_motion() -> None:
 
 
 def test_deflection_and_motor_velocity_differ_in_parity() -> None:
-    """Assert that along x1 = A sin wt the deflection is odd in time and x4 is even.
-
-    An odd function is a multiple of an even one only where both vanish.
-    """
+    """Assert that along x1 = A sin wt the deflection is odd in time and x4 even: no multiples."""
     time = sp.Symbol("t", real=True)
     amplitude, w, gravity, spring = sp.symbols("A w theta1 theta2", positive=True)
     x1 = amplitude * sp.sin(w * time)

@@ -89,10 +89,7 @@ def test_minus_before_the_sum_in_3_leaves_twice_the_sum() -> None:
 
 @pytest.mark.parametrize("gain", [sp.Rational(1, 2), sp.Integer(1), sp.Integer(3)])
 def test_6_as_printed_is_wrong_for_every_gain(gain: sp.Expr) -> None:
-    """Assert that without brackets eq. (6) misses eq. (7) by (1 + c) times its second terms.
-
-    Not even Table I's c1 = c2 = 1 helps: there the lost bracket costs the sign.
-    """
+    """Assert that without brackets eq. (6) misses eq. (7) by (1 + c) times its second terms."""
     y_rate, z_rate = equation_6(link_gain=sp.Integer(1), motor_gain=sp.Integer(1))
     link_miss = sp.Matrix([sp.cos(x1) * x2**2, (x2 - x4) * x2]) * -(1 + gain)
     motor_miss = sp.Matrix([(x2 - x4) * x4, 0]) * (1 + gain)

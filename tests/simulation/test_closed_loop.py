@@ -150,10 +150,7 @@ def test_settings_that_mean_nothing(refusals: Any) -> None:
 
 
 def test_plant_moves_as_in_a_free_run() -> None:
-    """Assert that between samples the plant does what a free run under the held input does.
-
-    Its friction is so steep that a hundredth of a second has to be divided many times.
-    """
+    """Assert that between samples the plant does what a free run does, steep friction or not."""
     terms = ("gravity", "motor_viscous", "motor_coulomb")
     system = flexible_joint(terms, dict(LOOP.system.constants))
     coefficients = {**LOOP.coefficients, "alpha_coulomb": 300.0}

@@ -64,10 +64,7 @@ def assert_measured_alike(
 
 @pytest.mark.parametrize("sampled", [False, True])
 def test_ends_are_those_of_single_runs(sampled: bool) -> None:
-    """Assert that the end of every run is bit for bit that of the single run.
-
-    Sampled runs, with noise and without, have each their own sampling.
-    """
+    """Assert that the end of every run, sampled or not, is bit for bit that of the single run."""
     loops = varied(LOOP, 3)
     if sampled:
         samplings = [NOISY, replace(NOISY, seed=8, sample_time=2e-3), Sampling()]

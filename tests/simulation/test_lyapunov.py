@@ -59,10 +59,7 @@ def test_small_rises_are_seen(history):
 
 
 def test_dissipation_balances_the_fall_of_the_value(history):
-    """Assert that the integral of V' is the change of V, but of a wrong gain in eq. (9).
-
-    V is half of the squared errors of all rows together.
-    """
+    """Assert that the integral of V' is the change of V, but not with a wrong gain in eq. (9)."""
     both, watched = watch(history, history), watch(history)
     np.testing.assert_allclose(both.value, np.sum(history.errors**2, axis=1), rtol=1e-13)
     assert imbalance(watched) < trapezoidal_error(watched) < 1e-4
@@ -89,10 +86,7 @@ def test_limits_of_errors(history, errors, window, settled, vanished):
 
 
 def test_dissipation_balances_along_a_closed_loop():
-    """Assert that (9) integrates to (8) along the paper's loop where samples resolve the motion.
-
-    They do from the second on: the law's first input, which is large, lasts some microseconds.
-    """
+    """Assert that (9) integrates to (8) along the paper's loop once samples resolve the motion."""
     loop = table1_loop((1, 2, 3), reference=sine(0.1))
     run = simulate(loop, 5.0, 1e-4, 1e-8)
     assert lyapunov.monitor_run(run, 1.0).rise_in_tolerances <= lyapunov.ALLOWED_RISE

@@ -74,10 +74,7 @@ def two_masses(c, omega):
 
 @pytest.mark.parametrize("position", [0.0, 2.0])
 def test_it_is_that_of_the_two_mass_drive(estimate, position):
-    """Assert that both responses are the closed form, in rad/s per N m, at any frequency.
-
-    About another position gravity's slope is that of its sine there.
-    """
+    """Assert that both responses are the closed form, at any frequency and about any position."""
     hertz = np.geomspace(0.01, 300, 50)
     found = estimate.frequency_response(frequency=hertz, position=position)
     values = {name: c.value for name, c in estimate.coefficients.items()}
@@ -141,10 +138,7 @@ LIGHT = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.33, "beta1
     ("values", "spread", "seed"), [(LIGHT, 0.05, 1), (LIGHT, 0.005, 2), (TRUE, 0.05, 3)]
 )
 def test_the_band_covers(estimate, values, spread, seed):
-    """Assert that 95 % bands hold the truth in about 95 % of draws, beside sharp peaks too.
-
-    Deviations are large, and correlated at random.
-    """
+    """Assert that 95 % bands hold the truth in about 95 % of correlated draws, beside peaks too."""
     joint = linear_joint(estimate.result)
     full = np.array([values.get(name, 0.0) for name in joint.names])
     mixed = np.random.default_rng(seed).standard_normal((len(values), len(values)))

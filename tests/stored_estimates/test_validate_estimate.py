@@ -172,10 +172,7 @@ def test_an_undetermined_value_is_said(log):
 
 
 def test_another_input_is_refused(tmp_path, log):
-    """Assert that a log of a voltage is refused for an estimate made of torques.
-
-    One without half a second to start from is, too.
-    """
+    """Assert that a log of a voltage, or of less than half a second to start from, is refused."""
     document = stored(keys="coefficients.beta1.unit", value="rad/s^2/(N m)")
     assert validate_estimate(document, [log]).fit_percent["link_position"] > 99
     other = write_flexible(tmp_path / "volts.csv", column="motor_voltage [V]")

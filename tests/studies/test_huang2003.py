@@ -42,10 +42,7 @@ def test_errors_vanish_where_a4_holds(cases):
 
 
 def test_errors_settle_away_from_zero_at_standstill(cases):
-    """Assert that at a constant reference errors become constant and three of four stay.
-
-    θ̃(0) does: equilibrium makes f orthogonal to θ, and θ̃(0) is -θ/2.
-    """
+    """Assert that at a constant reference errors become constant and three of four stay."""
     case = cases["(A4) fails: standstill"]
     assert case.settled
     left = {limit.coefficient: limit.last / limit.first for limit in case.limits}

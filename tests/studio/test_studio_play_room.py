@@ -106,10 +106,7 @@ def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_run_that_would_take_long_is_given_up():
-    """Assert that what is too stiff is said after a bounded number of steps, as a number of them.
-
-    This place, of the reading whose loop oscillates, needs more than a million.
-    """
+    """Assert that what is too stiff is said after a bounded number of steps, with that number."""
     place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
     place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
     place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
