@@ -40,8 +40,8 @@ from flexid.library.validation import EstimateComparison as EstimateComparison
 from flexid.library.validation import EstimateValidation as EstimateValidation
 from flexid.library.validation import compare as compare
 from flexid.library.validation import validate as validate
-from flexid.library.watch import Watch as Watch
 from flexid.library.watch import watch as watch
+from flexid.library.watched import Watch as Watch
 from flexid.models.flexible_joint import SHAPE_TERMS as SHAPE_TERMS
 from flexid.models.flexible_joint import TERMS as TERMS
 from flexid.models.flexible_joint import flexible_joint as flexible_joint

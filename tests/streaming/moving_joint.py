@@ -9,11 +9,12 @@ import numpy as np
 
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result import Identification
+from flexid.library.watched import Watch
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.options import StreamChannels, WatchOptions, options_of_stream
-from flexid.streaming.session import Follower, Session
+from flexid.streaming.session import Session
 
 TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 """Huang (2003), Table I, and the inverse of the motor's inertia."""
@@ -88,11 +89,11 @@ def log_text(samples: np.ndarray, *columns: int) -> str:
     return "\n".join([",".join(names[column] for column in columns), *rows, ""])
 
 
-def followed(path: Path, chosen: dict[str, Any] | None = None, **options: Any) -> Follower:
-    """Who followed a log to its end."""
-    follower = Follower(str(path), chosen or CHOSEN, stop_at_end=True, **options)
-    assert sum(follower.turns(1.0)) > 0
-    return follower
+def followed(path: Path, chosen: dict[str, Any] | None = None, **options: Any) -> Watch:
+    """A log that was followed to its end."""
+    watch = Watch(str(path), chosen or CHOSEN, stop_at_end=True, **options)
+    assert sum(watch.turns()) > 0
+    return watch
 
 
 def counted(guard: Guard, *columns: np.ndarray) -> Counts:

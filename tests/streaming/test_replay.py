@@ -7,9 +7,9 @@ import polars as pl
 import pytest
 from moving_joint import CHOSEN, LINK, MOTOR, TIME, TORQUE, followed, same, stream, watched
 
+from flexid.library.watched import Watch
 from flexid.streaming import incoming
 from flexid.streaming.incoming import Replay
-from flexid.streaming.session import Follower
 
 NAMES = {"time": TIME, "link_position": LINK, "motor_position": MOTOR, "motor_torque": TORQUE}
 
@@ -24,9 +24,9 @@ def written(path: Path, samples: np.ndarray) -> Path:
 def test_a_whole_log_is_watched_as_its_samples_are(tmp_path: Path):
     """Assert that playing a log at once is feeding it."""
     samples = stream(3.0)
-    follower = Follower(str(written(tmp_path / "log.parquet", samples)), CHOSEN, stop_at_end=True)
-    assert sum(follower.turns(1.0)) == 3
-    assert same(follower.session, watched(samples))
+    watch = Watch(str(written(tmp_path / "log.parquet", samples)), CHOSEN, stop_at_end=True)
+    assert sum(watch.turns()) == 3
+    assert same(watch.result, watched(samples))
 
 
 def test_an_encoder_in_front_of_a_gear_wraps_by_what_the_column_map_says(tmp_path: Path):
@@ -35,8 +35,7 @@ def test_an_encoder_in_front_of_a_gear_wraps_by_what_the_column_map_says(tmp_pat
     samples[:, MOTOR] = np.mod(40.0 * samples[:, MOTOR], 2.0 * np.pi)
     path = written(tmp_path / "log.parquet", samples)
     gear = {"gear_ratio": 40, "motor_torque": {"column": "motor_torque", "side": "link"}}
-    right, found = watched(stream(3.0)), followed(path, column_map=gear).session
-    assert found is not None
+    right, found = watched(stream(3.0)), followed(path, column_map=gear).result
     assert found.counts.wraps > 20
     values = [session.learner.values(session.now.states) for session in (found, right)]
     np.testing.assert_allclose(values[0], values[1], rtol=1e-6)

@@ -13,9 +13,10 @@ import pytest
 from moving_joint import CHOSEN, OPTIONS, H, options_of
 
 import flexid
+from flexid.library.watched import Watch
 from flexid.streaming.incoming import Replay, TextStream, sample_time_of
 from flexid.streaming.options import WatchOptions, check_comparable, chosen_channels, wanted_kind
-from flexid.streaming.session import Follower, Session
+from flexid.streaming.session import Session
 from flexid.streaming.sources import open_source
 
 CLOCKS = {
@@ -76,7 +77,7 @@ def test_streams_that_are_refused(
     """Assert that what a stream lacks, or cannot be, is said; the limits themselves are taken."""
     monkeypatch.chdir(tmp_path)
     pl.DataFrame({"time": [0.0, 1.0], "motor_position": [0.0, 1.0]}).write_parquet("log.parquet")
-    headed = Follower("log.parquet", CHOSEN, header="time")
+    headed = Watch("log.parquet", CHOSEN, header="time")
     long = TextStream("stream", fewest=4)
     long.samples(GOOD + b"1" * 1_000_001)
     refusals(
@@ -87,7 +88,7 @@ def test_streams_that_are_refused(
         | {
             "a line without an end": lambda: long.samples(b"1"),
             "a log without a torque": lambda: Replay(Path("log.parquet"), None),
-            "a header of a log": lambda: next(iter(headed.turns(1.0))),
+            "a header of a log": lambda: next(iter(headed.turns())),
         }
     )
     for rate in (0.0201, 62.0):

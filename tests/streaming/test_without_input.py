@@ -63,5 +63,5 @@ def test_a_log_without_a_torque_is_followed(tmp_path: Path):
     for columns, model in (([TIME, LINK, MOTOR], "auto"), ([TIME, LINK, MOTOR, TORQUE], "link")):
         (tmp_path / "log.csv").write_text(log_text(stream(2.0), *columns))
         chosen = {"terms": OPTIONS.terms, "sample_time": H, "kind": model}
-        session = followed(tmp_path / "log.csv", chosen).session
+        session = followed(tmp_path / "log.csv", chosen).result
         assert same(session, watched(motion(2.0), OPTIONS))

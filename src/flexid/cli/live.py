@@ -26,7 +26,7 @@ from flexid.library.arguments import one_thread
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from flexid.library.watch import Watch
+    from flexid.library.watched import Watch
 
 
 _DRAWN_EVERY = 0.2  # s

@@ -22,7 +22,6 @@ from flexid.toml_file import refuse_arm_file
 if TYPE_CHECKING:
     from threadpoolctl import threadpool_limits
 
-    from flexid.arrays import FloatArray
     from flexid.identification.preparation.joint import Kind
     from flexid.identification.preparation.settings import Settings
     from flexid.recording.recording import Hold
@@ -314,16 +313,3 @@ _TYPES: Mapping[str, tuple[Any, str]] = {
     "str": (str, "text"),
 }
 """What an argument may be, by its annotation or a part of that, and in words."""
-
-
-def as_samples(name: str, values: Any) -> FloatArray:
-    """Numbers of a channel, shape (n,); an `ArgumentError` for what is none."""
-    import numpy as np
-
-    try:
-        found = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise ArgumentError("feed", name, f"is {kind_of(values)}: give numbers") from None
-    if found.ndim != 1:
-        raise ArgumentError("feed", name, f"has {found.ndim} dimensions: give one number a sample")
-    return found

@@ -1,16 +1,10 @@
 """A stream that is watched: fed sample by sample or in blocks, and read at any time.
 
-A follower feeds a session from a source: bytes become lines, lines samples, samples estimates.
-
 Nothing depends on how a stream is cut into blocks: whatever is done now and then is done after a
 number of samples that came, and every sum runs from sample to sample.
 """
 
-from collections.abc import Generator, Iterator, Mapping
-from contextlib import closing
-from dataclasses import KW_ONLY, dataclass, field, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,27 +12,11 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.excitation import Excitation, excitation_of_gram
 from flexid.estimators.online import Status
-from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
-from flexid.recording.recipes import MapSource
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contradicts, judge
-from flexid.streaming.incoming import (
-    HEAD_LINES,
-    LINES_FOR_LAYOUT,
-    Replay,
-    TextSamples,
-    is_whole_log,
-    sample_time_of,
-)
 from flexid.streaming.learner import Departure, Findings, Learner, States, findings
-from flexid.streaming.options import (
-    StreamChannels,
-    WatchOptions,
-    not_accounted_for,
-    options_of_stream,
-    wanted_kind,
-)
+from flexid.streaming.options import WatchOptions
 
 CAUSES = {
     "no_number": "a value is no number or too large",
@@ -304,75 +282,3 @@ class Session:
             row.name: excitation_of_gram(row.name, row.coefficients, gram / count)
             for row, gram in zip(self.learner.system.rows, grams, strict=True)
         }
-
-
-@dataclass(eq=False)
-class Follower:
-    """A session whose options a user chooses, as soon as its channels are known."""
-
-    source: str | None  # None: samples are fed
-    chosen: Mapping[str, Any]
-    _: KW_ONLY
-    estimate: Identification | None = None
-    column_map: MapSource | None = None
-    header: str | None = None
-    stop_at_end: bool = False
-    session: Session | None = None  # None until the first samples have come
-    warnings: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        self.kind = wanted_kind(self.chosen, self.estimate)
-
-    def begin(self, channels: StreamChannels, sample_time: float) -> Session:
-        """The session of a stream with these channels."""
-        options = options_of_stream(self.chosen, self.estimate, channels, sample_time)
-        if self.estimate is not None:
-            self.warnings += tuple(not_accounted_for(self.estimate, sample_time))
-        self.session = Session(options)
-        return self.session
-
-    def turns(self, every: float) -> Generator[bool]:
-        """Take in what comes, until the source ends."""
-        with closing(self._opened()) as incoming:
-            for samples in incoming:
-                self.warnings = tuple(dict.fromkeys(self.warnings + incoming.warnings))
-                if self.session is None and len(samples):
-                    self._begin(incoming, samples)
-                if self.session is not None:
-                    yield from _take(self.session, samples, every)
-                yield False
-
-    def _opened(self) -> TextSamples | Replay:
-        assert self.source is not None
-        if is_whole_log(self.source):
-            if self.header is not None:
-                raise SettingError("header", "is for lines of text: leave it out for such a log")
-            return Replay(Path(self.source), self.column_map, self.kind)
-        known = self.chosen.get("sample_time") is not None
-        return TextSamples(
-            self.source,
-            self.column_map,
-            stop_at_end=self.stop_at_end,
-            model=self.kind,
-            header=self.header,
-            fewest=LINES_FOR_LAYOUT if known else HEAD_LINES,
-        )
-
-    def _begin(self, incoming: TextSamples | Replay, samples: FloatArray) -> None:
-        channels, sample_time = incoming.channels, self.chosen.get("sample_time")
-        assert channels is not None
-        if sample_time is None:
-            sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
-        self.begin(channels, sample_time)
-
-
-def _take(session: Session, samples: FloatArray, every: float) -> Iterator[bool]:
-    """Feed the session; stop wherever a report is due."""
-    between = max(1, round(min(every / session.options.sample_time, 1e15)))
-    done = 0
-    while done < len(samples):
-        part = samples[done : done + between - session.fed % between]
-        session.feed(part)
-        done += len(part)
-        if session.fed % between == 0:
-            yield True

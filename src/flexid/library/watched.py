@@ -1,0 +1,285 @@
+"""What `flexid.watch` returns: a stream that is fed or followed, and read at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import ArgumentError, RecordingError, SettingError
+from flexid.library.answer import Answer
+from flexid.library.arguments import kind_of
+from flexid.recording.channel import Channel, Origin, si_units
+from flexid.streaming.health import Health, Judgement
+from flexid.streaming.incoming import (
+    HEAD_LINES,
+    LINES_FOR_LAYOUT,
+    Replay,
+    TextSamples,
+    is_whole_log,
+    sample_time_of,
+)
+from flexid.streaming.options import (
+    StreamChannels,
+    chosen_channels,
+    not_accounted_for,
+    options_of_stream,
+    wanted_kind,
+)
+from flexid.streaming.session import Change, Session
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from flexid.estimators.excitation import Excitation
+    from flexid.identification.result import Identification
+    from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+    from flexid.models.motion import JointType
+    from flexid.recording.recipes import MapSource
+    from flexid.streaming.guard import Counts
+    from flexid.streaming.learner import Departure
+
+_AT_ONCE = 64  # samples that wait to be worked on, unless something is read
+
+
+class Watch(Answer):
+    """A stream that is watched: fed, or followed, and read at any time; `flexid.watch` makes it."""
+
+    _report = "watch"
+    _file = "watch.json"
+
+    time: float
+    """Time of the latest sample in s."""
+    coefficients: Mapping[str, CoefficientEstimate]
+    """Coefficients of the model by name, with intervals and verdicts."""
+    parameters: Mapping[str, ParameterEstimate]
+    """Physical parameters by name, with intervals and verdicts."""
+    excitation: Mapping[str, Excitation]
+    """Excitation of each row by what was learnt from: (A4) of Huang (2003), measured."""
+    counts: Counts
+    """What became of the samples."""
+    changes: tuple[Change, ...]
+    """When the drive changed, as far as its motion says."""
+    departures: tuple[Departure, ...]
+    """What differs from the estimate that the drive is held against, the clearest first."""
+
+    def __init__(
+        self,
+        source: str | None,  # None: samples are fed
+        chosen: Mapping[str, Any],  # by the names of `WatchOptions`; None and "auto" are not chosen
+        every: float = 1.0,  # s of the stream between two reports
+        *,
+        estimate: Identification | None = None,  # that the drive is held against
+        column_map: MapSource | None = None,
+        header: str | None = None,
+        stop_at_end: bool = False,
+    ) -> None:
+        self._source, self._chosen, self._every = source, chosen, every
+        self._estimate, self._column_map = estimate, column_map
+        self._header, self._stop_at_end = header, stop_at_end
+        self._kind = wanted_kind(chosen, estimate)
+        self._session: Session | None = None  # as soon as its channels are known
+        self._warnings: tuple[str, ...] = ()
+        self._names: set[str] = set()  # of what is fed
+        self._sampled: list[str] = []  # of what is learnt from of that, in a sample's order
+        self._start = 0.0
+        self._since_start = 0
+        self._pending: list[FloatArray] = []
+        self._n_pending = 0
+
+    @property
+    def result(self) -> Session:
+        """The session, with all that was fed."""
+        if self._session is None:
+            raise ArgumentError("watch", "samples", "have not come yet: feed some first")
+        self._catch_up(self._session)
+        return self._session
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether samples have come."""
+        return self._session is not None
+
+    @property
+    def has_converged(self) -> bool:
+        """Whether the intervals of spring and inertias are narrow."""
+        return self.health.health is Health.CONVERGED
+
+    def turns(self) -> Generator[bool]:
+        """Follow the source; whether a report is due, after each turn in which it was looked at."""
+        with closing(self._opened()) as incoming:
+            for samples in incoming:
+                self._warnings = tuple(dict.fromkeys(self._warnings + incoming.warnings))
+                if self._session is None and len(samples):
+                    assert incoming.channels is not None
+                    sample_time = self._chosen.get("sample_time")
+                    if sample_time is None:
+                        sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
+                    self._begin(incoming.channels, sample_time)
+                if self._session is not None:
+                    yield from _take(self._session, samples, self._every)
+                yield False
+
+    def _opened(self) -> TextSamples | Replay:
+        source, kind = self._source, self._kind
+        if source is None:
+            raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
+        if is_whole_log(source):
+            if self._header is not None:
+                raise SettingError("header", "is for lines of text: leave it out for such a log")
+            return Replay(Path(source), self._column_map, kind)
+        known = self._chosen.get("sample_time") is not None
+        return TextSamples(
+            source,
+            self._column_map,
+            stop_at_end=self._stop_at_end,
+            model=kind,
+            header=self._header,
+            fewest=LINES_FOR_LAYOUT if known else HEAD_LINES,
+        )
+
+    def _begin(self, channels: StreamChannels, sample_time: float) -> Session:
+        """The session of a stream with these channels."""
+        options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
+        if self._estimate is not None:
+            self._warnings += tuple(not_accounted_for(self._estimate, sample_time))
+        self._session = Session(options)
+        return self._session
+
+    def _catch_up(self, session: Session) -> None:
+        """Work on what was fed one by one: a call for each sample would cost ten times as much."""
+        if self._pending:
+            samples = np.concatenate(self._pending)
+            self._pending, self._n_pending = [], 0
+            session.feed(samples)
+
+    def feed(
+        self,
+        *,
+        motor_position: ArrayLike,
+        link_position: ArrayLike | None = None,
+        deflection: ArrayLike | None = None,
+        motor_torque: ArrayLike | None = None,
+        motor_current: ArrayLike | None = None,
+        motor_voltage: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+    ) -> None:
+        """Take in one sample, or a block of them; how a stream is cut into blocks changes nothing.
+
+        Parameters
+        ----------
+        motor_position : float or array, shape (n,)
+            In rad, at the link's side of the gear; in m where the joint is prismatic.
+        link_position, deflection : float or array, shape (n,), optional
+            One of them, in the same unit; without either the joint is taken as rigid.
+        motor_torque, motor_current, motor_voltage : float or array, shape (n,)
+            One of them, in N m or N, A or V; without any the link alone is watched, driven by the
+            motor's measured motion.
+        time : float or array, shape (n,), optional
+            In s; without it every sample follows the one before after a sample time.
+        """
+        given = {
+            "time": time,
+            "link_position": link_position,
+            "deflection": deflection,
+            "motor_position": motor_position,
+            "motor_torque": motor_torque,
+            "motor_current": motor_current,
+            "motor_voltage": motor_voltage,
+        }
+        arrays = {
+            name: _as_samples(name, values) for name, values in given.items() if values is not None
+        }
+        lengths = {name: len(values) for name, values in arrays.items()}
+        if len({*lengths.values()}) > 1:
+            raise ArgumentError("feed", "samples", f"differ in number: {lengths}")
+        names = {*arrays} - {"time"}
+        session = self._session or self._fed_at_first(arrays)
+        if names != self._names:
+            given, before = (", ".join(sorted(each)) for each in (names, self._names))
+            raise ArgumentError(
+                "feed", "channels", f"are {given}, and were {before}: give the same"
+            )
+        count, h = lengths["motor_position"], session.options.sample_time
+        if time is None:
+            steps = self._since_start + np.arange(count, dtype=np.float64)
+            arrays["time"] = self._start + h * steps
+            self._since_start += count
+        elif count:
+            self._start, self._since_start = float(arrays["time"][-1]) + h, 0
+        self._pending.append(np.column_stack([arrays[name] for name in self._sampled]))
+        self._n_pending += count
+        if self._n_pending >= _AT_ONCE:
+            self._catch_up(session)
+
+    def _fed_at_first(self, arrays: Mapping[str, FloatArray]) -> Session:
+        """The session of what is fed."""
+        if self._source is not None:
+            raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
+        made = "revolute" if self._estimate is None else self._estimate.joint
+        joint: JointType = self._chosen["joint_type"] or made
+        channels = {}
+        for name, values in {"time": arrays["motor_position"][:0], **arrays}.items():
+            origin = Origin({name: 1.0}, 1.0, 0.0, si_units(name, joint)[0], None)
+            channels[name] = Channel(values, name, True, origin)
+        chosen = chosen_channels("feed", channels, (), self._kind)
+        session = self._begin(chosen, self._chosen["sample_time"])
+        self._names, self._sampled = {*arrays} - {"time"}, [*chosen.sampled]
+        return session
+
+    def __iter__(self) -> Iterator[Watch]:
+        """Follow the source; a turn each `every` seconds of the stream, and one at its end."""
+        error = None
+        try:
+            for due in self.turns():
+                if due:
+                    yield self
+        except RecordingError as found:
+            error = found
+        if self.has_begun:
+            yield self
+        if error is not None:
+            raise error
+
+    @property
+    def health(self) -> Judgement:
+        """How the estimation is, a `Health`, and the reason, a sentence."""
+        if not self.has_begun:
+            return Judgement(Health.CONVERGING, "no sample has come so far")
+        return self.result.health
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed of the source's columns, and what a stream does not account for."""
+        return self._warnings
+
+    def __repr__(self) -> str:
+        health = self.health
+        return f"<Watch: {health.health.words}, {health.reason}>"
+
+
+def _take(session: Session, samples: FloatArray, every: float) -> Iterator[bool]:
+    """Feed the session; stop wherever a report is due."""
+    between = max(1, round(min(every / session.options.sample_time, 1e15)))
+    done = 0
+    while done < len(samples):
+        part = samples[done : done + between - session.fed % between]
+        session.feed(part)
+        done += len(part)
+        if session.fed % between == 0:
+            yield True
+
+
+def _as_samples(name: str, values: Any) -> FloatArray:
+    """Numbers of a channel, shape (n,); an `ArgumentError` for what is none."""
+    try:
+        found = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise ArgumentError("feed", name, f"is {kind_of(values)}: give numbers") from None
+    if found.ndim != 1:
+        raise ArgumentError("feed", name, f"has {found.ndim} dimensions: give one number a sample")
+    return found
