@@ -9,7 +9,6 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
 
@@ -18,10 +17,8 @@ import click
 from flexid import __version__
 from flexid.cli.generated import (
     Command,
-    CommandLine,
     ExitStatus,
     Options,
-    called,
     open_what_is_closed,
     present,
     print_document,
@@ -52,17 +49,18 @@ def identify(command: Command, options: Options, flags: Options) -> None:
     from flexid.library.identify import identify_arm
 
     show(
-        replace(command, more="--json"),
+        command,
         flags,
         lambda progress: identify_arm(
             Path(logs[0]), Path(model), columns and Path(columns), progress
         ),
+        "--json",
     )
 
 
 def derive(command: Command, options: Options, flags: Options) -> None:
     """Print the equations, and on standard error what to know of them."""
-    text = called(command, options, lambda _step: None)
+    text = command.call(options)
     for note in text.notes:
         click.echo(f"note: {note}", err=True)
     if flags["json"]:
@@ -80,7 +78,7 @@ def export(command: Command, options: Options, flags: Options) -> None:
         raise SettingError("--columns", "is for a log: name one with --log")
     errors = Console(stderr=True)
     with working(errors, command.doing):
-        files = called(command, options, lambda _step: None)
+        files = command.call(options)
     print_warnings(files.warnings, errors)
     paths = [str(path) for path in files.paths]
     if flags["json"]:
@@ -159,10 +157,8 @@ _DONE = {
 """Whether an answer has all that was asked for, where it may have less."""
 
 _WORDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
-COMMANDS = tuple(
-    Command(name, **words, run=_RUN.get(name, present), done=_DONE.get(name, lambda *_: True))
-    for name, words in _WORDS.items()
-)
+COMMANDS = tuple(_WORDS)
+"""Names of all commands."""
 
 _ABOUT = "Physical parameters of flexible-joint drives from their motion, with intervals."
 _EPILOG = (
@@ -179,13 +175,18 @@ class _Group(click.Group):
         return list(self.commands)
 
 
+def _command(name: str) -> Command:
+    run, done = _RUN.get(name, present), _DONE.get(name, lambda *_: True)
+    return Command(name, **_WORDS[name], run=run, done=done)
+
+
 def command_line(only: str = "") -> click.Group:
     """All commands, or one of them alone, for which less is loaded."""
     group = _Group(
         name="flexid",
         help=_ABOUT,
         epilog=_EPILOG,
-        commands=[CommandLine(each) for each in COMMANDS if only in ("", each.name)],
+        commands=[_command(name) for name in COMMANDS if only in ("", name)],
         no_args_is_help=True,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
@@ -198,8 +199,7 @@ def command_line(only: str = "") -> click.Group:
 def _asked_for(arguments: Sequence[str]) -> str:
     """The command that is called; empty where all of them may be wanted."""
     first = next((each for each in arguments if each != "--debug"), "")
-    named = any(command.name == first for command in COMMANDS)
-    return first if named and "_FLEXID_COMPLETE" not in os.environ else ""
+    return first if first in COMMANDS and "_FLEXID_COMPLETE" not in os.environ else ""
 
 
 def run() -> ExitStatus:

@@ -14,15 +14,24 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
 from enum import IntEnum
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
-from flexid.cli.options import ARGUMENTS, FLAGS, NAMED, OPTIONS, Option, sentences
+from flexid.cli.options import (
+    FLAGS,
+    OPTIONS,
+    Argument,
+    declared,
+    flag_of,
+    option_of,
+    sentences,
+    typed_name,
+)
 from flexid.errors import SettingError
 from flexid.library.arguments import described
 
@@ -151,48 +160,57 @@ Options = Mapping[str, Any]
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Command:
-    """What a command is beside the function of the library that it calls."""
+class Command(click.Command):
+    """A function of the library as a command; its help describes arguments as it does options."""
 
-    name: str  # of both
-    examples: Sequence[str]
-    status: str  # what its exit status says
-    run: "Callable[[Command, Options, Options], None]"  # usually `present`
-    done: Callable[[Any, Options], bool]  # whether an answer has all; or exit status 1
-    doing: str = ""  # shown while it works
-    writes: str = ""  # with --out
-    flags: Sequence[str] = ()  # of `FLAGS`
-    own: str = ""  # the module of a command that is not in the library, and answers nothing
-    notes: str = ""  # a paragraph of the help
-    more: str = ""  # what shows the warnings after the first three
-
-    @property
-    def function(self) -> Callable[..., Any]:
-        """The function of the library, or of its own."""
-        return getattr(import_module(self.own or "flexid"), self.name)
-
-
-class CommandLine(click.Command):
-    """A command whose help describes its arguments as it does its options."""
-
-    def __init__(self, command: Command) -> None:
-        documented = inspect.getdoc(command.function) or ""
-        head, _, rest = documented.partition("\n\n")
+    def __init__(
+        self,
+        name: str,  # of the function, too
+        *,
+        examples: Sequence[str],
+        status: str,  # what its exit status says
+        run: "Callable[[Command, Options, Options], None]",  # usually `present`
+        done: Callable[[Any, Options], bool],  # whether an answer has all; or exit status 1
+        doing: str = "",  # shown while it works
+        writes: str = "",  # with --out
+        flags: Sequence[str] = (),  # of `FLAGS`
+        own: str = "",  # the module of a command that is not in the library, and answers nothing
+        notes: str = "",  # a paragraph of the help
+        more: str = "",  # what shows the warnings after the first three
+    ) -> None:
+        self.run, self.done, self.doing, self.more = run, done, doing, more
+        self.function: Callable[..., Any] = getattr(import_module(own or "flexid"), name)
+        self._flags = [*flags, *(["out"] if writes else []), *([] if own else ["json"])]
+        head, _, rest = (inspect.getdoc(self.function) or "").partition("\n\n")
         prose = re.split(r"\n[A-Z]\w+\n-{3,}", f"\n{rest}")[0]  # before the first section
         said = [sentences(part) for part in prose.strip().split("\n\n")]
-        body = [head, *said, command.notes, f"Exit status: {command.status}"]
-        examples = ["\b", "Examples:", *(f"  flexid {example}" for example in command.examples)]
-        flagged = [*command.flags, *(["out"] if command.writes else [])]
-        flagged += [] if command.own else ["json"]
+        body = [head, *said, notes, f"Exit status: {status}"]
+        lines = ["\b", "Examples:", *(f"  flexid {example}" for example in examples)]
+        written = OPTIONS["out"]._replace(note=f"Write {writes} into this directory.")
+        printing = {"out": written, **FLAGS}
         super().__init__(
-            command.name,
-            callback=_calling(command, flagged),
-            params=[*_from_library(command), *_of_printing(command, flagged)],
+            name,
+            params=[*self._from_library(), *(flag_of(n, printing[n]) for n in self._flags)],
             help="\n\n".join(filter(None, body)),
             short_help=head,
-            epilog="\n".join(examples),
+            epilog="\n".join(lines),
         )
+
+    def _from_library(self) -> Iterator[click.Parameter]:
+        documented = described(self.function)
+        for name, parameter in inspect.signature(self.function).parameters.items():
+            if name in _OF_PYTHON:
+                continue
+            kind, words = documented[name]
+            choices = "|".join(re.findall(r'"(\w+)"', kind))
+            option = option_of(parameter)
+            yield declared(
+                parameter,
+                option._replace(
+                    metavar=option.metavar or (f"<{choices}>" if choices else None),
+                    note=f"{sentences(words)} {option.note}".strip(),
+                ),
+            )
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """What the command does, and what stands without a name."""
@@ -202,58 +220,33 @@ class CommandLine(click.Command):
             with formatter.section("Arguments"):
                 formatter.write_dl([(f"{each.metavar}", each.note) for each in arguments])
 
-
-class Argument(click.Argument):
-    """What stands without a name, with its description."""
-
-    def __init__(self, names: Sequence[str], *, note: str, **given: Any) -> None:
-        super().__init__(names, **given)
-        self.note = f"{note}  [required]" if self.required else note
-
-    def make_metavar(self, ctx: click.Context) -> str:  # noqa: ARG002 - click's
-        """As the usage shows it."""
-        shown = f"{self.metavar}..." if self.nargs == -1 else f"{self.metavar}"
-        return shown if self.required else f"[{shown}]"
-
-
-def _calling(command: Command, flagged: Sequence[str]) -> Callable[..., None]:
-    """What runs the command with its options."""
-
-    def call(**given: Any) -> None:
-        flags = {name: given.pop(name) for name in flagged}
-        if flags.get("out") is not None:
-            flags["out"] = Path(flags["out"])
+    def invoke(self, ctx: click.Context) -> None:
+        """Run the command; what is not typed is left to the library."""
+        flags = {name: ctx.params[name] for name in self._flags}
+        options = {
+            name: value
+            for name, value in ctx.params.items()
+            if name not in flags and ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
+        }
         try:
-            command.run(command, _converted(command, given), flags)
+            self.run(self, options, flags)
         except SettingError as error:
-            raise _as_typed(error, command, flagged) from None
+            typed = {each.name: typed_name(each) for each in self.params}
+            raise SettingError(typed.get(error.setting, error.setting), error.reason) from None
 
-    return call
-
-
-def _as_typed(error: SettingError, command: Command, flagged: Sequence[str]) -> SettingError:
-    """The same error, with the name of an argument or an option as it is typed."""
-    parameter = _parameters(command).get(error.setting)
-    if parameter is None and error.setting not in flagged:
-        return error
-    named = parameter is None or parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    typed = f"--{error.setting.replace('_', '-')}" if named else error.setting.upper()
-    return SettingError(typed, error.reason)
+    def call(self, options: Options, progress: Progress = lambda _step: None) -> Any:
+        """What the library answers."""
+        if "progress" in inspect.signature(self.function).parameters:
+            return self.function(**options, progress=progress)
+        return self.function(**options)
 
 
 def present(command: Command, options: Options, flags: Options) -> None:
     """Call the library, print the answer, write its files, and end with its exit status."""
-    show(command, flags, lambda progress: called(command, options, progress))
+    show(command, flags, lambda progress: command.call(options, progress), command.more)
 
 
-def called(command: Command, options: Options, progress: Progress) -> Any:
-    """What the library answers."""
-    if "progress" in _parameters(command):
-        return command.function(**options, progress=progress)
-    return command.function(**options)
-
-
-def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]") -> None:
+def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]", more: str) -> None:
     """Print what a piece of work comes to, write its files, and end with its exit status."""
     from rich.console import Console
 
@@ -261,7 +254,7 @@ def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]")
     with output(flags.get("out")) as files:
         with working(errors, command.doing) as progress:
             answer = work(progress)
-        rest = "" if flags.get("explain") else command.more
+        rest = "" if flags.get("explain") else more
         with working(errors, "drawing" if files else ""):
             hand_over(answer, flags, files, errors, rest)
     if not command.done(answer, flags):
@@ -290,83 +283,3 @@ def noted() -> Iterator[None]:
     finally:
         logger.removeHandler(handler)
         logger.setLevel(before)
-
-
-def _parameters(command: Command) -> Mapping[str, inspect.Parameter]:
-    return inspect.signature(command.function).parameters
-
-
-def _option_of(parameter: inspect.Parameter) -> Option:
-    if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
-        flag = isinstance(parameter.default, bool)
-        return OPTIONS.get(parameter.name, Option(bool if flag else str))
-    return ARGUMENTS.get(parameter.name, Option(NAMED, parameter.name.upper()))
-
-
-def _from_library(command: Command) -> Iterator[click.Parameter]:
-    documented = described(command.function)
-    for name, parameter in _parameters(command).items():
-        if name not in _OF_PYTHON:
-            option = _option_of(parameter)
-            kind, words = documented[name]
-            choices = "|".join(re.findall(r'"(\w+)"', kind))
-            option = option._replace(
-                metavar=option.metavar or (f"<{choices}>" if choices else None),
-                note=f"{sentences(words)} {option.note}".strip(),
-            )
-            named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
-            yield _declared(name, option, parameter.default, named=named)
-
-
-def _of_printing(command: Command, flagged: Sequence[str]) -> Iterator[click.Parameter]:
-    for name in flagged:
-        option = FLAGS.get(name) or OPTIONS[name]._replace(
-            note=f"Write {command.writes} into this directory."
-        )
-        yield _declared(name, option, False if option.kind is bool else None, named=True)
-
-
-def _declared(name: str, option: Option, default: Any, *, named: bool) -> click.Parameter:
-    """A parameter as click reads it."""
-    required = default is inspect.Parameter.empty
-    # To click a default of None is one, and nothing would be asked for.
-    usual = {} if required else {"default": shown_default(default)}
-    if not named:
-        several = -1 if option.several else 1
-        return Argument(
-            [name],
-            note=option.note,
-            type=option.kind,
-            metavar=option.metavar,
-            nargs=several,
-            required=required,
-            **usual,
-        )
-    dashed = name.replace("_", "-")
-    return click.Option(
-        [f"--{dashed}/--no-{dashed}" if default is True else f"--{dashed}"],
-        type=option.kind,
-        metavar=option.metavar,
-        help=option.note,
-        required=required,
-        **usual,
-        show_default=not option.several and (option.kind is not bool or default is True),
-        is_flag=option.kind is bool,
-        multiple=option.several,
-    )
-
-
-def shown_default(default: Any) -> Any:
-    """A default as the help has it: a float with three digits."""
-    return float(f"{default:.3g}") if isinstance(default, float) else default
-
-
-def _converted(command: Command, given: Options) -> dict[str, Any]:
-    """What the library takes; what is as usual is left to the library."""
-    found = {}
-    for name, value in given.items():
-        parameter = _parameters(command)[name]
-        if value not in (None, (), shown_default(parameter.default)):
-            convert = _option_of(parameter).convert
-            found[name] = convert(f"--{name.replace('_', '-')}", value)
-    return found

@@ -3,8 +3,10 @@
 Names, defaults and words of the help are those of the library's functions; see `generated`.
 """
 
+import inspect
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar
 
 import click
@@ -27,12 +29,16 @@ class _Named(click.ParamType[str]):
         """The name as it is typed."""
         if not value.strip():
             assert param is not None
-            typed = param.opts[0] if isinstance(param, click.Option) else f"{param.metavar}"
-            raise SettingError(typed, "its name is empty: give one")
+            raise SettingError(typed_name(param), "its name is empty: give one")
         return value
 
 
 NAMED = _Named()
+
+
+def typed_name(parameter: click.Parameter) -> str:
+    """The name of an option, or what stands for an argument, as the help has it."""
+    return parameter.opts[0] if isinstance(parameter, click.Option) else f"{parameter.metavar}"
 
 
 class Option(NamedTuple):
@@ -40,9 +46,15 @@ class Option(NamedTuple):
 
     kind: Callable[[str], Any] | click.ParamType  # what the text is parsed as
     metavar: str | None = None  # None: the choices that the parameter's documentation lists
-    convert: Callable[[str, Any], Any] = lambda _name, value: value  # to what the library takes
+    convert: Callable[[str, Any], Any] | None = None  # to what the library takes
     note: str = ""  # in the help, after the words of the library
     several: bool = False  # whether it may be given more than once
+
+    def converted(self, _ctx: click.Context, parameter: click.Parameter, value: Any) -> Any:
+        """What the library takes; nothing where nothing is given."""
+        if self.convert is None or value in (None, ()):
+            return value
+        return self.convert(typed_name(parameter), value)
 
 
 def parse_number(option: str, text: str) -> float | Literal["auto"]:
@@ -151,7 +163,7 @@ OPTIONS = {
     "link_delay": _DELAY,
     "log": _FILE,
     "memory": _SECONDS,
-    "out": Option(NAMED, "DIR"),
+    "out": Option(NAMED, "DIR", lambda _name, path: Path(path)),
     "port": _NUMBER,
     "sample_time": _SECONDS,
     "scheduler": Option(str, "ADDRESS"),
@@ -183,3 +195,60 @@ def sentences(text: str) -> str:
     """What of a docstring is for everybody: its sentences without backquotes."""
     parts = re.split(r"(?<=\.) +(?=[A-Z`])", " ".join(text.split()))
     return " ".join(part for part in parts if "`" not in part)
+
+
+class Argument(click.Argument):
+    """What stands without a name, with its description."""
+
+    def __init__(self, names: Sequence[str], *, note: str, **given: Any) -> None:
+        super().__init__(names, **given)
+        self.note = f"{note}  [required]" if self.required else note
+
+    def make_metavar(self, ctx: click.Context) -> str:  # noqa: ARG002 - click's
+        """As the usage shows it."""
+        shown = f"{self.metavar}..." if self.nargs == -1 else f"{self.metavar}"
+        return shown if self.required else f"[{shown}]"
+
+
+def option_of(parameter: inspect.Parameter) -> Option:
+    """How the value of a parameter of the library is written."""
+    if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
+        flag = isinstance(parameter.default, bool)
+        return OPTIONS.get(parameter.name, Option(bool if flag else str))
+    return ARGUMENTS.get(parameter.name, Option(NAMED, parameter.name.upper()))
+
+
+def flag_of(name: str, option: Option) -> click.Parameter:
+    """One of `FLAGS` as click reads it."""
+    default = False if option.kind is bool else None
+    return declared(
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default), option
+    )
+
+
+def declared(parameter: inspect.Parameter, option: Option) -> click.Parameter:
+    """A parameter as click reads it."""
+    default = parameter.default
+    required = default is inspect.Parameter.empty
+    if isinstance(default, float):
+        default = float(f"{default:.3g}")  # as the help shows it
+    given: dict[str, Any] = {
+        "type": option.kind,
+        "metavar": option.metavar,
+        "required": required,
+        "callback": option.converted,
+        # To click a default of None is one, and nothing would be asked for.
+        **({} if required else {"default": default}),
+    }
+    if parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
+        nargs = -1 if option.several else 1
+        return Argument([parameter.name], note=option.note, nargs=nargs, **given)
+    dashed, flag = parameter.name.replace("_", "-"), option.kind is bool
+    return click.Option(
+        [f"--{dashed}/--no-{dashed}" if default is True else f"--{dashed}"],
+        help=option.note,
+        show_default=not option.several and (not flag or default is True),
+        is_flag=flag,
+        multiple=option.several,
+        **given,
+    )
