@@ -4,7 +4,7 @@ Whatever acts is given by the names of `Drive`; a smooth torque of many tones, e
 noise. A joint that disturbances push is a `Plant`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -60,6 +60,7 @@ def made(
     link_delay: float = 0.0,
     torque_noise: float = 0.0,
     size: float = 1.0,
+    torque: Callable[[np.ndarray], np.ndarray] | None = None,
     **more: float,
 ) -> Recording:
     """One recording (rad, N m, s); no log has the torque's noise, and more are `Drive`'s fields."""
@@ -67,9 +68,10 @@ def made(
     phases = rng.uniform(0.0, 2.0 * np.pi, len(TONES))
     times = SAMPLE_TIME * np.arange(1, round(duration / SAMPLE_TIME) + 1)
 
-    def torque(at: np.ndarray) -> np.ndarray:
+    def tones(at: np.ndarray) -> np.ndarray:
         return size * np.sin(np.outer(at, TONES) + phases) @ AMPLITUDES
 
+    torque = torque or tones
     table = torque(np.arange(-0.02, duration + 0.04, _TABLE_STEP))
     smooth = Smooth(np.empty(0) if held else table, input_delay - 0.02, _TABLE_STEP)
     acting = {name.removesuffix("_friction"): value for name, value in TRUTH.items()}

@@ -6,15 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made, recording
-from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.estimate import interval
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.recording.recording import Recording
 
 TERMS = ("gravity", "motor_viscous")
 SETTINGS = Settings(terms=TERMS, input_delay=0.0, link_delay=0.0, segment_duration=1.0)
@@ -84,30 +81,16 @@ def test_rest_before_a_motion_changes_nothing(clean):
 
 def test_a_step_one_way_leaves_room_for_friction():
     """Assert that a fifth of a constant torque may be friction, and that ratios stay known."""
-    link, motor, stiffness, damping, viscous = 1.0, 0.5, 100.0, 0.3, 0.8
-    balance = [
-        [0.0, 1.0, 0.0, 0.0],
-        [-stiffness / link, -damping / link, stiffness / link, damping / link],
-        [0.0, 0.0, 0.0, 1.0],
-        [stiffness / motor, damping / motor, -stiffness / motor, -(damping + viscous) / motor],
-    ]
-    times = SAMPLE_TIME * np.arange(1500)
-    torque = np.where(times >= 0.2, 5.0, 0.0)
-    acting = 0.8 * torque  # friction takes the rest
-    held = np.zeros((5, 5))  # the torque is the fifth state, and stays as it is
-    held[:4, :4], held[3, 4] = balance, 1.0 / motor
-    step, states = expm(SAMPLE_TIME * held), np.zeros((1500, 4))
-    for sample, pulls in enumerate(acting[:-1]):
-        states[sample + 1] = (step @ [*states[sample], pulls])[:4]
-    assert np.all(states[times > 0.21, 3] > 0.0)
-    noisy = states[:, ::2].T + 1e-4 * np.random.default_rng(4).standard_normal((2, 1500))
-    result = identify([log(recording(times, noisy[0], noisy[1], torque))])
-    for name, true in (("link_inertia", link), ("joint_stiffness", stiffness)):
+    acts = {"gravity_torque": 0.0, "motor_inertia": 0.5, "motor_viscous": 0.8, "joint_damping": 0.3}
+    friction = {"motor_coulomb_up": 1.0, "motor_coulomb_down": 1.0}
+    step = {"torque": lambda at: np.where(at >= 0.2, 5.0, 0.0), "held": True, "noise": 1e-4}
+    result = identify([log(made(4, 3.0, **step, **acts, **friction))])
+    for name, true in (("link_inertia", 1.0), ("joint_stiffness", 100.0)):
         found = result.parameters[name]
         assert found.interval[0] < true < found.interval[1]
         assert found.verdict != "determined"
     spring = result.coefficients["theta2"]
-    assert spring.value == pytest.approx(stiffness / link, rel=0.01)
+    assert spring.value == pytest.approx(100.0, rel=0.01)
     assert spring.verdict == "determined"
     assert any("turns one way under a constant input" in warning for warning in result.warnings)
 
@@ -173,29 +156,15 @@ def test_what_is_known_shifts_and_bounds(clean, alone):
     assert (alpha2.value, alpha2.std, alpha2.reason) == (least, 0.0, "at its bound")
 
 
-def pendulum() -> Recording:
-    """Ten seconds of one inertia of 1.25 kg m² with gravity and friction, one encoder."""
-    time = SAMPLE_TIME * np.arange(5000)
-
-    def torque(t):
-        return 4.0 * np.sin(0.7 * t) + 6.0 * np.sin(5.3 * t) + 5.0 * np.sin(17.0 * t)
-
-    def rates(t, x):
-        return [x[1], (torque(t) - 5.0 * np.sin(x[0]) - 0.4 * x[1]) / 1.25]
-
-    exact = {"method": "DOP853", "t_eval": time, "rtol": 1e-10, "atol": 1e-12}
-    motor = solve_ivp(rates, (0.0, time[-1]), [0.0, 0.0], **exact).y[0]
-    noise = 1e-5 * np.random.default_rng(6).standard_normal(5000)
-    return replace(recording(time, motor, motor + noise, torque(time)), link_position=None)
-
-
 def test_one_encoder_gives_the_rigid_joint():
     """Assert that a log with one encoder gives inertia and gravity, and no compliance."""
-    result = identify([log(pendulum())], Settings(terms=("gravity", "viscous")))
+    stiff = made(6, joint_stiffness=1e6)
+    alone = log(replace(stiff, link_position=None))
+    result = identify([alone], Settings(terms=("gravity", "viscous")))
     assert result.model == "rigid"
     assert not result.compliance.visible
-    assert_true(result, {"gamma1": 4.0, "gamma_viscous": 0.32, "beta1": 0.8})
-    assert result.parameters["inertia"].value == pytest.approx(1.25, rel=1e-3)
+    assert_true(result, {"gamma1": 5.0 / 1.3, "gamma_viscous": 0.2 / 1.3, "beta1": 1.0 / 1.3})
+    assert result.parameters["inertia"].value == pytest.approx(1.3, rel=1e-3)
 
 
 @pytest.mark.parametrize(
