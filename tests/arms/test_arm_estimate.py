@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -140,18 +141,25 @@ def test_two_arms_are_compared(folder: Path, flexid: Run):
         ("export true.json --to mjcf --sample-time 0.001 --out out", "mjcf has none: leave it out"),
         ("watch run.csv --estimate true.json", "the estimate of an arm"),
         ("validate true.json current.csv", "is in A, A"),  # which do not go with newton metres
+        *(
+            (f"identify run.csv --model arm.toml {option}", f"{option[2:].split()[0]}: .*arm")
+            for option in ("--terms gravity", "--stream", "--known motor_inertia=1")
+        ),
+        ("excitation run.csv --model arm.toml", "only flexid identify"),
+        ("watch run.csv --model arm.toml", "only flexid identify"),
     ],
 )
-def test_what_takes_no_such_arm_says_so(
+def test_what_takes_no_arm_says_so(
     folder: Path, flexid: Run, monkeypatch: pytest.MonkeyPatch, arguments: str, said: str
 ):
-    """Assert that commands refuse an arm, or a log that is not its, in a sentence."""
+    """Assert that commands refuse an arm, its log or what is for one joint, in a sentence."""
     monkeypatch.chdir(folder)
     text = Path("run.csv").read_text().replace("torque", "current").replace("[N m]", "[A]")
     Path("current.csv").write_text(text)
+    Path("arm.toml").write_text("[arm]\nlengths = [0.4, 0.3]\ngravity = 9.81\n")
     done = flexid(*arguments.split())
     assert done.status == 2
-    assert said in done.stderr
+    assert re.search(said, done.stderr)
 
 
 def test_a_scene_accelerates_as_the_textbook_says():

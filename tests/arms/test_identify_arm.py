@@ -182,23 +182,3 @@ def test_only_what_is_surely_negative_speaks_of_signs(interval: tuple[float, flo
     """Assert that an interval that reaches above zero blames no sign."""
     found = ParameterEstimate("joint_stiffness_1", "N m/rad", -1.0, 1.0, interval, "weak")
     assert words in doubt_of_negative([found])
-
-
-@pytest.mark.parametrize(
-    ("command", "options", "words"),
-    [
-        ("identify", ("--terms", "gravity"), ("terms", "arm")),
-        ("identify", ("--stream",), ("stream", "arm")),
-        ("identify", ("--known", "motor_inertia=1"), ("known", "arm")),
-        ("excitation", (), ("only flexid identify",)),
-        ("watch", (), ("only flexid identify",)),
-    ],
-)
-def test_what_is_for_one_joint_is_refused(
-    folder: Path, flexid: Run, command: str, options: tuple[str, ...], words: tuple[str, ...]
-):
-    """Assert that options and commands of one joint end with exit status 2, in one line."""
-    model = str(folder / "arm.toml")
-    done = flexid(command, str(folder / "run.csv"), "--model", model, *options)
-    assert done.status == 2
-    assert all(word in done.stderr for word in words)

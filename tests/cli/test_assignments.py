@@ -34,7 +34,10 @@ def test_what_is_read(parse, given, expected):
 
 
 REFUSED = [
-    *((parse_known, [f"theta2{end}"], f"'theta2{end}'") for end in ("", "=", "=a", "=1+-", "=+-1")),
+    *(
+        (parse_known, [f"theta2{end}"], f"'theta2{end}' is no name=number")
+        for end in ("", "=", "=a", "=1+-", "=+-1")
+    ),
     *((parse_bounds, [t], repr(t)) for t in ("alpha2", "alpha2=1", "alpha2=a:b", "alpha2=1:2:3")),
     # A second value does not take the place of the first.
     (parse_known, ["beta1=3", "beta1=4"], "beta1 is given twice"),

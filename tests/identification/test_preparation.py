@@ -10,7 +10,7 @@ from tests.estimators.noisy_joint import late_motion
 
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.samples import Samples
-from flexid.identification.preparation.joint import flexible, rigid
+from flexid.identification.preparation.joint import flexible, joint_of, rigid
 from flexid.identification.preparation.recordings import (
     Alignment,
     Delay,
@@ -27,6 +27,8 @@ WHERE = {
     "anywhere": lambda _: None,
     "a flexible joint": lambda settings: check_for(flexible(), settings),
     "a rigid joint": lambda settings: check_for(rigid(), settings),
+    "a link alone": lambda settings: check_for(joint_of("link"), settings),
+    "a slide": lambda settings: check_for(joint_of("flexible", "prismatic"), settings),
     "20 s at 1 kHz": lambda settings: check_against(settings, 1e-3, 20.0),
 }
 REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
@@ -60,13 +62,19 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"input_delay": inf}, "input_delay"),
         ({"link_delay": nan}, "link_delay"),
         ({"validation_share": 0.0}, "validation_share"),
-        ({"validation_share": 0.9}, "validation_share"),
+        ({"validation_share": 0.9}, "must lie above 0 and up to 0.8, got 0.9"),
     ],
     "a flexible joint": [({"terms": ("viscous",)}, "no term of the flexible joint")],
     "a rigid joint": [
         ({"terms": ("motor_viscous",)}, "no term of the rigid joint"),
         ({"known": {"motor_inertia": 0.3}}, "motor and link"),
     ],
+    "a link alone": [
+        ({"hold": "zero"}, "no input that it could be true of"),
+        ({"input_delay": 1e-3}, "no input that it could be true of"),
+        ({"terms": ("motor_viscous",)}, "no term of the link alone"),
+    ],
+    "a slide": [({"terms": ("gravity",)}, "slides, so that gravity is a part of the offsets")],
     "20 s at 1 kHz": [
         ({"segment_duration": 1e-9}, "less than 20 samples"),
         ({"filter_rate": 501.0}, "does not suit samples every 0.001 s"),

@@ -12,7 +12,7 @@ from scipy.stats import t
 from flexid.errors import SettingError
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.full_model.model import Data
-from flexid.identification.preparation.joint import flexible, rigid
+from flexid.identification.preparation.joint import flexible, link, rigid
 from flexid.identification.preparation.prior_knowledge import Known, informed
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import stated
@@ -122,6 +122,8 @@ def test_what_a_model_does_not_have_is_refused():
     assert stating({"joint_stiffness_per_link_inertia": 3.0}, unit="V").given == {"theta2": 3.0}
     with pytest.raises(SettingError, match="needs a torque"):
         stating({"motor_inertia": 0.25}, unit="V")
+    with pytest.raises(SettingError, match="have no beta1; what is absolute needs a torque"):
+        stating({"beta1": 3.0}, joint=link(), unit="")
     found = stating({"inertia": 0.25}, bounds={"viscous_friction": (0.0, 1.0)}, joint=rigid())
     assert (found.given, found.bounds) == ({"beta1": 4.0}, {"gamma_viscous": (0.0, 4.0)})
 

@@ -52,9 +52,6 @@ UNTAKEN = {
     "filter": (call("watch", sample_time=1e-3, filter=3), "unexpected keyword argument 'filter'"),
 }
 UNUSABLE = {
-    "hold": (call("identify", "a.csv", hold="spline"), "spline"),
-    "terms": (call("identify", "a.csv", terms=["gravty"]), "gravty"),
-    "terms of a file": (call("derive", "a.toml", terms=["gravity"]), "terms"),
     "seed": (call("design", "a.toml", seed=-1), "seed"),
     "thresholds": (
         call("identify", "a.parquet", stream=True, thresholds=flexid.Thresholds()),
