@@ -1,30 +1,26 @@
 """Charts of results: what is drawn is what was found, and pages hold it."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 import pytest
-from made_result import VALIDATION, made_result
 from shown import chart_lines, check
 
 from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import CoefficientEstimate, FreeRun, Validation
+from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.report import simulated_run
 from flexid.report.chart import Band, Line, Panel
 from flexid.report.page import page_html
 from flexid.report.reproduction import charts as reproduction_charts
 from flexid.report.reproduction import parts
-from flexid.report.response_charts import identification_charts, residual_chart
+from flexid.report.response_charts import residual_chart
 from flexid.report.simulated_run import motion_chart, observer_chart
 from flexid.report.terminal import print_parts
 from flexid.simulation.closed_loop import Run
 
 M = TypeVar("M")
-COVARIANCE = np.array([[9.0, 0.05], [0.05, 0.0009]])
 
 
 def marks(panel: Panel, kind: type[M]) -> list[M]:
@@ -52,21 +48,6 @@ def test_residuals_that_repeat_leave_the_band():
     diverged = (FreeRun(time, measured, np.full_like(measured, np.inf)),)
     lost = residual_chart(Validation({"link_position": -np.inf, "motor_position": 0.0}, diverged))
     assert not marks(lost.panels[1], Line)
-
-
-def test_a_loaded_estimate_has_the_charts_that_need_no_series():
-    """Assert that time series are left out where there are none."""
-    coefficients = {
-        name: CoefficientEstimate(name, "1/s^2", value, 0.1, (1.0, 9.0), "determined")
-        for name, value in (("theta1", 5.0), ("theta2", 100.0), ("alpha1", 333.0), ("beta1", 3.0))
-    }
-    fit = Estimate(("alpha1", "beta1"), np.array([300.0, 3.0]), COVARIANCE, (9.0, 9.0))
-    whole = replace(made_result(), coefficients=coefficients, fit=fit)
-    names = ["fit", "residuals", "bode"]
-    assert [chart.name for chart in identification_charts(whole)] == names
-    loaded = replace(whole, validation=replace(VALIDATION, runs=()))
-    assert [chart.name for chart in identification_charts(loaded)] == ["bode"]
-    assert all(chart.says for chart in identification_charts(loaded))
 
 
 EXPERIMENT = read_experiment(Path(__file__).parents[2] / "experiments" / "huang2003.toml")

@@ -6,7 +6,7 @@ import pytest
 
 from flexid.errors import SettingError
 from flexid.recording.channel import SI_UNITS
-from flexid.studio.choices import Choices, Source, read_choices
+from flexid.studio.choices import Choices, Source, read_choices, read_play
 
 
 def test_an_address_says_all():
@@ -64,12 +64,13 @@ def test_terms_have_one_order():
         {f"key{i}": "" for i in range(1000)},
         "no mapping",
         None,
+        {"reading": "9,9,9"},
     ],
 )
 def test_what_cannot_be_meant_is_refused(values: object):
-    """Assert that an address with other values is answered in a sentence."""
+    """Assert that an address with other values is answered in a sentence, in either room."""
     with pytest.raises(SettingError):
-        read_choices(values)
+        [read(values) for read in (read_choices, read_play)]
 
 
 def test_what_is_unknown_is_left_out():
