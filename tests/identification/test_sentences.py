@@ -2,7 +2,8 @@
 
 import pickle
 from functools import cache
-from math import nan
+from itertools import product
+from math import inf, nan
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +13,7 @@ from made_joint import data, made
 
 import flexid.identification.estimation.answers as answers
 from flexid.identification.judgement import of_joint, of_link_alone, widest
+from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Delay, SplitRecordings
 from flexid.identification.result import _delay, model_warnings, validation_warnings
 from flexid.identification.vocabulary.evidence import (
@@ -23,57 +25,36 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.recording.caution import Caution, Rank, cautions, ranked
 
-
-@pytest.mark.parametrize(
-    ("value", "ends", "text"),
-    [
-        (2.0001e-3, (1.9998e-3, 2.0004e-3), "link 2.0001 [1.9998, 2.0004] ms late"),
-        (-3.766e-3, (-32.2e-3, 24.7e-3), "link -3.77 [-32.2, 24.7] ms late"),
-        (1e-3, (1e-3, 1e-3), "link 1 [1, 1] ms late"),
-    ],
+ERRORS = [(0.09, 0.009), (0.11, 0.009), (0.09, 0.011), (0.09, inf), (0.004, inf), (2.0, 0.1)]
+FITS = {"link_position": 12.3, "motor_position": -inf, "deflection": nan, "other": 99.0}
+FREE_RUNS = {"fails": FITS, "serves": {"link_position": 99.0}}
+DELAYS = (
+    Delay(2.0001e-3, 0.0, (1.9998e-3, 2.0004e-3), "found"),
+    Delay(-3.766e-3, 0.0, (-32.2e-3, 24.7e-3), "found"),
+    Delay(1e-3, 0.0, (1e-3, 1e-3), "found"),
 )
-def test_the_ends_of_a_delay_differ_as_printed(value, ends, text):
-    """Assert that as many digits are shown as it takes."""
-    assert _delay("link", Delay(value, 0.0, ends, "found")) == text
+KINDS: tuple[Kind, ...] = ("flexible", "link", "rigid")
 
 
-@pytest.mark.parametrize("kind", ["flexible", "link", "rigid"])
-@pytest.mark.parametrize(
-    ("excess", "widest", "words"),
-    [
-        (0.09, 0.009, None),
-        (0.11, 0.009, "are 1.05 times the"),
-        (0.09, 0.011, "are 1.04 times the"),
-        (0.09, np.inf, "are 1.04 times the"),
-        (0.004, np.inf, "are slightly above the"),
-        (2.0, 0.1, "are 1.73 times the"),
-    ],
-)
-def test_a_model_error_that_changes_no_number_is_no_alarm(excess, widest, words, kind):
-    """Assert that one is said that is larger than the noise is known, or widens an interval."""
-    sentences = list(model_warnings(ModelError(excess, 1.0, 1.0), kind, widest))
-    assert len(sentences) == (words is not None)
-    assert all(f"the residuals {words} sensors' noise" in sentence for sentence in sentences)
+def test_what_is_said_of_a_fit(golden):
+    """Assert that a model error is said that the noise does not hide or that widens an interval.
 
-
-@pytest.mark.parametrize(("share", "said"), [(0.019, 0), (0.021, 1)])
-def test_what_is_unexplained_is_said_from_two_per_cent_on(share, said):
-    """Assert that the balance of which most is unexplained is named with its share."""
-    shares = Disturbances({"link": 0.001, "motor": share}, 0.01)
-    nothing = ModelError(0.0, 0.0, 0.0)
-    sentences = list(model_warnings(nothing, "flexible", 0.1, shares))
-    assert len(sentences) == said
-    assert all("2 % of the motor's acceleration" in sentence for sentence in sentences)
-
-
-def test_a_free_run_that_fails_is_one_sentence():
-    """Assert that all channels that are not repeated stand together, and those at rest too."""
-    fits = {"link_position": 12.3, "motor_position": -np.inf, "deflection": np.nan}
-    weak, still = validation_warnings({**fits, "other": 99.0})
-    assert "the model repeats link_position 12 %, motor_position not: it lacks" in weak
-    assert still.startswith("deflection hardly moves in the held-out part")
-    assert ranked((weak, still)) == (still, weak)  # it is the cause of what else is said there
-    assert list(validation_warnings({"link_position": 99.0})) == []
+    A share that is unexplained is said from 2 % on; of a free run all channels that are not
+    repeated stand together; a delay has as many digits as it takes that its ends differ.
+    """
+    found = {
+        f"{kind}, excess {excess}, width {width}": model_warnings(
+            ModelError(excess, 1.0, 1.0), kind, width
+        )
+        for kind, (excess, width) in product(KINDS, ERRORS)
+    }
+    for share in (0.019, 0.021):
+        shares = Disturbances({"link": 0.001, "motor": share}, 0.01)
+        nothing = ModelError(0.0, 0.0, 0.0)
+        found[f"unexplained {share}"] = model_warnings(nothing, "flexible", 0.1, shares)
+    found |= {f"a free run {name}": validation_warnings(fits) for name, fits in FREE_RUNS.items()}
+    found |= {f"a delay of {one.value}": [_delay("link", one)] for one in DELAYS}
+    golden({name: " | ".join(ranked(said)) for name, said in found.items()})
 
 
 def test_warnings_come_in_the_order_in_which_to_act():
