@@ -1,13 +1,15 @@
-"""Processes that work for windows."""
+"""Processes that work for windows, and many windows at once."""
 
 from __future__ import annotations
 
 import asyncio
 import os
+import sys
 import time
 from pathlib import Path
 
 import pytest
+from benchmarks.studio import load
 
 from flexid.errors import SettingError
 from flexid.studio.jobs import JobError, Workers
@@ -86,3 +88,10 @@ async def test_a_folder_that_is_gone_is_said(tmp_path: Path):
     with pytest.raises(JobError, match="folder of the log cannot be entered"):
         await workers.run(echo, "a", folder=tmp_path / "gone")
     assert (await workers.run(echo, "a", folder=tmp_path))[0] == "a"
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
+def test_twenty_windows_stay_within_two_gigabytes():
+    """Assert that twenty logs are checked, some identified, and others answered without waiting."""
+    assert load(20, 2).peak_memory < 2e9
