@@ -87,15 +87,6 @@ def test_a_joint_that_does_not_bend_is_not_excited(moved: float):
         assert "theta2" in unexcited([row], spring | offsets, THRESHOLDS.lost_share)
 
 
-def test_what_does_not_move_is_lost():
-    """Assert that a regressor of zeros is, whatever its coefficient, and nothing beside it."""
-    rng = np.random.default_rng(4)
-    moving, resting = rng.standard_normal(50), np.zeros(50)
-    columns = {"alpha2": moving, "alpha_offset": rng.standard_normal(50), "alpha_cubic": resting}
-    shares, parts = directions(row_of(columns, moving), {"alpha_cubic": 1e9})
-    assert (shares[0], parts[0]) == (0.0, {"alpha_cubic"})
-
-
 @pytest.mark.parametrize(("apart", "lost"), [(0.5, False), (1e-3, True)])
 def test_gravity_that_looks_like_a_constant_leaves_the_spring(apart, lost):
     """Assert that a spring is lost by a direction of its own, be it not the worst one."""

@@ -222,14 +222,6 @@ def of(name: str, fit: Estimate) -> intervals.Propagated:
     return intervals.propagated(own, {**values, **fit.by_name}, fit)
 
 
-def test_symmetrical_interval_is_students():
-    """Assert that the half-width is Student's quantile times the standard deviation."""
-    low, high = intervals.interval(3.0, 0.5, 7.5)
-    assert (high - low) / 2 == pytest.approx(0.5 * t.ppf(0.975, 7.5))
-    assert (high + low) / 2 == pytest.approx(3.0)
-    assert intervals.interval(0.0, 1.0, np.inf)[1] == pytest.approx(1.959964, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("std", "freedom", "ends", "logarithmic"),
     [
@@ -284,15 +276,6 @@ def test_logarithm_where_division_prevails(name, fitted, expected):
     k = len(fitted)
     fit = made(TABLE_1[:k], np.diag((0.1 * TABLE_1[:k]) ** 2), fitted, (20.0,) * k)
     assert of(name, fit).logarithmic is expected
-
-
-def test_interval_on_the_logarithm():
-    """Assert that it is the value times and over one factor, and so above zero at any width."""
-    fit = made(TABLE_1, np.diag((0.8 * TABLE_1) ** 2))
-    low, high = of("motor_inertia", fit).interval
-    assert low * high == pytest.approx(0.3**2)
-    assert np.log(high / 0.3) == pytest.approx(1.959964 * 0.8, rel=1e-6)
-    assert low > 0.0
 
 
 @pytest.mark.parametrize("logarithmic", [False, True])
