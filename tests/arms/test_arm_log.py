@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 import pytest
 
 from flexid.arms.log import read_arm_log
-from flexid.errors import FlexidError, ModelError, RecordingError
 from flexid.models.model_file import read_arm
 
 NAMES = ("motor_position_{} [deg]", "link_position_{} [deg]", "motor_torque_{} [N m]")
@@ -71,35 +71,76 @@ def test_a_column_map_with_numbers(tmp_path: Path):
     np.testing.assert_allclose(log.recordings[0].inputs[:, 1], scaled)
 
 
-@pytest.mark.parametrize(
-    ("made", "joints", "words"),
-    [
-        ({"leave_out": "link_position_2"}, 2, "joint 2"),
-        ({"leave_out": "motor_torque_1"}, 2, "joint 1"),
-        ({}, 1, "the arm has 1 joint: give a length for each joint"),
-        ({}, 3, "joint 3"),
-        ({"lost": 20}, 2, "missing in this joint only"),
-        ({"leave_out": "time"}, 2, "time"),
-    ],
-    ids=["link", "torque", "one length", "three lengths", "lost samples", "no time"],
-)
-def test_logs_that_cannot_be_used(tmp_path: Path, made: dict[str, Any], joints: int, words: str):
-    """Assert that what is wrong is named in one line, with the remedy."""
-    with pytest.raises(RecordingError) as caught:
-        read_arm_log(log_of(tmp_path / "run.csv", **made), joints)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert caught.value.file.endswith("run.csv")
-    assert words in message, message
+LOGS: dict[str, tuple[dict[str, Any], int]] = {
+    "no link": ({"leave_out": "link_position_2"}, 2),
+    "no torque": ({"leave_out": "motor_torque_1"}, 2),
+    "one length": ({}, 1),
+    "three lengths": ({}, 3),
+    "lost samples": ({"lost": 20}, 2),
+    "no time": ({"leave_out": "time"}, 2),
+}
+KEYS = ("gear_ratoi_2", "lead_1", "joint", "motor_position")
+BRAKED = {"motor_position_2": 0.0, "link_position_2": 0.01}
+RESTING = {
+    "a dead encoder": {"motor_position_2": 0.0},
+    "all at rest": BRAKED | {"motor_position_1": 0.0, "link_position_1": 0.01},
+}
+ARMS = {
+    "no lengths": "[arm]\n",
+    "no length": "[arm]\nlengths = []\n",
+    "a negative length": "[arm]\nlengths = [0.3, -0.2]\n",
+    "too much gravity": "[arm]\nlengths = [0.3]\ngravity = 1e9\n",
+    "a key that is none": "[arm]\nlengths = [0.3]\nmass = 2.0\n",
+    "no arm": "name = 'x'\n",
+}
 
 
-@pytest.mark.parametrize("key", ["gear_ratoi_2", "lead_1", "joint", "motor_position"])
-def test_a_key_that_no_joint_reads_is_refused(tmp_path: Path, key: str):
-    """Assert that a slip of the pen in a column map is named, and not left out."""
-    column_map = tmp_path / "columns.toml"
-    column_map.write_text(f"{key} = 100.0\n")
-    with pytest.raises(RecordingError, match=rf"columns.toml: key '{key}': this is not a channel"):
-        read_arm_log(log_of(tmp_path / "run.csv"), 2, column_map)
+def written(name: str, text: str) -> Path:
+    """A file with a text."""
+    Path(name).write_text(text)
+    return Path(name)
+
+
+def scaled(scales: Mapping[str, float]) -> Path:
+    """A column map that scales some positions."""
+    form = '{0} = {{column = "{0}", scale = {1}, unit = "deg"}}\n'
+    return written("map.toml", "".join(form.format(*item) for item in scales.items()))
+
+
+def without_common_samples(path: Path) -> Path:
+    """The log in which each joint lacks the other's samples."""
+    header, *rows = path.read_text().splitlines()
+    for place, row in enumerate(rows):
+        cells = row.split(",")
+        cells[1 + 3 * (place % 2)] = "nan"
+        rows[place] = ",".join(cells)
+    return written(path.name, "\n".join([header, *rows]) + "\n")
+
+
+def test_what_cannot_be_used(tmp_path: Path, refusals: Any, monkeypatch: pytest.MonkeyPatch):
+    """Assert that logs, column maps and files of arms are refused in a line, with the remedy."""
+    monkeypatch.chdir(tmp_path)
+    log = Path("run.csv")
+    calls: dict[str, Callable[[], object]] = {
+        name: lambda made=made, joints=joints: read_arm_log(log_of(log, **made), joints)
+        for name, (made, joints) in LOGS.items()
+    }
+    for key in KEYS:
+        text = f"{key} = 100.0\n"
+        calls[f"a map's {key}"] = lambda t=text: read_arm_log(log_of(log), 2, written("m.toml", t))
+    for name, scales in RESTING.items():
+        calls[name] = lambda one=scales: read_arm_log(log_of(log), 2, scaled(one))
+    calls["no common samples"] = lambda: read_arm_log(without_common_samples(log_of(log)), 2)
+    for name, text in ARMS.items():
+        calls[f"an arm: {name}"] = lambda text=text: read_arm(written("arm.toml", text))
+    refusals(calls | {"an arm that is not there": lambda: read_arm(Path("no.toml"))})
+
+
+def test_a_joint_may_rest_while_another_one_moves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that one braked joint is read as resting."""
+    monkeypatch.chdir(tmp_path)
+    path = log_of(Path("run.csv"))
+    assert [read_arm_log(path, 2, scaled(one)).resting for one in ({}, BRAKED)] == [(), (2,)]
 
 
 def test_a_gap_of_one_joint_divides_the_recordings_of_all(tmp_path: Path):
@@ -148,66 +189,3 @@ def test_late_stamps_are_judged_by_all_joints(tmp_path: Path):
     (recording,) = read_arm_log(path, 2).recordings
     np.testing.assert_allclose(recording.positions[:, 1], turned, atol=1e-9)
     np.testing.assert_allclose(recording.positions[:, 3], other[0], atol=1e-9)
-
-
-def test_joints_that_share_no_sample_are_refused(tmp_path: Path):
-    """Assert that joints of which each lacks the other's samples leave a sentence."""
-    path = log_of(tmp_path / "run.csv")
-    header, *rows = path.read_text().splitlines()
-    for place, row in enumerate(rows):
-        cells = row.split(",")
-        cells[1 + 3 * (place % 2)] = "nan"
-        rows[place] = ",".join(cells)
-    path.write_text("\n".join([header, *rows]) + "\n")
-    with pytest.raises(RecordingError, match=r"joints have 0 samples at the same time.*one clock"):
-        read_arm_log(path, 2)
-
-
-def test_a_joint_may_rest_while_another_one_moves(tmp_path: Path):
-    """Assert that one braked joint is read, but no dead encoder, and no log in which all rest."""
-    path = log_of(tmp_path / "run.csv")
-    columns = tmp_path / "map.toml"
-
-    def read(**scales: float) -> tuple[int, ...]:
-        entries = (
-            f'{name} = {{column = "{name}", scale = {scale}, unit = "deg"}}\n'
-            for name, scale in scales.items()
-        )
-        columns.write_text("".join(entries))
-        return read_arm_log(path, 2, columns).resting
-
-    assert read() == ()
-    braked = {"motor_position_2": 0.0, "link_position_2": 0.01}
-    assert read(**braked) == (2,)
-    with pytest.raises(RecordingError, match="motor_position is constant"):
-        read(motor_position_2=0.0)
-    with pytest.raises(RecordingError, match="motor_position is constant"):
-        read(**braked, motor_position_1=0.0, link_position_1=0.01)
-
-
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        ("[arm]\n", "lengths"),
-        ("[arm]\nlengths = []\n", "lengths"),
-        ("[arm]\nlengths = [0.3, -0.2]\n", "lengths"),
-        ("[arm]\nlengths = [0.3]\ngravity = 1e9\n", "gravity"),
-        ("[arm]\nlengths = [0.3]\nmass = 2.0\n", "mass"),
-        ("name = 'x'\n", "name"),
-        ("[arm", "TOML"),
-    ],
-)
-def test_arms_that_cannot_be_used(tmp_path: Path, text: str, word: str):
-    """Assert that a bad file of an arm is refused by the key that is wrong."""
-    path = tmp_path / "arm.toml"
-    path.write_text(text)
-    with pytest.raises(ModelError) as caught:
-        read_arm(path)
-    assert word in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_an_arm_that_is_not_there(tmp_path: Path):
-    """Assert that a missing file is named."""
-    with pytest.raises(FlexidError, match=r"no\.toml"):
-        read_arm(tmp_path / "no.toml")
