@@ -1,11 +1,13 @@
 """The flexible joint of eq. (4), its terms, and what is made of it."""
 
+from functools import partial
+from math import inf, nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from flexid.errors import SettingError
 from flexid.models.expression import evaluate
 from flexid.models.flexible_joint import (
     SHAPE_TERMS,
@@ -39,27 +41,18 @@ def test_each_term_adds_its_coefficients(term: str):
     assert added == {*TERMS[term].link, *TERMS[term].motor}
 
 
-REFUSED = {
-    "a term": (flexible_joint, ("magnets",), {}, 0.1, "magnets"),
-    "a coefficient": (flexible_joint, (), {"beta2": 1.0}, 0.1, "beta2"),
-    "a term of the flexible joint": (rigid_joint, ("motor_viscous",), {}, 0.1, "viscous"),
-    "a coefficient of the flexible joint": (rigid_joint, (), {"theta1": 1}, 0.1, "theta1"),
-    **{
-        f"smoothing over {velocity}": (
-            *(flexible_joint, ("motor_coulomb",), {}, velocity),
-            "coulomb_velocity",
-        )
-        for velocity in (0.0, -0.1, float("nan"), float("inf"))
-    },
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_no_joint_has_is_refused(case: str):
+def test_what_no_joint_has_is_refused(refusals: Any):
     """Assert that an unknown term or coefficient and an impossible smoothing are named."""
-    joint, terms, known, velocity, word = REFUSED[case]
-    with pytest.raises(SettingError, match=word):
-        joint(terms, known, velocity)
+    smoothed = partial(flexible_joint, ("motor_coulomb",), {})
+    refusals(
+        {
+            "a term": partial(flexible_joint, ("magnets",)),
+            "a coefficient": partial(flexible_joint, (), {"beta2": 1.0}),
+            "a term of the flexible joint": partial(rigid_joint, ("motor_viscous",)),
+            "a coefficient of the flexible joint": partial(rigid_joint, (), {"theta1": 1}),
+            **{f"smoothing over {v}": partial(smoothed, v) for v in (0.0, -0.1, nan, inf)},
+        }
+    )
 
 
 @pytest.mark.parametrize("term", sorted({*EVERY} - {"eccentricity"}))
