@@ -226,15 +226,10 @@ def test_too_little_to_fit_or_to_test_on_is_refused():
 
 def test_fitted_velocities_do_not_know_of_held_out_positions():
     """Assert that other held-out positions change no velocity before them."""
-    known = recording(300)
-    spoilt = Recording(
-        0.01,
-        0.0,
-        np.where(np.arange(300) < 200, known.needed_link_position, 50.0),
-        np.where(np.arange(300) < 200, known.motor_position, -50.0),
-        known.input,
-        "N m",
-    )
+    known, late = recording(300), np.arange(300) >= 200
+    link = np.where(late, 50.0, known.needed_link_position)
+    motor = np.where(late, -50.0, known.motor_position)
+    spoilt = replace(known, link_position=link, motor_position=motor)
     one, other = (
         SplitRecordings((recording,), (200,), (0,)).searched[0][0] for recording in (known, spoilt)
     )
