@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_banded
 
 from flexid.arrays import FloatArray
 from flexid.estimators.segments import Segments
@@ -47,13 +48,18 @@ def held_input(
     ahead, behind = inputs[:1].repeat(room, axis=0), inputs[-1:].repeat(room, axis=0)
     padded = np.concatenate((ahead, inputs, behind))
     if hold == "cubic":
-        from scipy.ndimage import spline_filter1d  # a fifth of a second, for some arms
-
-        padded = spline_filter1d(padded, order=3, axis=0)
+        padded = _spline_weights(padded)
     taps = _taps(hold, fraction, sample_time)
     firsts = range(room - earliest, room - earliest + len(taps))
     around = np.concatenate([padded[i : i + len(inputs), :, None] for i in firsts], axis=2)
     return (around.reshape(-1, len(taps)) @ taps).reshape(*inputs.shape, 4)
+
+
+def _spline_weights(samples: FloatArray) -> FloatArray:
+    """Weights of the cubic B-splines through samples that go on mirrored, shape (n, k)."""
+    bands = np.tile([[1.0], [4.0], [1.0]], len(samples))
+    bands[0, 1] = bands[2, -2] = 2.0
+    return solve_banded((1, 1), bands / 6.0, samples)
 
 
 @lru_cache(maxsize=64)  # most passes over a log take the delay of the one before

@@ -1,9 +1,11 @@
 """Velocities from positions: a zero-phase smoothing differentiator that chooses its own window."""
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, wraps
 from math import comb, sqrt
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,12 +20,33 @@ BLOCK = 64  # samples per local estimate of the noise
 WINDOW_RATIO = 1.25  # between one candidate half-window and the next
 FEWEST_BLOCKS = 10  # whose means tell a motion from noise
 LAGS = 10  # in samples, within which a sampled resonance is like itself
+_KEPT = 64  # channels of which something is known
 CHANCE = 6.0  # standard deviations by which noise scatters more than it should
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
 _FAINT = 0.05  # of a position's range, from which on rest cannot be told from a slow start
 _REST_KEPT = 0.1  # of the motion, at either end: rest tells that friction holds, and no more
 
 
+R = TypeVar("R")
+
+
+def once_per_channel(function: Callable[[FloatArray], R]) -> Callable[[FloatArray], R]:
+    """Keep what a function makes of a channel: a log is checked, cut and fitted by the same."""
+    kept: dict[bytes, R] = {}
+
+    @wraps(function)
+    def wrapper(values: FloatArray) -> R:
+        key = hashlib.sha256(values.tobytes()).digest()
+        if key not in kept:
+            if len(kept) == _KEPT:
+                kept.clear()
+            kept[key] = function(values)
+        return kept[key]
+
+    return wrapper
+
+
+@once_per_channel
 def position_noise(position: FloatArray) -> float:
     """Standard deviation of the measurement noise of a position, in its unit.
 
@@ -154,6 +177,7 @@ def _at_middle(fit: FloatArray, slopes: FloatArray) -> FloatArray:
     return slopes[len(slopes) // 2] @ fit
 
 
+@once_per_channel
 def best_half_window(position: FloatArray) -> int:
     """Half the width of the window in samples, as `velocity` explains."""
     variance = position_noise(position) ** 2

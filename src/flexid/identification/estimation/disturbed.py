@@ -130,8 +130,8 @@ def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand
     every = side_by_side(lambda start: [*_fits([start], data, factor)], begun)
     found = [*chain.from_iterable(every)]
     if not found:
-        others = ((tried[0], start) for start in starts(tried[0], data, lengths(data)[0])[1:])
-        found = [*islice(_fits(others, data, factor), 1)]
+        others = ((tried[0], start) for start in starts(tried[0], data, lengths(data)[0]))
+        found = [*islice(_fits(islice(others, 1, None), data, factor), 1)]
     if not found:
         raise no_start()
     return min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
@@ -278,7 +278,7 @@ def follower(found: Disturbed, data: Data) -> Follower:
 
 
 def _start(structure: Structure, data: Data) -> dict[str, float]:
-    return starts(structure, data, lengths(data)[0])[0]
+    return next(starts(structure, data, lengths(data)[0]))
 
 
 def _starts(structure: Structure, data: Data) -> Iterator[dict[str, float]]:

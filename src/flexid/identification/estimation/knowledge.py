@@ -36,7 +36,7 @@ def contradictions(
     free = replace(full, fixed={}, bounds={})
     try:
         divisions = lengths(data, _DURATION)
-        found = fit_by_length(free, data, starts(free, data, divisions[0])[0], divisions)[-1]
+        found = fit_by_length(free, data, next(starts(free, data, divisions[0])), divisions)[-1]
     except ConvergenceError:
         return ()
     deviations = found.fit.deviations

@@ -15,7 +15,7 @@ disturbances.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, islice, tee
 from typing import Literal
 
 import numpy as np
@@ -56,31 +56,37 @@ _SHORT = 0.5  # s
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 
 
-def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[str, float]]:
+def starts(structure: Structure, data: Data, segments: Segments) -> Iterator[dict[str, float]]:
     """Values that a fit may begin with, the most promising first.
 
     If a step from the first leaves no more than noise, it need not be compared with the others.
     """
+    ways = _ways(structure, data)
+    first = next(ways, None)
+    if first is None:
+        raise ConvergenceError("least squares", "nearly all of the log is rest: log more motion")
+    some = segments.some(_COMPARED)
+    problem, point = motion_at(structure, data, some, first, first_states(some))
+    equations = problem.equations(point)
+    promised = equations.cost - problem.solve(equations).decrement
+    every = chain([first], ways)
+    if promised > THRESHOLDS.sensor_excess * problem.degrees_of_freedom:
+        every = by_misfit(structure, data, segments, every)
+    yield from every
+
+
+def _ways(structure: Structure, data: Data) -> Iterator[dict[str, float]]:
+    """Values by least squares through one filter after the other."""
     # Which samples a friction is known at shows where it is sought, be it given or not.
     given = {c: value for c, value in structure.fixed.items() if c not in declared.DRY_FRICTIONS}
     sought = replace(structure, fixed=given)
-    ways = []
     for rate in RATES:
         start, fit = least_squares_start(sought, data, rate)
-        ways.append(start)
+        ways = [start]
         if moving := _while_moving(fit):
             ways.append(_begun(sought, {**fit.by_name, **moving}))
-    # Of rest alone least squares makes springs of nothing, by which others are divided.
-    ways = [way for way in ways if all(way.get(name) != 0.0 for name in declared.POSITIVE)]
-    if not ways:
-        raise ConvergenceError("least squares", "nearly all of the log is rest: log more motion")
-    some = segments.some(_COMPARED)
-    problem, point = motion_at(structure, data, some, ways[0], first_states(some))
-    equations = problem.equations(point)
-    promised = equations.cost - problem.solve(equations).decrement
-    if promised <= THRESHOLDS.sensor_excess * problem.degrees_of_freedom:
-        return ways
-    return by_misfit(structure, data, segments, ways)
+        # Of rest alone least squares makes springs of nothing, by which others are divided.
+        yield from (w for w in ways if all(w.get(name) != 0.0 for name in declared.POSITIVE))
 
 
 def by_misfit(
@@ -248,12 +254,13 @@ def first_fits(
     def leads_on(fitted: Fitted) -> bool:
         return len(fitted.problem.segments) > last
 
-    ways = starts(structure, data, divisions[0])[:_STARTS]
+    ways: Iterator[Mapping[str, float]] = islice(starts(structure, data, divisions[0]), _STARTS)
     finer = _halved(divisions[0])
     for before in [[], finer] if finer else [[]]:
         best: list[Fitted] = []
         astray: set[str] = set()
-        for found in _tries(structure, data, ways, [*before, *divisions], len(before), leads_on):
+        ways, own = tee(ways)
+        for found in _tries(structure, data, own, [*before, *divisions], len(before), leads_on):
             if not found[-1].has_partners:
                 astray |= found[-1].astray
                 continue
@@ -267,7 +274,7 @@ def first_fits(
             return first_fits(structure.without(astray), data, divisions, insist=insist)
     if not insist:
         steps = {"insist": False, "iterations": FIRST_ITERATIONS}
-        return fit_by_length(structure, data, ways[0], divisions, **steps, leads_on=leads_on)
+        return fit_by_length(structure, data, next(ways), divisions, **steps, leads_on=leads_on)
     raise no_start()
 
 
@@ -298,7 +305,7 @@ def _halved(shortest: Segments) -> list[Segments]:
 def _tries(
     structure: Structure,
     data: Data,
-    ways: Sequence[Mapping[str, float]],
+    ways: Iterator[Mapping[str, float]],
     climbed: Sequence[Segments],
     before: int,
     leads_on: Callable[[Fitted], bool],
@@ -317,9 +324,9 @@ def _tries(
             return []
 
     # The first start is enough for most logs, but not once that has led nowhere.
-    at_once = ways[: 2 if before else 1]
+    at_once = islice(ways, 2 if before else 1)
     stuck: list[Fitted] = []  # of what leads not even to the first length
-    for found in chain(side_by_side(led, at_once), map(led, ways[len(at_once) :])):
+    for found in chain(side_by_side(led, at_once), map(led, ways)):
         reached = [f for f in found if len(f.problem.segments) <= len(climbed[before])]
         if reached:
             yield reached
