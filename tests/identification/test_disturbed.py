@@ -10,7 +10,7 @@ import pytest
 from made_joint import JOINT, PUSHED, data, half_widths, log, made, pushed, stopping, structure
 
 from flexid.errors import ConvergenceError
-from flexid.identification.estimation import answers, band, disturbed
+from flexid.identification.estimation import band, disturbed
 from flexid.identification.estimation import disturbed_estimate as estimating
 from flexid.identification.estimation.band import FitInBand
 from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed, fit_disturbed_to
@@ -311,7 +311,7 @@ def test_where_all_data_lead_nowhere_what_was_found_stands(monkeypatch: pytest.M
     def diverging_to(*_: Any) -> Disturbed:
         raise ConvergenceError("prediction error", "the motion diverges")
 
-    monkeypatch.setattr(answers, "fit_disturbed_to", diverging_to)
+    monkeypatch.setattr(disturbed, "fit_disturbed_to", diverging_to)
     found = identify([log(pushed(1, link_push=1.0))], Settings())
     assert found.parameters["joint_stiffness"].verdict == "determined"
     assert any("those of the data before the held-out end" in str(w) for w in found.warnings)

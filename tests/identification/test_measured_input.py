@@ -24,7 +24,8 @@ from made_joint import (
 
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.disturbed import fit_disturbed
-from flexid.identification.estimation.measured_input import input_noise, lagged, pulled
+from flexid.identification.estimation.disturbed_estimate import pulled
+from flexid.identification.estimation.measured_input import input_noise, lagged
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.amplifier import IDEAL, Amplifier, _is_crossed
 from flexid.identification.full_model.fitting import fit_to

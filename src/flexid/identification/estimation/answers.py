@@ -9,6 +9,7 @@ the inertias, the stiffness and gravity better.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,13 +17,6 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import NEARLY_NOISE
 from flexid.estimators.segments import side_by_side
-from flexid.identification.estimation.disturbed import (
-    Disturbed,
-    fit_disturbed,
-    fit_disturbed_to,
-    follower,
-)
-from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
 from flexid.identification.estimation.doubts import (
     DOUBTS,
     OF_A_VOLTAGE,
@@ -63,6 +57,9 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.caution import Caution, Rank
+
+if TYPE_CHECKING:
+    from flexid.identification.estimation.disturbed import Disturbed
 
 PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
 UNEXPLAINED = 0.1  # of a balance's acceleration: with less, its spring is there all the same
@@ -193,6 +190,10 @@ def _if_possible(job: Job) -> Answer | None:
 
 def _disturbed(job: Job) -> Answer:
     """The fit with disturbances."""
+    # Late: a log that its model explains needs none of their five modules.
+    from flexid.identification.estimation.disturbed import fit_disturbed, fit_disturbed_to, follower
+    from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
+
     job.progress("what disturbs the drive")
     training, whole = job.training, job.whole
     holds = job.holds if job.joint.kind == "link" else (MEASURED_HOLD, "zero")
@@ -297,7 +298,7 @@ def _undisturbed(fitted: Fitted, data: Data) -> Fitted:
     return replace(fitted, problem=problem, data=data)
 
 
-def _fits(found: Disturbed, retreat: tuple[str, ...], job: Job) -> FinalFits:
+def _fits(found: "Disturbed", retreat: tuple[str, ...], job: Job) -> FinalFits:
     """The fit as all fits are reported."""
     fitted, full = found.fitted, found.full
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)

@@ -6,6 +6,7 @@ itself in every band and half, and what no log shows, is a matter of named doubt
 (`flexid.identification.estimation.doubts`).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +14,10 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.rowwise import LeastSquaresFit
+from flexid.estimators.samples import Samples
 from flexid.estimators.segments import side_by_side
-from flexid.identification.estimation.band import PER_PERIOD, fit_in_band, thinning
+from flexid.estimators.steady_gains import Sizes
+from flexid.identification.estimation.band import PER_PERIOD, fit_in_band, thinned_samples, thinning
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
     DOUBTS,
@@ -29,14 +32,16 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
-from flexid.identification.estimation.measured_input import pulled
+from flexid.identification.estimation.measured_input import SEED, with_more
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.structure.gap import PLAY, with_free_width
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.flexible_joint import HARDENING
+from flexid.recording.velocities import position_noise
 
 _BANDS = (0.5, 2.0)  # of the usual number of samples per period
+_PAIRS = 2  # of noise of the input and its opposite
 
 
 def disturbed_estimate(
@@ -71,6 +76,41 @@ def disturbed_estimate(
 
 def _squares(fitted: Fitted) -> LeastSquaresFit:
     return least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
+
+
+def pulled(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> FloatArray:
+    """Change of each value in the band, shape (k,), by as much noise of the input's sensor again.
+
+    An input that is noisy explains less than it did: least squares takes its gain for too small.
+    Noise and its opposite move the values by chance, and that is left out.
+    """
+    noise = _sensor_noise(fitted, sizes, recorded, factor)
+    rng = np.random.default_rng(SEED)
+    held = fitted.structure.timing.hold == "zero"
+    steps = []
+    for _ in range(_PAIRS if noise > 0.0 else 0):
+        white = (replace(s, inputs=noise * rng.standard_normal(s.inputs.shape)) for s in recorded)
+        inputs = [thinned_samples(samples, factor, held=held).inputs[:, 0] for samples in white]
+        draw = np.concatenate(inputs)
+        steps += [with_more(fitted, draw)[1], with_more(fitted, -draw)[1]]
+    return np.mean(steps, axis=0) if steps else np.zeros(len(fitted.names))
+
+
+def _sensor_noise(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> float:
+    """Standard deviation that the noise of an input's sensor may have, as the log was recorded.
+
+    It is no more than the input's own noise, part of which may have moved the drive. And it is no
+    more than what moves the motor beyond its torque at the resonance, as white noise would.
+    """
+    gain = abs(fitted.by_name.get("beta1", 0.0))
+    if gain == 0.0:
+        return 0.0
+    seen = position_noise(max(recorded, key=len).inputs[:, 0])
+    sample_time = fitted.data.samples[0].sample_time
+    resonance = 2.0 * np.pi / (PER_PERIOD * sample_time)
+    size, rate = sizes.disturbances[-1], sizes.rates[-1]
+    unexplained = size * np.sqrt(2.0 * rate / sample_time / (rate**2 + resonance**2)) / gain
+    return float(min(seen, unexplained * np.sqrt(factor)))
 
 
 def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:

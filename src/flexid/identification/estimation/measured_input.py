@@ -13,9 +13,6 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
-from flexid.estimators.samples import Samples
-from flexid.estimators.steady_gains import Sizes
-from flexid.identification.estimation.band import PER_PERIOD, thinned_samples
 from flexid.identification.estimation.model_error import model_error, widened
 from flexid.identification.full_model.model import Fitted, once_per_fit
 from flexid.identification.structure.gap import CHANCE
@@ -25,9 +22,8 @@ from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.recording.velocities import position_noise
 
 _DRAWS = 16
-_PAIRS = 2  # of noise and its opposite
 _SPREAD = 3.0  # standard deviations of what the noise of one log may do
-_SEED = 20031
+SEED = 20031
 _TIME_CONSTANTS = 8.0  # over which a lag forgets
 
 
@@ -46,9 +42,9 @@ def input_noise(fitted: Fitted) -> InputNoise:
     """What the noise of the first input does to a fit."""
     longest = max(fitted.data.samples, key=len)
     noise = position_noise(longest.inputs[:, 0])
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(SEED)
     count = len(fitted.problem.segments.inputs)
-    every = [_with_more(fitted, noise * rng.standard_normal(count)) for _ in range(_DRAWS)]
+    every = [with_more(fitted, noise * rng.standard_normal(count)) for _ in range(_DRAWS)]
     costs, steps = zip(*every, strict=True)
     most = float(np.mean(costs) + _SPREAD * np.std(costs))
     return InputNoise(
@@ -57,7 +53,7 @@ def input_noise(fitted: Fitted) -> InputNoise:
     )
 
 
-def _with_more(fitted: Fitted, noise: FloatArray) -> tuple[float, FloatArray]:
+def with_more(fitted: Fitted, noise: FloatArray) -> tuple[float, FloatArray]:
     """How the cost of the best values, and these, shape (k,), change with an input's noise."""
     return _under(fitted, fitted.problem.segments.inputs[:, 0] + noise, fitted.values)
 
@@ -77,24 +73,6 @@ def _under(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[floa
     step = driven.solve(equations)
     cost = equations.cost - step.decrement - minimum.equations.cost
     return cost, step.values_step - minimum.reduced.values_step
-
-
-def pulled(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> FloatArray:
-    """Change of each value in the band, shape (k,), by as much noise of the input's sensor again.
-
-    An input that is noisy explains less than it did: least squares takes its gain for too small.
-    Noise and its opposite move the values by chance, and that is left out.
-    """
-    noise = _sensor_noise(fitted, sizes, recorded, factor)
-    rng = np.random.default_rng(_SEED)
-    held = fitted.structure.timing.hold == "zero"
-    steps = []
-    for _ in range(_PAIRS if noise > 0.0 else 0):
-        white = (replace(s, inputs=noise * rng.standard_normal(s.inputs.shape)) for s in recorded)
-        inputs = [thinned_samples(samples, factor, held=held).inputs[:, 0] for samples in white]
-        draw = np.concatenate(inputs)
-        steps += [_with_more(fitted, draw)[1], _with_more(fitted, -draw)[1]]
-    return np.mean(steps, axis=0) if steps else np.zeros(len(fitted.names))
 
 
 def lagged(fitted: Fitted) -> FloatArray:
@@ -124,23 +102,6 @@ def _low_passed(signal: FloatArray, time_constant: float) -> FloatArray:
     count = min(len(signal), int(_TIME_CONSTANTS * time_constant) + 2)
     kernel = np.exp(-np.arange(count) / time_constant)
     return signal[0] + np.convolve(signal - signal[0], kernel / kernel.sum())[: len(signal)]
-
-
-def _sensor_noise(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> float:
-    """Standard deviation that the noise of an input's sensor may have, as the log was recorded.
-
-    It is no more than the input's own noise, part of which may have moved the drive. And it is no
-    more than what moves the motor beyond its torque at the resonance, as white noise would.
-    """
-    gain = abs(fitted.by_name.get("beta1", 0.0))
-    if gain == 0.0:
-        return 0.0
-    seen = position_noise(max(recorded, key=len).inputs[:, 0])
-    sample_time = fitted.data.samples[0].sample_time
-    resonance = 2.0 * np.pi / (PER_PERIOD * sample_time)
-    size, rate = sizes.disturbances[-1], sizes.rates[-1]
-    unexplained = size * np.sqrt(2.0 * rate / sample_time / (rate**2 + resonance**2)) / gain
-    return float(min(seen, unexplained * np.sqrt(factor)))
 
 
 def error_of(
