@@ -4,7 +4,7 @@
 
 With terms, hold and delays given. In standard deviations, of the combination of values that is
 moved most: with the steps that follow from the model's poles, and with those that
-`flexid.estimators.gauss_newton` asks for.
+`flexid.estimators.prediction_error` asks for.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import make_trial
 from benchmarks.trials.record import given_settings
 from flexid.errors import ConvergenceError
-from flexid.estimators.gauss_newton import integration_error
+from flexid.estimators.prediction_error import integration_error
 from flexid.identification.full_model.fitting import refit
 from flexid.identification.full_model.model import FINE
 from flexid.identification.preparation.recordings import prepare

@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.memory import most_memory
 from benchmarks.long_log import POSITION_NOISE, SAMPLE_TIME, SEED, TRUTH, long_motion
 from benchmarks.timing import measure
-from flexid.estimators import segments
+from flexid.estimators import samples
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
@@ -34,7 +34,7 @@ positions, torque, _ = long_motion(0, count, np.zeros(4))
 record = Samples(positions, None, torque[:, None], SAMPLE_TIME)
 start = filtered_least_squares([record], joint)
 def fit(cores):
-    segments.cores = lambda: cores
+    samples.cores = lambda: cores
     return prediction_error([record], joint, start)
 one, two = measure(lambda: fit(1), lambda: fit(2), repetitions=runs)
 same = fit(1).values.tobytes() == fit(2).values.tobytes()

@@ -9,9 +9,8 @@ from benchmarks.arms.log import Motion, simulate
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.starts import starts
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.samples import Samples
+from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, motion_kernel
-from flexid.estimators.segments import divide
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.recording.velocities import position_noise

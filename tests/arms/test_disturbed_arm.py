@@ -34,8 +34,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_columns import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.estimators.samples import Samples
-from flexid.estimators.segments import divide
+from flexid.estimators.samples import Samples, divide
 from flexid.identification.full_model.fitting import Steps, fit_segments
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import ElasticArm

@@ -13,9 +13,8 @@ from two_links import ARM, TRUTH, TwoLinks, accelerations, motion, truth_values
 from flexid.arrays import FloatArray
 from flexid.derivation.torque_balance import balance_functions
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.samples import Samples
+from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.estimators.segments import divide
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.kernels.store import template
 from flexid.models.planar_arm import PlanarArm, planar_arm

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.samples import Samples
+from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import divide
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem, Row
 

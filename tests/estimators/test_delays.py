@@ -10,11 +10,9 @@ from scipy.interpolate import CubicSpline
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import INPUT, Timing, held_input
-from flexid.estimators.gauss_newton import minimise
-from flexid.estimators.prediction_error import PredictionErrorFit, described
-from flexid.estimators.samples import Samples
+from flexid.estimators.prediction_error import PredictionErrorFit, described, minimise
+from flexid.estimators.samples import Samples, divide, first_states
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import divide, first_states
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Hold
 

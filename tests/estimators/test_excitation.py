@@ -7,9 +7,8 @@ from made_motion import CART
 from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.excitation import decay_rate, excitation, information_at
-from flexid.estimators.samples import Samples
+from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, segmented_motion
-from flexid.estimators.segments import divide
 from flexid.models.parametric_system import ParametricSystem, Row
 
 T = np.linspace(0, 10, 1001)

@@ -12,7 +12,7 @@ from scipy.linalg import expm, solve_discrete_are
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.innovations import Innovations, _Observing, fit_innovations
 from flexid.estimators.prediction_error import described
-from flexid.estimators.samples import Samples
+from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import (
     RESTING,
     Observer,
@@ -20,7 +20,6 @@ from flexid.estimators.segmented_motion import (
     SegmentedMotion,
     segmented_motion,
 )
-from flexid.estimators.segments import divide
 from flexid.estimators.steady_gains import (
     Sizes,
     cost_by_spectra,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.gauss_newton import FLAT, ITERATIONS, minimise
 from flexid.estimators.normal_equations import least_with, solve_arrow
+from flexid.estimators.prediction_error import FLAT, ITERATIONS, minimise
 from flexid.estimators.segmented_motion import By, Point
 
 N_SEGMENTS, N_STATES, N_COEFFICIENTS = 5, 4, 3

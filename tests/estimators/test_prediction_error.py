@@ -16,14 +16,19 @@ from noisy_joint import (
 from scipy.signal import lfilter
 from segment_bound import cramer_rao_bound
 
-import flexid.estimators.segments as sharing
+import flexid.estimators.samples as sharing
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.gauss_newton import MOST, NEGLIGIBLE, minimise, refinement
-from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
-from flexid.estimators.samples import Samples
+from flexid.estimators.prediction_error import (
+    MOST,
+    NEGLIGIBLE,
+    PredictionErrorFit,
+    minimise,
+    prediction_error,
+    refinement,
+)
+from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import By, Point, segmented_motion
-from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row

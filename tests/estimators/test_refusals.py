@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from noisy_joint import TRUTH, encoders
 
-from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.online import packed
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.recursive_least_squares import recursive_least_squares
-from flexid.estimators.segments import divide
+from flexid.estimators.samples import divide
 from flexid.estimators.state_variable_filter import check_filter_rate, filtered_least_squares
-from flexid.estimators.unknowns import Unknowns
+from flexid.estimators.unknowns import Unknowns, bounded_fit
 from flexid.models.flexible_joint import flexible_joint
 from flexid.paper.parametric_observer import parametric_observer
 

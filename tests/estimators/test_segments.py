@@ -5,9 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-import flexid.estimators.segments as sharing
-from flexid.estimators.samples import Samples
-from flexid.estimators.segments import FEWEST_SAMPLES, divide, first_states, in_threads
+import flexid.estimators.samples as sharing
+from flexid.estimators.samples import FEWEST_SAMPLES, Samples, divide, first_states, in_threads
 
 
 def record(n: int, sample_time: float = 0.01, start_time: float = 0.0) -> Samples:

@@ -14,7 +14,7 @@ import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.estimators.gauss_newton import refinement
+from flexid.estimators.prediction_error import refinement
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model import fits_by_length, model
 from flexid.identification.full_model.fitting import fit_by_length, fit_to, lengths, refit

@@ -9,8 +9,8 @@ import pytest
 from made_joint import COEFFICIENTS, JOINT, NOISE, PAPER, SAMPLE_TIME, data, made, seen
 
 from flexid.estimators.channel_timing import Timing
+from flexid.estimators.samples import divide
 from flexid.estimators.segmented_motion import segmented_motion
-from flexid.estimators.segments import divide
 from flexid.identification.full_model.model import Data
 from flexid.identification.structure.validation import following_states, validate_with
 from flexid.identification.vocabulary.evidence import Validation

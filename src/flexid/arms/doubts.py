@@ -19,9 +19,8 @@ from flexid.arms.fitting import EFFECT_BAND, FittedArm, effect_sizes, link_delay
 from flexid.arms.starts import filtered
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.samples import Samples
+from flexid.estimators.samples import Samples, side_by_side
 from flexid.estimators.segmented_motion import Equations, SegmentedMotion
-from flexid.estimators.segments import side_by_side
 from flexid.identification.estimation.doubts import (
     CALIBRATION,
     ECCENTRICITY,

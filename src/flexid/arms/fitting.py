@@ -15,8 +15,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import DELAY, INPUT
 from flexid.estimators.normal_equations import scaled_inverse
-from flexid.estimators.samples import Samples
-from flexid.estimators.segments import Segments, divide
+from flexid.estimators.samples import Samples, Segments, divide
 from flexid.identification.full_model.fitting import (
     LONGEST,
     Steps,

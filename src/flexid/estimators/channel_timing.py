@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from flexid.arrays import FloatArray
-from flexid.estimators.segments import Segments
+from flexid.estimators.samples import Segments
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 from flexid.recording.shift import later, rate_of_later

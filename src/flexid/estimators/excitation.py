@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexid.arrays import FloatArray, plain
 from flexid.errors import SimulationError
+from flexid.estimators.normal_equations import eigen
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.symmetric import eigen
 
 WEAK_CONDITION = 1e3
 """Condition number of the normalised Gram matrix above which a warning is due."""

@@ -20,7 +20,7 @@ from scipy.linalg import LinAlgError
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.gauss_newton import Minimum, minimise
+from flexid.estimators.prediction_error import Minimum, minimise
 from flexid.estimators.segmented_motion import RESTING, Observer, Point, SegmentedMotion
 from flexid.estimators.steady_gains import (
     WORST,

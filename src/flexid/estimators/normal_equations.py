@@ -9,6 +9,7 @@ but for a border,
 
 and eliminating the initial states leaves (Σ C_j - B_jᵀ A_j⁻¹ B_j) dp = Σ b_j - B_jᵀ A_j⁻¹ a_j: as
 many equations as there are coefficients, at a cost that grows with the number of segments only.
+Symmetric matrices are inverted whatever LAPACK makes of one.
 """
 
 from dataclasses import dataclass
@@ -16,9 +17,69 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from flexid.arrays import FloatArray
-from flexid.symmetric import eigen, pseudo_inverse
+
+
+def eigen(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues, in ascending order, and eigenvectors of symmetric matrices.
+
+    Divide and conquer, which NumPy calls, does not converge for some matrix in a million, although
+    nothing is wrong with it; these are left to another of LAPACK's algorithms.
+
+    Parameters
+    ----------
+    matrices : array, shape (..., n, n)
+        Symmetric but for rounding.
+
+    Returns
+    -------
+    eigenvalues : array, shape (..., n)
+    vectors : array, shape (..., n, n)
+        A vector in each column.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If LAPACK gives up a matrix that is not finite.
+    """
+    try:
+        eigenvalues, vectors = np.linalg.eigh(matrices)
+    except np.linalg.LinAlgError:
+        if not np.isfinite(matrices).all():
+            raise
+        eigenvalues, vectors = np.empty(matrices.shape[:-1]), np.empty(matrices.shape)
+        for place in np.ndindex(matrices.shape[:-2]):
+            eigenvalues[place], vectors[place] = linalg.eigh(matrices[place], driver="ev")
+    return eigenvalues, vectors
+
+
+def pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
+    """Pseudo-inverses of symmetric matrices.
+
+    Parameters
+    ----------
+    matrices : array, shape (..., n, n)
+        Symmetric but for rounding.
+    null : float
+        Size of an eigenvalue over that of the largest, up to which it counts as zero.
+
+    Returns
+    -------
+    array, shape (..., n, n)
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If LAPACK gives up a matrix that is not finite.
+    """
+    eigenvalues, vectors = eigen(matrices)
+    sizes = np.abs(eigenvalues)
+    kept = sizes > null * sizes.max(axis=-1, keepdims=True, initial=0.0)
+    inverses = np.where(kept, 1.0, 0.0) / np.where(kept, eigenvalues, 1.0)
+    return (vectors * inverses[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+
 
 NULL = 1e-12
 """Eigenvalue of a matrix scaled to a unit diagonal that counts as zero."""

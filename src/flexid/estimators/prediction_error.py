@@ -4,10 +4,16 @@ The record is cut into segments. Each starts from an initial state of its own, w
 from there the model runs freely under the recorded input, and coefficients and initial states are
 sought for which all the motions come closest to the measured positions. With white noise this is
 maximum likelihood. It needs starting values, which least squares gives, and is checked against it.
+
+The steps are Gauss and Newton's, damped after Levenberg and Marquardt where a full one fails. The
+integration steps of `SegmentedMotion.at` follow from the model's poles alone. Long records of fine
+encoders tell more: there the error of the integration moves the values by more than noise does, and
+no residual shows it. So a minimum is asked whether its steps are short enough.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 
@@ -15,15 +21,205 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import cluster_influences, covariance_of
-from flexid.estimators.gauss_newton import Minimum, minimise, output_weights, refinement
+from flexid.estimators.normal_equations import Reduced
 from flexid.estimators.rowwise import LeastSquaresFit
-from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import divide
+from flexid.estimators.samples import Samples, divide
+from flexid.estimators.segmented_motion import Equations, Point, SegmentedMotion, segmented_motion
 from flexid.estimators.unknowns import Unknowns, unknowns_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise
+
+FLAT = 2e-3
+"""Part of the sum of squares that a step promises, below which none has to be found."""
+
+ITERATIONS = 20
+"""Steps that may be taken: far more than the five or so that a good start needs."""
+
+NEARLY_NOISE = 1.5
+"""Variance of the weighted residuals up to which a rough bottom may be gone on from, or end on."""
+
+_DAMPINGS = 8  # attempts at a step that makes nothing worse
+_FIRST_DAMPING = 1e-3
+_LEAST_DAMPING = 1e-6  # less than this is none
+_FAST = 0.5  # part of the sum of squares that a step takes away which is far from its end
+_POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
+_POOR_STEPS = 2  # in turn, after which a bottom is too rough for better ones
+_NO_GAIN = 0.01  # the same of a step before something that none gets over
+_STUCK_STEPS = 4  # of these in turn, after which no more are taken
+_ROUNDING = 1e-11  # relative length of a step that is lost in rounding
+_FINEST = 1e-9  # noise over the largest output that is distinguished from none: a 30 bit encoder's
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the iteration ended.
+
+    `minimise` raises where it has not converged, unless it does not insist on that, or what is left
+    is good enough.
+    """
+
+    point: Point  # the unknowns
+    equations: Equations  # normal equations there
+    reduced: Reduced  # the same without the initial states
+    iterations: int  # steps taken
+    # length in standard deviations of the step that would have come next; where all steps were
+    # taken and did not end, of the last of them
+    last_step: float
+
+    def variance(self, problem: SegmentedMotion) -> float:
+        """Variance of the weighted residuals: 1 if the weights are right."""
+        return self.equations.cost / problem.degrees_of_freedom
+
+    def noise(self, problem: SegmentedMotion) -> FloatArray:
+        """Standard deviation of each output's noise, shape (n_outputs,)."""
+        squares = np.sum(self.equations.residuals**2, axis=0)
+        return np.sqrt(squares * self.equations.residuals.shape[1] / problem.degrees_of_freedom)
+
+
+def minimise(
+    problem: SegmentedMotion,
+    point: Point,
+    tolerance: float,
+    *,
+    insist: bool = True,
+    iterations: int = ITERATIONS,
+    enough: float = 0.0,
+    promised: float = np.inf,
+) -> Minimum:
+    """Least sum of squares near a point; the first step has to promise a variance."""
+    equations = problem.equations(point)
+    if not np.isfinite(equations.cost):
+        raise ConvergenceError(
+            "prediction error",
+            "the model's motion diverges from the starting values: start from a least-squares fit, "
+            "or shorten the segments",
+        )
+    damping, last_step, taken, slow, poor, stuck = 0.0, np.inf, 0, 0, 0, 0
+    while slow < iterations:
+        reduced = problem.solve(equations)
+        variance = equations.cost / problem.degrees_of_freedom
+        if taken == 0 and variance - reduced.decrement / problem.degrees_of_freedom > promised:
+            raise ConvergenceError(
+                "prediction error",
+                "the first step leads nowhere near the record: shorten the segments",
+            )
+        last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
+        if last_step <= tolerance or _is_rounding(reduced, point):
+            return Minimum(point, equations, reduced, taken, float(last_step))
+        flat = reduced.decrement <= FLAT * equations.cost
+        if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * tolerance):
+            return Minimum(point, equations, reduced, taken, float(last_step))
+        if stuck >= _STUCK_STEPS:
+            if not insist or variance <= enough or (flat and variance <= NEARLY_NOISE):
+                return Minimum(point, equations, reduced, taken, float(last_step))
+            raise ConvergenceError(
+                "prediction error",
+                f"{stuck} steps in turn brought next to nothing: start from a least-squares fit, "
+                f"shorten the segments, or drop terms that the record does not show",
+            )
+        before = equations.cost
+        try:
+            point, equations, damping = _descend(problem, point, equations, reduced, damping)
+        except ConvergenceError:
+            # Dry friction makes the sum of squares rough; its bottom may be between two steps.
+            if insist and not flat and variance > enough:
+                raise
+            return Minimum(point, equations, reduced, taken, float(last_step))
+        gain = before - equations.cost
+        taken += 1
+        slow += gain < _FAST * before
+        poor = poor + 1 if gain < _POOR_GAIN * reduced.decrement else 0
+        stuck = stuck + 1 if gain < _NO_GAIN * reduced.decrement else 0
+    reduced = problem.solve(equations)
+    found = Minimum(point, equations, reduced, taken, float(last_step))
+    rough = reduced.decrement <= FLAT * equations.cost  # to and fro over a rough bottom
+    if not insist or rough or found.variance(problem) <= enough:
+        return found
+    raise ConvergenceError(
+        "prediction error",
+        f"the steps do not end within {iterations}: start from a least-squares fit, shorten the "
+        f"segments, or drop terms that the record does not show",
+    )
+
+
+def _descend(
+    problem: SegmentedMotion,
+    point: Point,
+    equations: Equations,
+    undamped: Reduced,
+    damping: float,
+) -> tuple[Point, Equations, float]:
+    """One step that makes nothing worse, damped as much as it takes; and the damping to go on."""
+    for _ in range(_DAMPINGS):
+        step = problem.solve(equations, damping) if damping > 0.0 else undamped
+        trial = Point(point.values + step.values_step, point.initial_states + step.states_step)
+        more, enough = max(10.0 * damping, _FIRST_DAMPING), equations.cost * (1.0 + 1e-12)
+        # Where steps fail, the next may fail as well: derivatives are for one that does not.
+        if damping > 0.0 and not problem.equations(trial, "nothing").cost <= enough:
+            damping = more
+            continue
+        tried = problem.equations(trial)
+        if tried.cost <= enough:
+            # Steps that gain far less than promised jump to and fro across the minimum.
+            overshot = equations.cost - tried.cost < _POOR_GAIN * step.decrement
+            less = 0.1 * damping if damping > _LEAST_DAMPING else 0.0
+            return trial, tried, more if overshot else less
+        damping = more
+    raise ConvergenceError(
+        "prediction error",
+        "no step brings the model closer to the record: start from a least-squares fit, or shorten "
+        "the segments",
+    )
+
+
+def _is_rounding(step: Reduced, point: Point) -> bool:
+    values = np.abs(step.values_step) <= _ROUNDING * np.abs(point.values)
+    largest = np.abs(point.initial_states).max(axis=0)
+    states = np.abs(step.states_step) <= _ROUNDING * largest
+    return bool(values.all() and states.all())
+
+
+def output_weights(
+    noise: FloatArray,  # (n_outputs,)
+    outputs: FloatArray,  # (n, n_outputs)
+) -> FloatArray:
+    """One over the noise of each output, or over the least that is distinguished from none."""
+    floor = _FINEST * float(np.max(np.abs(outputs)))
+    return 1.0 / np.maximum(noise, floor if floor > 0.0 else 1.0)
+
+
+NEGLIGIBLE = 0.1
+"""Standard deviations by which the error may move values: a 95 % interval then holds 94.9 %."""
+
+MOST = 4
+"""Times as many steps, at most: they leave 1/256 of the error, and take four times as long."""
+
+_ORDER = 4  # of Runge and Kutta's method
+
+
+def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
+    """How far the integration moves the combination of values that it moves most, in deviations.
+
+    Steps of half the length show it: they leave a sixteenth of the error.
+    """
+    halved = replace(problem, substeps=2 * problem.substeps)
+    equations = halved.equations(found.point)
+    variance = found.variance(problem)
+    if not np.isfinite(equations.cost) or variance <= 0.0:
+        return 0.0
+    moved = halved.solve(equations).values_step - found.reduced.values_step
+    square = float(moved @ found.reduced.information @ moved) / variance
+    if not np.isfinite(square):
+        return 0.0
+    return float(np.sqrt(max(square, 0.0))) / (1.0 - 0.5**_ORDER)
+
+
+def refinement(problem: SegmentedMotion, found: Minimum) -> int:
+    """How many times as many steps, up to `MOST`, make that error negligible."""
+    wanted = (integration_error(problem, found) / NEGLIGIBLE) ** (1.0 / _ORDER)
+    return min(max(1, ceil(wanted)), MOST)
+
 
 _COARSE, _FINE = 1.0, 1e-2  # length of a step, in standard deviations, that ends the iteration
 _AGREEMENT = 10.0  # standard deviations of least squares within which an estimate may end

@@ -1,13 +1,23 @@
-"""Measured samples as the estimators take them: plain arrays for any parametric system."""
+"""Measured samples as plain arrays for any parametric system, and the segments they are cut into.
 
-from dataclasses import dataclass
-from typing import Literal
+Each segment has a state of its own to start from; threads share them.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from itertools import pairwise
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.errors import SettingError
 from flexid.recording.recording import Recording
-from flexid.recording.velocities import velocity
+from flexid.recording.velocities import position_noise, velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,3 +96,247 @@ def samples_of_recording(
         recording.sample_time,
         recording.start_time,
     )
+
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+FEWEST_SAMPLES = 20
+"""Samples that a segment has at least that says something: its initial state and more."""
+
+_START_DURATION = 0.03  # s at the start of a segment that a cubic follows well on a drive
+_START_SAMPLES = 8  # but at least these: a cubic has four coefficients
+_FEWEST_START_SAMPLES = 6  # where it vibrates
+_START_RATIO = 1.4  # between the numbers of samples that are tried
+_START_EXCESS = 2.0  # root mean square of what a cubic leaves, over white noise: 1 in 300 by chance
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """All samples in one array each, and where the segments lie."""
+
+    # (n_segments,): first sample of every segment; none crosses from one recording to the next
+    starts: NDArray[np.int64]
+    lengths: NDArray[np.int64]  # (n_segments,): number of samples of every segment
+    # (n_recordings + 1,): first sample of every recording that was cut, and the number of samples
+    recording_starts: NDArray[np.int64]
+    sample_times: FloatArray  # (n_segments,): time between samples in s
+    start_times: FloatArray  # (n_segments,): time of the first sample in s
+    # (n_segments,): place of the recording that each segment was cut from
+    recordings: NDArray[np.int64]
+    outputs: FloatArray  # (n_samples, n_outputs): measured positions, one of each row
+    inputs: FloatArray  # (n_samples, n_inputs): inputs
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @property
+    def mean_duration(self) -> float:
+        """Mean length of a segment in s."""
+        return float(np.mean(self.lengths * self.sample_times))
+
+    @property
+    def can_be_halved(self) -> bool:
+        """Whether each is long enough to be cut in two."""
+        return bool(self.lengths.min() >= 2 * FEWEST_SAMPLES)
+
+    def halved(self) -> "Segments":
+        """Every segment cut in two; the even ones then start where the whole ones did."""
+        first = self.lengths // 2
+        return replace(
+            self,
+            starts=np.column_stack((self.starts, self.starts + first)).ravel(),
+            lengths=np.column_stack((first, self.lengths - first)).ravel(),
+            sample_times=np.repeat(self.sample_times, 2),
+            start_times=np.column_stack(
+                (self.start_times, self.start_times + first * self.sample_times)
+            ).ravel(),
+            recordings=np.repeat(self.recordings, 2),
+        )
+
+    @cached_property
+    def firsts(self) -> NDArray[np.int64]:
+        """First segment of each recording, shape (n_recordings,)."""
+        return np.flatnonzero(np.diff(self.recordings, prepend=-1))
+
+    @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """Place of each segment's recording among those that were cut, shape (n_segments,)."""
+        return np.searchsorted(self.firsts, np.arange(len(self)), side="right") - 1
+
+    def merged(self) -> "Segments | None":
+        """Every two neighbours made one; None where a recording has an odd number of segments."""
+        if np.any(np.diff(np.append(self.firsts, len(self))) % 2):
+            return None
+        lengths = self.lengths[::2] + self.lengths[1::2]
+        return replace(self.at(np.arange(0, len(self), 2)), lengths=lengths)
+
+    def some(self, count: int) -> "Segments":
+        """So many of the segments at most, beside the first of each recording, spread evenly."""
+        step = -(-len(self) // count)
+        parts = np.split(np.arange(len(self)), self.firsts[1:])
+        return self.at(np.concatenate([part[::step] for part in parts]))
+
+    def at(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> "Segments":
+        """The segments at some places."""
+        return replace(
+            self,
+            starts=self.starts[places],
+            lengths=self.lengths[places],
+            sample_times=self.sample_times[places],
+            start_times=self.start_times[places],
+            recordings=self.recordings[places],
+        )
+
+    def first_blocks(self, duration: float) -> NDArray[np.int64]:
+        """First block of about a duration in every segment, and their number, (n_segments + 1,)."""
+        counts = np.round(self.lengths * self.sample_times / duration).astype(np.int64)
+        return np.concatenate(([0], np.cumsum(np.clip(counts, 1, self.lengths))))
+
+    def of(self, samples: FloatArray) -> list[FloatArray]:
+        """Rows of an array over samples, segment by segment."""
+        return [samples[a : a + n] for a, n in zip(self.starts, self.lengths, strict=True)]
+
+    @cached_property
+    def within(self) -> NDArray[np.bool_]:
+        """Samples that belong to a segment, shape (n_samples,)."""
+        inside = np.zeros(len(self.outputs), dtype=np.bool_)
+        for first, length in zip(self.starts, self.lengths, strict=True):
+            inside[first : first + length] = True
+        return inside
+
+    def by_recording(self) -> list[tuple[slice, float]]:
+        """Samples of every recording that has segments, and its sample time."""
+        own = np.searchsorted(self.recording_starts, self.starts[self.firsts], side="right")
+        return [
+            (slice(a, b), h)
+            for a, b, h in zip(
+                self.recording_starts[own - 1].tolist(),
+                self.recording_starts[own].tolist(),
+                self.sample_times[self.firsts].tolist(),
+                strict=True,
+            )
+        ]
+
+
+def divide(
+    recordings: Sequence[Samples],
+    duration: float,  # in s
+    margin: float = 0.0,
+) -> Segments:
+    """Cut recordings into segments of about equal length."""
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise SettingError("segment duration", f"{duration} is no duration: give seconds above 0")
+    margins = [round(margin / recording.sample_time) for recording in recordings]
+    kept = [len(recording) - 2 * m for recording, m in zip(recordings, margins, strict=True)]
+    places = [i for i, count in enumerate(kept) if count >= FEWEST_SAMPLES]
+    usable = [recordings[i] for i in places]
+    if not usable:
+        raise SettingError(
+            "samples", f"no recording has {FEWEST_SAMPLES} samples in a row: give a longer record"
+        )
+    starts, lengths, sample_times, start_times, outputs = [], [], [], [], []
+    first = 0
+    for place, recording in zip(places, usable, strict=True):
+        wanted = round(kept[place] * recording.sample_time / duration)
+        count = max(1, min(wanted, kept[place] // FEWEST_SAMPLES))
+        ends = margins[place], margins[place] + kept[place]
+        edges = np.linspace(*ends, count + 1).round().astype(np.int64)
+        starts.append(first + edges[:-1])
+        lengths.append(np.diff(edges))
+        sample_times.append(np.full(count, recording.sample_time))
+        start_times.append(recording.start_time + recording.sample_time * edges[:-1])
+        outputs.append(recording.positions)
+        first += len(recording)
+    return Segments(
+        np.concatenate(starts),
+        np.concatenate(lengths),
+        np.concatenate(([0], np.cumsum([len(recording) for recording in usable]))),
+        np.concatenate(sample_times),
+        np.concatenate(start_times),
+        np.repeat(np.array(places, dtype=np.int64), [len(part) for part in starts]),
+        np.ascontiguousarray(np.concatenate(outputs), dtype=np.float64),
+        np.ascontiguousarray(np.concatenate([p.inputs for p in usable]), dtype=np.float64),
+    )
+
+
+def first_states(segments: Segments) -> FloatArray:
+    """Initial state of every segment from cubics through its first positions.
+
+    Shape (n_segments, n_states), coordinate and velocity of each row in turn. Each cubic goes
+    through as many positions as it follows within their noise: a stiff drive may turn round within
+    some samples where it vibrates, and rests elsewhere.
+    """
+    positions = segments.outputs
+    own = [positions[part] for part, _ in segments.by_recording()]
+    noises = [[position_noise(column) for column in columns.T] for columns in own]
+    states = np.empty((len(segments), 2 * positions.shape[1]))
+    for s, part in enumerate(segments.of(positions)):
+        # Each recording may have encoders of its own.
+        sample_time, noise = segments.sample_times[s], noises[segments.places[s]]
+        longest = min(len(part), max(_START_SAMPLES, round(_START_DURATION / sample_time)))
+        for a, allowed in enumerate(noise):
+            value, slope = _start(part[:longest, a], _START_EXCESS * allowed)
+            states[s, 2 * a], states[s, 2 * a + 1] = value, slope / sample_time
+    return states
+
+
+def _start(positions: FloatArray, allowed: float) -> tuple[float, float]:
+    """First value, and slope per sample, by the longest cubic that leaves no more than allowed."""
+    n = len(positions)
+    while True:
+        fit = _cubic(n)
+        coefficients = fit.inverse @ positions[:n]
+        left = positions[:n] - fit.powers @ coefficients
+        shorter = max(_FEWEST_START_SAMPLES, int(n / _START_RATIO))
+        if shorter >= n or left @ left <= allowed**2 * (n - 4):
+            return float(coefficients[0]), float(coefficients[1])
+        n = shorter
+
+
+class _Cubic(NamedTuple):
+    """Powers of the place of n samples, shape (n, 4), and their inverse, shape (4, n)."""
+
+    powers: FloatArray
+    inverse: FloatArray
+
+
+@cache
+def _cubic(n: int) -> _Cubic:
+    powers = np.vander(np.arange(n, dtype=np.float64), 4, increasing=True)
+    return _Cubic(powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64))
+
+
+_FEWEST_SAMPLES = 5_000  # of a thread: below, starting it costs as much as it saves
+_SHARES = 4  # of each thread, so that none waits long for another
+
+
+def in_threads(
+    run: Callable[[int, int], None],
+    lengths: NDArray[np.int64],  # (n_segments,)
+) -> None:
+    """Call a function for ranges of segments, on all cores if there is enough to do."""
+    reached = np.cumsum(lengths)
+    total = int(reached[-1])
+    threads = min(cores(), total // _FEWEST_SAMPLES, len(lengths))
+    if threads < 2:
+        run(0, len(lengths))
+        return
+    shares = total * np.arange(1, _SHARES * threads) / (_SHARES * threads)
+    edges = sorted({0, *np.searchsorted(reached, shares).tolist(), len(lengths)})
+    side_by_side(lambda share: run(*share), pairwise(edges), threads)
+
+
+def side_by_side(of: Callable[[A], B], each: Iterable[A], threads: int | None = None) -> list[B]:
+    """Results of a function, in order: on all cores, unless it is said on how many."""
+    every = [*each]
+    threads = min(threads or cores(), len(every))
+    if threads < 2:
+        return [*map(of, every)]
+    with ThreadPoolExecutor(threads) as pool:  # each takes what comes next
+        return [*pool.map(of, every)]
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

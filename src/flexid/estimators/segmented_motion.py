@@ -18,7 +18,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT, ChannelTiming, Timing
 from flexid.estimators.cluster_covariance import Clusters, block_duration
 from flexid.estimators.normal_equations import Reduced, solve_arrow
-from flexid.estimators.segments import Segments, first_states, in_threads
+from flexid.estimators.samples import Segments, first_states, in_threads
 from flexid.estimators.unknowns import Unknowns
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
@@ -141,7 +141,7 @@ class SegmentedMotion:
     def at(self, point: Point, weights: FloatArray, refinement: int = 1) -> "SegmentedMotion":
         """The same with weights, and with steps short enough for the motion about a point.
 
-        `flexid.estimators.gauss_newton` says how many times as many its data want.
+        `flexid.estimators.prediction_error` says how many times as many its data want.
         """
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest

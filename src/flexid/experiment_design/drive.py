@@ -16,9 +16,8 @@ from scipy.optimize import root
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.samples import Samples
+from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import divide
 from flexid.models.flexible_joint import SHAPE_TERMS, flexible_joint
 from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem

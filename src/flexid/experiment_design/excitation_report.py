@@ -13,6 +13,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.excitation import Excitation
+from flexid.estimators.normal_equations import eigen
 from flexid.identification.identify import identify
 from flexid.identification.judgement import verdict
 from flexid.identification.preparation.settings import Settings
@@ -23,7 +24,6 @@ from flexid.identification.vocabulary.evidence import CoefficientEstimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.recording import Log
-from flexid.symmetric import eigen
 
 _DEVIATIONS = 2.0  # half the width of a predicted interval
 

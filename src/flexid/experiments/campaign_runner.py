@@ -14,7 +14,7 @@ import polars as pl
 
 import flexid
 from flexid.errors import CampaignError, ExperimentError, SettingError
-from flexid.estimators.segments import cores
+from flexid.estimators.samples import cores
 from flexid.experiments import Experiment
 from flexid.experiments.campaign_rows import part_rows
 from flexid.experiments.campaign_store import Manifest, open_store

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.estimators.normal_equations import eigen
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.result import Identification
 from flexid.identification.structure.gap import PLAY
@@ -40,7 +41,6 @@ from flexid.models.motion import unit_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.sampled import plain_model
 from flexid.stored_estimates.structure import structure_of, values_of
-from flexid.symmetric import eigen
 
 ComplexArray = NDArray[np.complex128]
 

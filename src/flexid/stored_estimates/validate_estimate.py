@@ -15,8 +15,7 @@ from flexid.arms.result import ArmIdentification
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.estimators.samples import Samples
-from flexid.estimators.segments import FEWEST_SAMPLES, divide
+from flexid.estimators.samples import FEWEST_SAMPLES, Samples, divide
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure, data_of
 from flexid.identification.preparation.joint import ElasticArm, Joint, Kind

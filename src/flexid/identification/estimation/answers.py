@@ -15,8 +15,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.gauss_newton import NEARLY_NOISE
-from flexid.estimators.segments import side_by_side
+from flexid.estimators.prediction_error import NEARLY_NOISE
+from flexid.estimators.samples import side_by_side
 from flexid.identification.estimation.doubts import (
     DOUBTS,
     OF_A_VOLTAGE,

@@ -17,11 +17,10 @@ from scipy.special import erf
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.gauss_newton import NEGLIGIBLE, Minimum, minimise
 from flexid.estimators.innovations import STEPS, first_cost, fit_innovations, predicting
-from flexid.estimators.samples import Samples
+from flexid.estimators.prediction_error import NEGLIGIBLE, Minimum, minimise
+from flexid.estimators.samples import FEWEST_SAMPLES, Samples, Segments, divide, first_states
 from flexid.estimators.segmented_motion import RESTING, Point, SegmentedMotion
-from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.full_model.fitting import USUAL, Steps, motion_at, within_bounds
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, sensor_noise

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.segments import side_by_side
+from flexid.estimators.samples import side_by_side
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import (
     FitInBand,

@@ -8,10 +8,10 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.excitation import Excitation, excitation_of_gram
+from flexid.estimators.normal_equations import eigen
 from flexid.estimators.rowwise import RowFit
 from flexid.identification.full_model.starting import DIRECTED
 from flexid.models import flexible_joint as declared
-from flexid.symmetric import eigen
 
 # By the spring, which acts on both rows, with how it is curved and damped.
 _COUPLED = declared.POSITIVE | declared.HARDENING | declared.DAMPING

@@ -14,8 +14,8 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
-from flexid.estimators.gauss_newton import Minimum
-from flexid.estimators.segments import Segments, side_by_side
+from flexid.estimators.prediction_error import Minimum
+from flexid.estimators.samples import Segments, side_by_side
 from flexid.identification.full_model.fitting import (
     fit_by_length,
     fit_like,

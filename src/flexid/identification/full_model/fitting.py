@@ -12,8 +12,8 @@ from itertools import chain
 import numpy as np
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.bounded import bounded_fit
-from flexid.estimators.gauss_newton import (
+from flexid.estimators.normal_equations import least_with
+from flexid.estimators.prediction_error import (
     ITERATIONS,
     MOST,
     NEARLY_NOISE,
@@ -21,11 +21,9 @@ from flexid.estimators.gauss_newton import (
     minimise,
     refinement,
 )
-from flexid.estimators.normal_equations import least_with
-from flexid.estimators.samples import FloatArray
+from flexid.estimators.samples import FloatArray, Segments, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.estimators.segments import Segments, divide
-from flexid.estimators.unknowns import Unknowns
+from flexid.estimators.unknowns import Unknowns, bounded_fit
 from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, M, Structure
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE

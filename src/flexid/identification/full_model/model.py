@@ -13,13 +13,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from typing_extensions import TypeVar
 
-from flexid.estimators.bounded import Bounds
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.gauss_newton import FLAT, Minimum
-from flexid.estimators.prediction_error import described
+from flexid.estimators.prediction_error import FLAT, Minimum, described
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segmented_motion import SegmentedMotion
-from flexid.estimators.unknowns import Unknowns
+from flexid.estimators.unknowns import Bounds, Unknowns
 from flexid.identification.preparation.joint import ElasticArm, Joint
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.recording.recording import Hold, Recording

@@ -14,9 +14,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.samples import Samples, samples_of_recording
+from flexid.estimators.samples import Samples, Segments, samples_of_recording
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
-from flexid.estimators.segments import Segments
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import (
     ANGULAR_TERMS,

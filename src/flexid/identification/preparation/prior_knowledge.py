@@ -21,11 +21,11 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError, did_you_mean
+from flexid.estimators.normal_equations import pseudo_inverse
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE
 from flexid.models.parameter_kinds import PhysicalParameter, Product
-from flexid.symmetric import pseudo_inverse
 
 _STEPS = 100
 _CONVERGED = 1e-10  # relative change of the values by a step

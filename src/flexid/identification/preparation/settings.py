@@ -7,7 +7,7 @@ from math import isfinite, isnan
 from typing import Literal
 
 from flexid.errors import SettingError, did_you_mean
-from flexid.estimators.segments import FEWEST_SAMPLES
+from flexid.estimators.samples import FEWEST_SAMPLES
 from flexid.estimators.state_variable_filter import check_filter_rate
 from flexid.identification.preparation.joint import Joint, Kind
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, POSITIVE, SHAPE_TERMS, TERMS

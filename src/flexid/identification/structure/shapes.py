@@ -18,7 +18,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.segments import side_by_side
+from flexid.estimators.samples import side_by_side
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     explained_by,

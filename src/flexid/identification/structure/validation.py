@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.samples import Samples
+from flexid.estimators.normal_equations import pseudo_inverse
+from flexid.estimators.samples import FEWEST_SAMPLES, Samples, Segments, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
 from flexid.identification.full_model.model import Data, Fitted, M
 from flexid.identification.preparation.joint import ElasticArm, Joint
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
-from flexid.symmetric import pseudo_inverse
 
 _MOST_STEPS = 10
 _NULL = 1e-9  # of the largest eigenvalue

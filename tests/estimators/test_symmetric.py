@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.symmetric import eigen, pseudo_inverse
+from flexid.estimators.normal_equations import eigen, pseudo_inverse
 
 
 def _covariances(seed: int) -> np.ndarray:
