@@ -21,7 +21,7 @@ from scipy.signal import butter, sosfiltfilt
 import flexid
 from benchmarks.size import sized
 from flexid.identification.vocabulary.evidence import CoefficientEstimate
-from flexid.models.rigid_joint import rigid_joint
+from flexid.models.flexible_joint import rigid_joint
 from flexid.simulation.free_run import free_run
 
 BANDS = (5.0, 10.0, 20.0, 40.0)  # Hz, of the low-pass of both forces

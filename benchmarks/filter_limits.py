@@ -12,7 +12,7 @@ from benchmarks.report import markdown
 from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.estimators.recursive_least_squares import recursive_least_squares
-from flexid.identification.vocabulary.estimate import quantile
+from flexid.identification.vocabulary.evidence import quantile
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 

@@ -13,7 +13,7 @@ from flexid.identification.judgement import Compliance, verdict
 from flexid.identification.preparation.recordings import Alignment, Delay
 from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary import evidence
-from flexid.identification.vocabulary.estimate import Estimate, interval, propagated
+from flexid.identification.vocabulary.evidence import Estimate, interval, propagated
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
 from flexid.stored_estimates.estimate_file import estimate_document

@@ -12,11 +12,11 @@ from flexid import files
 from flexid.errors import FlexidError
 from flexid.experiment_design.drive import read_drive
 from flexid.experiments.experiment import read_experiment
+from flexid.files import MAX_BYTES
 from flexid.models.model_file import read_model
 from flexid.recording import read_log
 from flexid.recording.recipes import read_map
 from flexid.stored_estimates.estimate_file import read_estimate
-from flexid.toml_file import MAX_BYTES
 
 TOML: dict[str, Callable[[Path], object]] = {
     "column map": read_map,

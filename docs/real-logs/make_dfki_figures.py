@@ -18,8 +18,8 @@ from scipy.signal import savgol_filter
 from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import samples_of_recording
 from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.models.flexible_joint import rigid_joint
 from flexid.models.physical import physical_parameters
-from flexid.models.rigid_joint import rigid_joint
 from flexid.recording import Recording, read_log, with_velocities
 from flexid.recording.velocities import velocity
 from flexid.report.figure import BLUE, GREY, INK, ORANGE, RED, STYLE, new_figure, save

@@ -45,10 +45,10 @@ from flexid.library.watched import Watch as Watch
 from flexid.models.flexible_joint import SHAPE_TERMS as SHAPE_TERMS
 from flexid.models.flexible_joint import TERMS as TERMS
 from flexid.models.flexible_joint import flexible_joint as flexible_joint
+from flexid.models.flexible_joint import rigid_joint as rigid_joint
 from flexid.models.model_file import read_model as read_model
 from flexid.models.parametric_system import ParametricSystem as ParametricSystem
 from flexid.models.parametric_system import Row as Row
-from flexid.models.rigid_joint import rigid_joint as rigid_joint
 from flexid.paper.parametric_observer import parametric_observer as parametric_observer
 from flexid.recording.recording import Log as Log
 from flexid.recording.recording import Recording as Recording

@@ -19,8 +19,7 @@ from flexid.arms.result import ArmIdentification
 from flexid.arrays import to_json
 from flexid.errors import SettingError
 from flexid.exports.mjcf_arm import arm_scene
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.identification.vocabulary.evidence import Estimate, ParameterEstimate
 from flexid.models.planar_arm import planar_arm
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_arm

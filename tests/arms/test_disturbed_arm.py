@@ -38,7 +38,7 @@ from flexid.estimators.samples import Samples, divide
 from flexid.identification.full_model.fitting import Steps, fit_segments
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import ElasticArm
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.planar_arm import planar_arm
 
 NOISE = 0.03  # of the torque's root mean square

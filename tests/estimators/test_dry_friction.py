@@ -13,9 +13,8 @@ from scipy.integrate import solve_ivp
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.unknowns import Unknowns
-from flexid.models.flexible_joint import flexible_joint
+from flexid.models.flexible_joint import flexible_joint, with_dry_friction
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
-from flexid.models.terms import with_dry_friction
 
 OSCILLATOR = ParametricSystem(
     "oscillator", (Row("mass", "q", "v", {"spring": "-q", "coulomb": "-sign(v)", "gain": "u"}),)

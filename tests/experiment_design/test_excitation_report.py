@@ -119,7 +119,7 @@ def test_what_no_input_mends_is_said(faint):
 
 def test_a_rigid_joint_is_examined_too():
     """Assert that a log with one encoder is assessed as the rigid joint that identify takes."""
-    from flexid.models.rigid_joint import rigid_joint
+    from flexid.models.flexible_joint import rigid_joint
     from flexid.simulation.free_run import free_run
 
     true = {"gamma1": 4.0, "beta1": 0.8}

@@ -21,7 +21,7 @@ from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure import gap
 from flexid.identification.structure.link_delay import skew
 from flexid.identification.structure.validation import from_fitted_states
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import HARDENING
 from flexid.recording.recording import Hold, Recording

@@ -12,7 +12,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation import doubts
 from flexid.identification.estimation.answers import between_lengths
 from flexid.identification.estimation.final_fits import hidden_covariance
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 20.0, "beta1": 3.0}

@@ -17,7 +17,7 @@ from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.gap import as_wide_as_its_gap, half_gap, with_free_width
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import BACKLASH_WIDTH, PAPER_TERMS
 
 HALF_GAP = 4e-4  # rad

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-import flexid.identification.vocabulary.estimate as intervals
+import flexid.identification.vocabulary.evidence as intervals
 from flexid.errors import SettingError
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.judgement import (
@@ -17,9 +17,9 @@ from flexid.identification.judgement import (
     verdict,
 )
 from flexid.identification.preparation.joint import flexible
-from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
+    Estimate,
     ParameterEstimate,
     ValueEstimate,
 )

@@ -13,7 +13,7 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure import link_delay
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.recording.recording import Log
 
 

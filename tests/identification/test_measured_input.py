@@ -25,8 +25,7 @@ from made_joint import (
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.disturbed import fit_disturbed
 from flexid.identification.estimation.disturbed_estimate import pulled
-from flexid.identification.estimation.measured_input import input_noise, lagged
-from flexid.identification.estimation.model_error import widened
+from flexid.identification.estimation.model_error import input_noise, lagged, widened
 from flexid.identification.full_model.amplifier import IDEAL, Amplifier, _is_crossed
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of

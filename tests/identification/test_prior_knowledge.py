@@ -13,10 +13,9 @@ from flexid.errors import SettingError
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.full_model.model import Data
 from flexid.identification.preparation.joint import flexible, link, rigid
-from flexid.identification.preparation.prior_knowledge import Known, informed
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.preparation.stated import stated
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.preparation.stated import Known, informed, stated
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.physical import physical_parameters
 

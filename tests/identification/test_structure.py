@@ -18,7 +18,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.structure.elimination import best_length, eliminate
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.002, friction_sign=3.5)

@@ -10,7 +10,7 @@ from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made, recording
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.vocabulary.estimate import interval
+from flexid.identification.vocabulary.evidence import interval
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 TERMS = ("gravity", "motor_viscous")

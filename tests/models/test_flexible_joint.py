@@ -10,12 +10,15 @@ import pytest
 
 from flexid.models.expression import evaluate
 from flexid.models.flexible_joint import (
+    RIGID_TERMS,
     SHAPE_TERMS,
     TERMS,
     TIES,
     flexible_joint,
+    rigid_joint,
+    rigid_terms,
+    row_alone,
 )
-from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row_alone
 from flexid.simulation.free_run import free_run
 
 NOTATION = Path(__file__).parents[2] / "docs" / "commands.md"

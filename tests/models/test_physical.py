@@ -5,10 +5,17 @@ from functools import partial
 import numpy as np
 import pytest
 
-from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS, TIES, flexible_joint
-from flexid.models.parameter_kinds import Quotient
-from flexid.models.physical import joint_coefficients, physical_parameters
-from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
+from flexid.models.flexible_joint import (
+    COEFFICIENT_UNITS,
+    RIGID_TERMS,
+    RIGID_UNITS,
+    SHAPE_TERMS,
+    TERMS,
+    TIES,
+    flexible_joint,
+    rigid_joint,
+)
+from flexid.models.physical import Quotient, joint_coefficients, physical_parameters
 
 TRUTH = {
     "gravity_torque": 5.0,

@@ -11,11 +11,11 @@ from flexid.errors import RecordingError
 from flexid.readers import formats, guard
 from flexid.readers.formats import Format
 from flexid.readers.guard import Limits, Reading
-from flexid.recording.series import table_of_file, tables_of_file
+from flexid.recording.read import table_of_file, tables_of_file
 
 GOOD = """
 import polars as pl
-from flexid.readers.contents import Contents, RefusedError, Series
+from flexid.readers.formats import Contents, RefusedError, Series
 
 def table():
     time = [0.01 * k for k in range(100)]

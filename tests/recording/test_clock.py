@@ -16,8 +16,7 @@ from flexid.recording import Log, read_log
 from flexid.recording.clock import Clock
 from flexid.recording.columns import channels_of, recipes_of
 from flexid.recording.frame import table_of_arrays, table_of_frame
-from flexid.recording.read import log_of_table
-from flexid.recording.series import tables_of_file
+from flexid.recording.read import log_of_table, tables_of_file
 from flexid.recording.table import Table
 from flexid.streaming.incoming import Replay
 

@@ -10,7 +10,7 @@ from benchmarks.fuzz_files import mcap
 
 from flexid.recording import read_log
 from flexid.recording.frame import write_parquet
-from flexid.recording.series import table_of_file, tables_of_file
+from flexid.recording.read import table_of_file, tables_of_file
 
 FAST = np.arange(0.0007, 0.4, 1e-3)
 LATE = sorted(log_files.measured(2_000_000), key=lambda one: one[0])

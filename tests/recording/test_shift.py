@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.recording.shift import later, rate_of_later, spoilt
+from flexid.estimators.channel_timing import later, rate_of_later, spoilt
 
 SAMPLE_TIME = 1e-3
 TIME = SAMPLE_TIME * np.arange(3000)

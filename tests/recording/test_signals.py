@@ -17,7 +17,7 @@ from scipy.io import savemat
 
 from flexid.readers import guard, ros
 from flexid.recording import read_log
-from flexid.recording.series import tables_of_file
+from flexid.recording.read import tables_of_file
 
 TIME, LINK, MOTOR, INPUT = COLUMNS.values()
 BOTH = np.stack([MOTOR, LINK], axis=1)

@@ -6,7 +6,7 @@ from flexid.estimators.excitation import excitation_of_gram
 from flexid.identification.preparation.recordings import Alignment, Delay
 from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary import evidence
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 
 INFINITE = float("inf")
 

@@ -9,8 +9,13 @@ from scipy.stats import ttest_ind
 
 from flexid.errors import SettingError
 from flexid.identification.judgement import verdict
-from flexid.identification.vocabulary.estimate import interval, logarithmic_interval
-from flexid.identification.vocabulary.evidence import Disturbances, ModelError, ParameterEstimate
+from flexid.identification.vocabulary.evidence import (
+    Disturbances,
+    ModelError,
+    ParameterEstimate,
+    interval,
+    logarithmic_interval,
+)
 from flexid.stored_estimates.comparison import compare_estimates, holm
 from made_estimates import STIFFER, TRUE, drawn, estimate_of, exact, with_parameter
 

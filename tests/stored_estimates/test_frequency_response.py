@@ -8,7 +8,7 @@ import pytest
 import flexid
 import made_estimates
 from flexid.errors import SettingError
-from flexid.identification.vocabulary.estimate import quantile
+from flexid.identification.vocabulary.evidence import quantile
 from flexid.models.flexible_joint import BACKLASH_WIDTH, BEND_DEFLECTION, SPRING_CENTRE
 from flexid.report.figure import draw
 from flexid.report.response_charts import bode_chart

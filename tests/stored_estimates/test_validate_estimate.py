@@ -11,8 +11,7 @@ from flexid.errors import RecordingError, SettingError
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.library.logs import read_log
-from flexid.models.flexible_joint import flexible_joint
-from flexid.models.rigid_joint import rigid_joint
+from flexid.models.flexible_joint import flexible_joint, rigid_joint
 from flexid.simulation.free_run import free_run
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate, sealed
 from flexid.stored_estimates.validate_estimate import validate_estimate as validate_stored

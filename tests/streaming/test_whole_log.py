@@ -9,13 +9,13 @@ import polars as pl
 import pytest
 
 from flexid.errors import RecordingError, SettingError
+from flexid.estimators.channel_timing import later
 from flexid.estimators.samples import samples_of_recording
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import Identification
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.read import read_log
-from flexid.recording.shift import later
 from flexid.simulation.free_run import free_run
 from flexid.streaming import incoming, whole_log
 from flexid.streaming.whole_log import identify_stream

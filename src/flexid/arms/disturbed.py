@@ -39,8 +39,7 @@ from flexid.identification.full_model.fitting import Steps, lengths, motion_at, 
 from flexid.identification.full_model.model import Data, Structure, encoder_noise, sensor_noise
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.structure.validation import HORIZONS, validate_with
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import Validation
+from flexid.identification.vocabulary.evidence import Estimate, Validation
 from flexid.models.torque_balance import TorqueBalance
 
 # Per sample: those of a resonance at the Nyquist frequency, at most.

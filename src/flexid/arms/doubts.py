@@ -19,6 +19,7 @@ from flexid.arms.fitting import EFFECT_BAND, FittedArm, effect_sizes, link_delay
 from flexid.arms.starts import filtered
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.channel_timing import later
 from flexid.estimators.samples import Samples, side_by_side
 from flexid.estimators.segmented_motion import Equations, SegmentedMotion
 from flexid.identification.estimation.doubts import (
@@ -39,10 +40,9 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.structure.gap import LIKELIER
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import JointTerm, TorqueBalance
-from flexid.recording.shift import later
 from flexid.recording.velocities import position_noise
 
 _SEED = 1  # of the noise that is added to inputs

@@ -28,8 +28,7 @@ from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import by_misfit
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.structure.validation import validate
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import Validation
+from flexid.identification.vocabulary.evidence import Estimate, Validation
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import TorqueBalance
 from flexid.recording.recording import Hold

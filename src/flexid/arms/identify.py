@@ -32,18 +32,17 @@ from flexid.identification.full_model.model import Structure
 from flexid.identification.judgement import judged_function, judged_value
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.result import model_warnings, validation_warnings
-from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
+    Estimate,
     ModelError,
     ParameterEstimate,
     Validation,
 )
-from flexid.models.parameter_kinds import Quotient
+from flexid.models.physical import Quotient
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm, JointTerm
-from flexid.recording.caution import Caution, Rank, ranked
-from flexid.recording.channel import INPUTS
+from flexid.recording.channel import INPUTS, Caution, Rank, ranked
 from flexid.recording.velocities import is_noise
 
 _CALIBRATED = "N m"

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import ParameterEstimate, Validation
+from flexid.identification.vocabulary.evidence import Estimate, ParameterEstimate, Validation
 from flexid.models.planar_arm import PlanarArm
 from flexid.recording.recording import Hold
 

@@ -28,7 +28,7 @@ from flexid.cli.generated import (
     working,
 )
 from flexid.errors import ConvergenceError, FlexidError, SettingError, SimulationError
-from flexid.toml_file import is_arm_file
+from flexid.files import is_arm_file
 
 _OF_AN_ARM = ("logs", "model", "columns")
 

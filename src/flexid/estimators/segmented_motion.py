@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,9 @@ from flexid.estimators.samples import Segments, first_states, in_threads
 from flexid.estimators.unknowns import Unknowns
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.torque_balance import TorqueBalance
+
+if TYPE_CHECKING:
+    from flexid.models.torque_balance import TorqueBalance
 
 _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
 _MOST_SUBSTEPS = 30.0  # per sample; what is faster than three radians in one is over in no time
@@ -431,22 +433,22 @@ MOTION = ("sin_cos", "model")
 """Templates by which the kernel of the segments moves a model."""
 
 
-def motion_kernel(system: ParametricSystem | TorqueBalance) -> ModuleType:
+def motion_kernel(system: "ParametricSystem | TorqueBalance") -> ModuleType:
     """The compiled motion of a model, for the kernel of the segments to call.
 
     Arms of as many joints have the same, whatever their lengths.
     """
 
     def build() -> str:
-        if isinstance(system, TorqueBalance):
-            from flexid.derivation.torque_balance import balance_functions
+        if isinstance(system, ParametricSystem):
+            from flexid.derivation.sensitivities import sensitivity_functions
 
-            return balance_functions(system)
-        from flexid.derivation.sensitivities import sensitivity_functions
+            return sensitivity_functions(system, "Motion and its derivatives")
+        from flexid.derivation.torque_balance import balance_functions
 
-        return sensitivity_functions(system, "Motion and its derivatives")
+        return balance_functions(system)
 
-    task = "torque_balance" if isinstance(system, TorqueBalance) else "motion"
+    task = "motion" if isinstance(system, ParametricSystem) else "torque_balance"
     return load_kernel(task, [system.digest], build, MOTION)
 
 

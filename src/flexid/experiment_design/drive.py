@@ -18,15 +18,13 @@ from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.models.flexible_joint import SHAPE_TERMS, flexible_joint
+from flexid.files import RefuseKey, parse_toml, read_small, validated
+from flexid.models.flexible_joint import COULOMB_VELOCITY, SHAPE_TERMS, flexible_joint
 from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
-from flexid.models.terms import COULOMB_VELOCITY
-from flexid.simulation.free_run import free_run
-from flexid.simulation.sampled import plain_model
+from flexid.simulation.free_run import free_run, plain_model
 from flexid.stored_estimates.estimate_file import StoredEstimate, refusal
-from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
 DOUBT = 0.3
 """Relative error of every parameter that a design must bear."""
@@ -309,7 +307,7 @@ def read_drive(
 ) -> DriveFile:
     """Read a drive file."""
     refuse = partial(refusal, str(path))
-    raw = read_bytes(path, "a TOML file", refuse)
+    raw = read_small(path, "a TOML file", refuse)
     inputs = [(path.name, hashlib.sha256(raw).hexdigest())]
     content = parse_toml(raw, refuse)
     experiment = content.get("experiment")
@@ -370,8 +368,8 @@ def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
     return [f"{stored.name}: {warning}" for warning in warnings]
 
 
-def _check_experiment(wanted: Experiment, fastest: float, refuse: Refuse) -> None:
-    """Refuse what no experiment can be whose fastest tone has a frequency in rad/s."""
+def _check_experiment(wanted: Experiment, fastest: float, refuse: RefuseKey) -> None:
+    """RefuseKey what no experiment can be whose fastest tone has a frequency in rad/s."""
     samples = wanted.duration / wanted.sample_time
     if not _FEWEST_SAMPLES <= samples <= _MOST_SAMPLES:
         raise refuse(

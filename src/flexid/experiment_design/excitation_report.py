@@ -19,8 +19,7 @@ from flexid.identification.judgement import verdict
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import Identification
 from flexid.identification.vocabulary import Progress, silent
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import CoefficientEstimate
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.recording import Log

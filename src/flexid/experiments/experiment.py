@@ -28,14 +28,14 @@ from flexid.experiments.tables import (
     Tables,
 )
 from flexid.experiments.variation import Variation, read_variation
+from flexid.files import RefuseKey, parse_toml, read_small, validated
+from flexid.models.flexible_joint import SMOOTHING
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
-from flexid.models.terms import SMOOTHING
 from flexid.paper.laws import Controller, pd_gravity, robust_law
 from flexid.paper.loop import Multisine, constant, sinusoid
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.sampled import Sampling, simulate_sampled
-from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
 _MOST_SAMPLES = 10_000_000  # most samples of one run
 
@@ -120,7 +120,7 @@ def read_experiment(path: str | Path) -> Experiment:
     """Read an experiment file with a table for each part, and perhaps one of a campaign."""
     path = Path(path)
     refuse = partial(ExperimentError, str(path))
-    content = parse_toml(read_bytes(path, "an experiment file in TOML", refuse), refuse)
+    content = parse_toml(read_small(path, "an experiment file in TOML", refuse), refuse)
     campaign = content.pop("campaign", None)
     experiment = declared_experiment(str(path), content)
     if campaign is None:
@@ -143,7 +143,7 @@ def declared_experiment(
     return Experiment(path, system, tables, loop, None if like is None else like.variation)
 
 
-def _checked(content: Mapping[str, Any], refuse: Refuse) -> Tables:
+def _checked(content: Mapping[str, Any], refuse: RefuseKey) -> Tables:
     schema = SampledTables if "sampling" in content else ContinuousTables
     tables = validated(content, schema, refuse)
     settings = tables.settings
@@ -154,7 +154,7 @@ def _checked(content: Mapping[str, Any], refuse: Refuse) -> Tables:
     return tables
 
 
-def _completed(tables: Tables, system: ParametricSystem, refuse: Refuse) -> Tables:
+def _completed(tables: Tables, system: ParametricSystem, refuse: RefuseKey) -> Tables:
     """The tables with what the file leaves to the model: constants, zeros at the start."""
     state, states = tables.initial_state, system.states
     for name in state:
@@ -172,7 +172,7 @@ def _completed(tables: Tables, system: ParametricSystem, refuse: Refuse) -> Tabl
 
 
 def _loop(
-    tables: Tables, system: ParametricSystem, refuse: Refuse, like: ClosedLoop | None
+    tables: Tables, system: ParametricSystem, refuse: RefuseKey, like: ClosedLoop | None
 ) -> ClosedLoop:
     values = _plant(tables, system, refuse)
     parts = {
@@ -197,7 +197,7 @@ def _loop(
 _OF_EVERY_JOINT = ("link_inertia", "motor_inertia", "joint_stiffness")
 
 
-def _plant(tables: Tables, system: ParametricSystem, refuse: Refuse) -> Mapping[str, float]:
+def _plant(tables: Tables, system: ParametricSystem, refuse: RefuseKey) -> Mapping[str, float]:
     """Values of coefficients and constants; those of a joint follow from physical parameters."""
     model, plant = tables.model, tables.plant
     of_joint = isinstance(model, JointModel)
@@ -234,7 +234,7 @@ _REFERENCES: dict[str, Callable[..., Multisine]] = {
 # Their arguments are called as the keys of their tables.
 
 
-def _reference(table: Reference, refuse: Refuse) -> Multisine:
+def _reference(table: Reference, refuse: RefuseKey) -> Multisine:
     try:
         return _REFERENCES[table.kind](**table.model_dump(exclude={"kind"}))
     except ModelError as error:

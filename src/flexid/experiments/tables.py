@@ -17,12 +17,11 @@ from pydantic import (
 )
 
 from flexid.errors import ExpressionError, ModelError, SettingError
-from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
+from flexid.files import RefuseKey
+from flexid.models.flexible_joint import COULOMB_VELOCITY, PAPER_TERMS, flexible_joint
 from flexid.models.model_file import read_model
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import TERM_PARAMETERS
-from flexid.models.terms import COULOMB_VELOCITY
-from flexid.toml_file import Refuse
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w-]+$")]
 
@@ -71,7 +70,7 @@ class JointModel(Table):
     known: list[Name] = ["beta1"]
     coulomb_velocity: Positive = COULOMB_VELOCITY["revolute"]  # rad/s
 
-    def system(self, _folder: Path, refuse: Refuse) -> ParametricSystem:
+    def system(self, _folder: Path, refuse: RefuseKey) -> ParametricSystem:
         """The model; known coefficients have the value 1."""
         for place, term in enumerate(self.terms, start=1):
             if term not in TERM_PARAMETERS:
@@ -90,7 +89,7 @@ class FileModel(Table):
 
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
 
-    def system(self, folder: Path, refuse: Refuse) -> ParametricSystem:
+    def system(self, folder: Path, refuse: RefuseKey) -> ParametricSystem:
         """The model, with the constants that its file declares."""
         try:
             return read_model(folder / self.file)

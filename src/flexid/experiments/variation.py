@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from flexid.errors import ExperimentError, did_you_mean
 from flexid.experiments.tables import Number, Positive, Table, Whole
-from flexid.toml_file import validated
+from flexid.files import validated
 
 if TYPE_CHECKING:
     import polars as pl

@@ -26,10 +26,10 @@ from flexid.derivation.drive_source import plant_functions
 from flexid.errors import SettingError
 from flexid.exports.request import ExportRequest, rendered
 from flexid.kernels.templates.run_status import BOUND
+from flexid.models.flexible_joint import SMOOTHING, without_jumps
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.terms import SMOOTHING, without_jumps
 from flexid.recording.names import cut
-from flexid.simulation.sampled import STEPS_PER_TIME_CONSTANT, fastest_pole
+from flexid.simulation.free_run import STEPS_PER_TIME_CONSTANT, fastest_pole
 
 Causality = Literal["independent", "output", "input", "parameter"]
 

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
 from flexid.estimators.state_variable_filter import check_filter_rate
-from flexid.models.flexible_joint import CONSTANT_UNITS, POSITIVE, SQUARES
+from flexid.models.flexible_joint import CONSTANT_UNITS, POSITIVE, SMOOTHING, SQUARES, declared_row
 from flexid.models.motion import JointType, unit_of
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.terms import SMOOTHING, declared_row
 from flexid.recording.sampling import check_sample_time
 
 if TYPE_CHECKING:

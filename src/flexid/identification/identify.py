@@ -51,20 +51,21 @@ from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt, skew
 from flexid.identification.structure.shapes import sought_constants
 from flexid.identification.vocabulary import Progress, silent
-from flexid.identification.vocabulary.estimate import Estimate, interval
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
+    Estimate,
     ParameterEstimate,
     TermEvidence,
     Validation,
     ValueEstimate,
+    interval,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.flexible_joint import SMOOTHING
 from flexid.models.motion import unit_of
-from flexid.models.parameter_kinds import Directional
-from flexid.models.terms import SMOOTHING
-from flexid.recording.caution import Rank, cautions, ranked
+from flexid.models.physical import Directional
+from flexid.recording.channel import Rank, cautions, ranked
 from flexid.recording.recording import Log
 from flexid.recording.slow_motion import late_input
 

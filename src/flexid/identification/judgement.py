@@ -17,20 +17,22 @@ import numpy as np
 from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.preparation.recordings import SplitRecordings
-from flexid.identification.vocabulary.estimate import Estimate, interval, propagated
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
+    Estimate,
     ParameterEstimate,
     Validation,
     ValueEstimate,
     Verdict,
     balance_of,
+    interval,
+    propagated,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import CONSTANT_UNITS, POSITIVE
 from flexid.models.motion import unit_of
-from flexid.models.parameter_kinds import PhysicalParameter, Product
+from flexid.models.physical import PhysicalParameter, Product
 from flexid.recording.velocities import position_noise
 
 Judged = tuple[Verdict, str]

@@ -12,11 +12,11 @@ from flexid.identification.judgement import WEAK_FIT
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Alignment, Delay
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
     Disturbances,
+    Estimate,
     ModelError,
     ParameterEstimate,
     SegmentEvidence,
@@ -27,7 +27,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import RIPPLE_ORIGIN
 from flexid.models.motion import JointType
-from flexid.recording.caution import Caution, Rank
+from flexid.recording.channel import Caution, Rank
 from flexid.recording.recording import Hold, Log, Recording
 
 Estimator = Literal["prediction-error", "innovations", "least-squares"]

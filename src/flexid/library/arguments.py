@@ -17,7 +17,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 from flexid.errors import ArgumentError
-from flexid.toml_file import refuse_arm_file
+from flexid.files import refuse_arm_file
 
 if TYPE_CHECKING:
     from threadpoolctl import threadpool_limits

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from flexid.errors import SettingError, did_you_mean
 from flexid.identification.result import Identification
-from flexid.identification.vocabulary.estimate import CONFIDENCE, checked_level
 from flexid.identification.vocabulary.evidence import (
+    CONFIDENCE,
     CoefficientEstimate,
     Disturbances,
     ParameterEstimate,
     ValueEstimate,
     Verdict,
+    checked_level,
     slopes_of,
 )
 from flexid.library.answer import EstimateAnswer

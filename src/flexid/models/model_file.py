@@ -12,10 +12,9 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from flexid.errors import ExpressionError, ModelError
-from flexid.files import shown
+from flexid.files import parse_toml, read_small, shown, validated
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.planar_arm import PlanarArm
-from flexid.toml_file import parse_toml, read_bytes, validated
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w .:()-]+$")]
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -71,7 +70,7 @@ def read_model(path: str | Path) -> ParametricSystem:
     """
     path = Path(path)
     refuse = partial(_refused, str(path))
-    raw = read_bytes(path, "a TOML file, or the name flexible-joint", refuse)
+    raw = read_small(path, "a TOML file, or the name flexible-joint", refuse)
     content = validated(parse_toml(raw, refuse), _Model, refuse)
     rows = tuple(
         Row(row.name, row.coordinate, row.velocity, row.coefficients, row.known)
@@ -119,7 +118,7 @@ class _ArmFile(BaseModel):
 def read_arm(path: Path) -> PlanarArm:
     """Read an arm: the table ``[arm]`` of a TOML file, with lengths and gravity."""
     refuse = partial(_refused, shown(path))
-    content = parse_toml(read_bytes(path, "a TOML file", refuse), refuse)
+    content = parse_toml(read_small(path, "a TOML file", refuse), refuse)
     arm = validated(content, _ArmFile, refuse).arm
     along, across = arm.gravity if isinstance(arm.gravity, tuple) else (arm.gravity, 0.0)
     return PlanarArm(tuple(arm.lengths), (float(along), float(across)), shown(path))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from flexid.models.terms import DECLARED
+from flexid.models.flexible_joint import DECLARED
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
 JOINT_TERMS = tuple(JointTerm(name, **content) for name, content in DECLARED["arm"].items())

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.readers.contents import WIDEST, Contents, Frame, Series
+from flexid.readers.formats import WIDEST, Contents, Frame, Series
 
 Selection: TypeAlias = tuple[int | slice, ...]
 Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]

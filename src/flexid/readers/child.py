@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from flexid.readers.contents import Contents, Frame, RefusedError, of_frame
+from flexid.readers.formats import Contents, Frame, RefusedError, of_frame
 
 _pipe: BinaryIO | None = None
 

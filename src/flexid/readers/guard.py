@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexid.errors import RecordingError
 from flexid.files import check_file, sha256, shown
-from flexid.readers.contents import Series
-from flexid.readers.formats import files_of, format_of
+from flexid.readers.formats import Series, files_of, format_of
 
 if TYPE_CHECKING:
     import polars

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from flexid.readers.arrays import Arrays
-from flexid.readers.contents import WIDEST, Contents
+from flexid.readers.formats import WIDEST, Contents
 
 _MATLABS_OWN = ("#refs#", "#subsystem#")
 _PLAIN = {"double", "single"} | {f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexid.readers.contents import STAMPS, Contents, Frame, RefusedError, Series
+from flexid.readers.formats import STAMPS, Contents, Frame, RefusedError, Series
 
 _TIME_MASTER = (0, 1)  # sync types: none stated, as in version 3, and time
 _NUMBERS = range(6)  # data types of version 4: integers and floating point, of either byte order

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexid.readers.contents import STAMPS, WIDEST, Contents, Frame, RefusedError, Series
-from flexid.readers.formats import files_of
+from flexid.readers.formats import STAMPS, WIDEST, Contents, Frame, RefusedError, Series, files_of
 
 _LARGEST_RECORD = 1_000_000_000  # bytes
 _LONGEST_DEFINITION = 200_000  # characters

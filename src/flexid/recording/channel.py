@@ -1,7 +1,13 @@
-"""Channels that a log may have, one of them in SI units, a log while it is read, and its limits."""
+"""Channels that a log may have, one of them in SI units, a log while it is read, and its limits.
+
+Warnings know what they are about, so that the first one is what to do first.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -9,8 +15,47 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.models.motion import JointType, unit_of
-from flexid.recording.caution import Caution, Rank
 from flexid.recording.names import MOST_TIMES, first_times
+
+
+class Rank(IntEnum):
+    """What a warning is about. The lowest is to be mended first, as others may follow from it."""
+
+    DATA = 0  # samples are wrong, lost or left out
+    SCALE = 1  # a unit, a scale, a sign or the wiring is wrong
+    MODEL = 2  # the model lacks something that the drive has
+    MOTION = 3  # the motion shows too little
+    NOTE = 4  # what was assumed or mended
+
+
+class Caution(str):
+    """A warning: one sentence with its rank; a plain string counts as a note."""
+
+    __slots__ = ("rank",)
+
+    rank: Rank
+
+    def __new__(cls, text: str, rank: Rank = Rank.NOTE) -> Caution:
+        """Return the sentence with its rank."""
+        made = super().__new__(cls, text)
+        made.rank = rank
+        return made
+
+
+def cautions(rank: Rank, texts: Iterable[str]) -> tuple[Caution, ...]:
+    """Sentences of one rank; those that have one keep it."""
+    return tuple(text if isinstance(text, Caution) else Caution(text, rank) for text in texts)
+
+
+def rank_of(text: str) -> Rank:
+    """The rank of a sentence."""
+    return text.rank if isinstance(text, Caution) else Rank.NOTE
+
+
+def ranked(texts: Iterable[str]) -> tuple[str, ...]:
+    """Sentences in the order in which to act on them; equals stay in their order."""
+    return tuple(sorted(texts, key=rank_of))
+
 
 LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in memory
 MOST_ROWS = 5_000_000  # an identification in memory takes 2 kB for each

@@ -6,8 +6,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.caution import Rank
-from flexid.recording.channel import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft
+from flexid.recording.channel import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft, Rank
 from flexid.recording.names import first_times
 from flexid.recording.velocities import is_noise, position_noise
 

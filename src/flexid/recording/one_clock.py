@@ -5,14 +5,11 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.caution import Rank
-from flexid.recording.channel import INPUTS, VELOCITIES, Draft
 from flexid.recording.names import quoted
-from flexid.recording.sampling import EVEN, MOST_GAPS, are_gaps, interpolated, parts_between
+from flexid.recording.sampling import EVEN, are_gaps, interpolated, parts_between
 
 _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
 _PASSED = 0.8  # of half the slower rate, up to which an input passes
@@ -88,57 +85,6 @@ def on_one_clock(
         f"channels at the faster rate",
     )
     return times[usable], columns, warnings[: bool(moved) + bool(filtered)]
-
-
-def drop_holes(log: Draft) -> None:
-    """Leave out few rows with an empty cell; of many, each channel has a clock of its own."""
-    there = {name: ~np.isnan(log[name]) for name in log.names}
-    unused = _sparse_velocities(there)
-    if unused:
-        columns = " and ".join(log.channels[name].place for name in sorted(unused))
-        log.warn(columns, "too many values are missing, so it is not used: leave it out")
-        for name in unused:
-            del log.channels[name], there[name]
-    whole = np.logical_and.reduce([*there.values()])
-    if whole.all():
-        return
-    missing = " and ".join(log.channels[name].place for name, own in there.items() if not own.all())
-    count = f"no value in {np.count_nonzero(~whole)} of {len(whole)} rows"
-    if np.mean(~whole) <= MOST_GAPS:
-        log.warn(
-            missing,
-            f"{count} (at {log.at(np.flatnonzero(~whole))}), which were left out: log every "
-            f"channel in every sample",
-            Rank.DATA,
-        )
-        log.keep(whole)
-        return
-    columns = {name: log.channels[name].column for name in there}
-    stamps = {columns[name]: log.time[own] for name, own in there.items()}
-    signals = [
-        Signal(name, columns[name], log[name][own], name in INPUTS) for name, own in there.items()
-    ]
-    times, found, warnings = on_one_clock(log.file, stamps, signals)
-    if np.mean(are_gaps(times)) > MOST_GAPS:
-        raise log.refusal(
-            missing,
-            f"{count}, at uneven times: log every channel in every sample, or at a rate of its own",
-        )
-    for name, values in {"time": times, **found}.items():
-        log[name] = values
-    log.warnings += warnings
-
-
-def _sparse_velocities(there: Mapping[str, NDArray[np.bool_]]) -> set[str]:
-    """Velocities that lack too many values in the rows that have all that is needed."""
-    velocities = {name for name in VELOCITIES if name in there}
-    needed = np.logical_and.reduce([own for name, own in there.items() if name not in velocities])
-    most = MOST_GAPS * np.count_nonzero(needed)
-    return {
-        name
-        for name in velocities
-        if np.count_nonzero(needed & ~there[name]) > most or not there[name].any()
-    }
 
 
 def _slow(stamps: FloatArray, values: FloatArray, ratio: float) -> FloatArray:

@@ -18,8 +18,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.recording.caution import Rank
-from flexid.recording.channel import INPUTS, POSITIONS, Draft
+from flexid.recording.channel import INPUTS, POSITIONS, Draft, Rank
 from flexid.recording.sampling import (
     EVEN,
     MOST_GAPS,

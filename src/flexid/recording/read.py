@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from flexid.arrays import FloatArray
+from flexid.models.motion import JointType
+from flexid.readers.formats import format_of
 from flexid.recording import checks
-from flexid.recording.channel import ENCODERS, INPUTS, VELOCITIES, Draft
+from flexid.recording.channel import ENCODERS, INPUTS, VELOCITIES, Draft, Rank
 from flexid.recording.columns import read_channels
-from flexid.recording.one_clock import drop_holes
 from flexid.recording.outliers import mend
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import (
+    MOST_GAPS,
     Grid,
+    are_gaps,
     drop_repeats,
     even_grid,
     keep_common,
     to_grid,
 )
-from flexid.recording.series import table_of_file, unwrap
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.table import Table
+from flexid.recording.text import read_table
 from flexid.recording.velocities import is_used
 
 if TYPE_CHECKING:
@@ -33,6 +40,25 @@ if TYPE_CHECKING:
 def read_log(path: Path, columns: MapSource | None = None) -> Log:
     """The log that a file holds, on an even time grid, with what was mended or looks odd."""
     return log_of_table(table_of_file(path, columns), columns)
+
+
+def table_of_file(path: Path, columns: MapSource | None) -> Table:
+    """Columns of a log that a column map or their names choose, whatever its format."""
+    with closing(tables_of_file(path, columns, None)) as tables:
+        return next(tables)
+
+
+def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> Generator[Table]:
+    """The same, of about so many rows at a time; damage is raised after the tables before it."""
+    if format_of(path) is None:
+        yield read_table(path)
+        return
+    # Late: a text file needs neither a child process nor clocks that are brought together.
+    from flexid.readers.guard import Reading
+    from flexid.recording.series import Signals
+
+    with Reading(path) as reading:
+        yield from Signals(reading, columns).tables(size)
 
 
 def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
@@ -66,6 +92,59 @@ def _drafted(table: Table, columns: MapSource | None) -> Draft:
     drop_holes(log)
     checks.drop_frozen(log)
     return log
+
+
+def drop_holes(log: Draft) -> None:
+    """Leave out few rows with an empty cell; of many, each channel has a clock of its own."""
+    there = {name: ~np.isnan(log[name]) for name in log.names}
+    unused = _sparse_velocities(there)
+    if unused:
+        columns = " and ".join(log.channels[name].place for name in sorted(unused))
+        log.warn(columns, "too many values are missing, so it is not used: leave it out")
+        for name in unused:
+            del log.channels[name], there[name]
+    whole = np.logical_and.reduce([*there.values()])
+    if whole.all():
+        return
+    missing = " and ".join(log.channels[name].place for name, own in there.items() if not own.all())
+    count = f"no value in {np.count_nonzero(~whole)} of {len(whole)} rows"
+    if np.mean(~whole) <= MOST_GAPS:
+        log.warn(
+            missing,
+            f"{count} (at {log.at(np.flatnonzero(~whole))}), which were left out: log every "
+            f"channel in every sample",
+            Rank.DATA,
+        )
+        log.keep(whole)
+        return
+    from flexid.recording.one_clock import Signal, on_one_clock  # few logs have several clocks
+
+    columns = {name: log.channels[name].column for name in there}
+    stamps = {columns[name]: log.time[own] for name, own in there.items()}
+    signals = [
+        Signal(name, columns[name], log[name][own], name in INPUTS) for name, own in there.items()
+    ]
+    times, found, warnings = on_one_clock(log.file, stamps, signals)
+    if np.mean(are_gaps(times)) > MOST_GAPS:
+        raise log.refusal(
+            missing,
+            f"{count}, at uneven times: log every channel in every sample, or at a rate of its own",
+        )
+    for name, values in {"time": times, **found}.items():
+        log[name] = values
+    log.warnings += warnings
+
+
+def _sparse_velocities(there: Mapping[str, NDArray[np.bool_]]) -> set[str]:
+    """Velocities that lack too many values in the rows that have all that is needed."""
+    velocities = {name for name in VELOCITIES if name in there}
+    needed = np.logical_and.reduce([own for name, own in there.items() if name not in velocities])
+    most = MOST_GAPS * np.count_nonzero(needed)
+    return {
+        name
+        for name in velocities
+        if np.count_nonzero(needed & ~there[name]) > most or not there[name].any()
+    }
 
 
 def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool) -> Log:
@@ -150,3 +229,94 @@ def _recording_of(
         link_from_deflection="deflection" in log.channels,
         joint=log.joint,
     )
+
+
+TURN = 2.0 * np.pi  # rad
+_FEW_VALUES = 20  # a position of so few counts does not jump, it steps
+
+
+def unwrap(log: Draft) -> None:
+    """Make the positions of absolute encoders continuous, a turn apart at most."""
+    encoders = log.those_of(ENCODERS)
+    wrapped = []
+    for name in encoders:
+        wrapped += [name] if _unwrap(log, name) else []
+        _check_jumps(log, name)
+    if wrapped and len(encoders) == 2:
+        last = wrapped[-1]
+        (other,) = {*ENCODERS} - {last}
+        turn = TURN if log.joint == "revolute" else _motor_turn(log, last)
+        # Where the encoders began is not known.
+        log[last] = log[last] + turn * float(np.rint(np.median(log[other] - log[last]) / turn))
+
+
+def _unwrap(log: Draft, name: str) -> bool:
+    """Whether a position jumped by turns, which it then does no more; raise for other jumps."""
+    channel, time = log.channels[name], log.time
+    values, steps = channel.values, np.diff(channel.values)
+    turn = _motor_turn(log, name)
+    if np.abs(steps).max() <= 0.5 * (turn or TURN) or (log.joint == "prismatic" and not turn):
+        return False
+    positions, period = without_wraps(time, values, turn, log.joint)
+    if log.joint == "prismatic" and not period:
+        return False
+    period = period or TURN
+    # A position may be another after a gap: there only a turn of the link's side is a wrap.
+    seen = ~are_gaps(time) | (period == TURN)
+    jumps = np.flatnonzero(seen & (np.abs(steps) > 0.5 * period))
+    if not len(jumps) or (period == TURN and len(jumps) > len(steps) // 4):
+        return False  # a wrong unit makes so many, which `check_speed` finds
+    at = log.at(jumps + 1)
+    if np.abs(np.diff(positions)[seen]).max() > 0.25 * period:
+        raise log.refusal(
+            name,
+            f"{name} jumps by {abs(steps[jumps[0]]):.3g} {channel.unit} at {at}, which is not a "
+            f"whole turn of an encoder: check the unit and the {log.ratio}, or remove the outlier"
+            + ("" if period == TURN else "; if the encoder wraps, unwrap it, or log faster"),
+        )
+    log.warn(name, f"{name} jumps by a turn at {at}, and was unwrapped: check it")
+    log[name] = positions
+    return True
+
+
+def _motor_turn(log: Draft, name: str) -> float:
+    """What a turn of the motor is at the link's side; 0 where the encoder stands there."""
+    ratio = log.channels[name].origin.ratio
+    return TURN / abs(ratio) if ratio else 0.0
+
+
+def without_wraps(
+    time: FloatArray,
+    readings: FloatArray,
+    turn: float,  # of the motor, at the link's side; 0 where the encoder stands there
+    joint: JointType = "revolute",
+) -> tuple[FloatArray, float]:
+    """Positions of a whole log's encoder, and what it wraps by in front of a gear, or 0."""
+    from flexid.kernels.store import load_kernel  # few logs wrap
+
+    kernel = load_kernel("encoder_turns", (), None, ["encoder_turns"])
+    gear, positions = kernel.first_gear(), np.empty(len(readings))
+    sample_time = float(np.median(np.diff(time)))
+    turning = joint == "revolute"
+    kernel.unwrapped_log(time, readings, turn, turning, sample_time, gear, positions)
+    if gear[kernel.PERIOD] < 0.0:  # what looked like a wrap was none
+        return without_wraps(time, readings, 0.0, joint)
+    return positions, float(gear[kernel.PERIOD])
+
+
+def _check_jumps(log: Draft, name: str) -> None:
+    """Warn of a position that jumps across its range, as a counter does that overflows."""
+    # It may be another after a gap, and one of a few counts does not jump.
+    values = log[name]
+    steps = np.where(are_gaps(log.time), 0.0, np.abs(np.diff(values)))
+    extent = float(np.ptp(values))
+    is_jump = steps > 0.5 * extent
+    rest = steps[~is_jump].max(initial=0.0)
+    if is_jump.any() and rest <= 0.25 * extent and len(np.unique(values)) > _FEW_VALUES:
+        log.warn(
+            name,
+            f"{name} jumps by more than half of its range at "
+            f"{log.at(np.flatnonzero(is_jump) + 1)}: if a counter overflows, unwrap it, or write "
+            f"the gear_ratio in a column map; if it is an outlier, remove it",
+            Rank.DATA,
+        )

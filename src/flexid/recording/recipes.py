@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.files import shown
+from flexid.files import parse_toml, read_small, shown
 from flexid.models.motion import JOINT_TYPES, JointType, unit_of
 from flexid.recording.channel import (
     GEARED,
@@ -29,7 +29,6 @@ from flexid.recording.clock import Clock
 from flexid.recording.names import cut, folded, nearest_name, quoted, split_header
 from flexid.recording.table import Table
 from flexid.recording.units import UnitError, is_of_a_slide, scale_to_si
-from flexid.toml_file import parse_toml, read_bytes
 
 MapSource: TypeAlias = Path | Mapping[str, object]
 """A TOML file that holds a column map, or the same keys and values in Python."""
@@ -100,7 +99,7 @@ def map_in_file(path: Path) -> dict[str, Any]:
     def refuse(_key: str, reason: str) -> RecordingError:
         return RecordingError(shown(path), "", reason)
 
-    raw = read_bytes(path, "a column map in TOML", refuse)
+    raw = read_small(path, "a column map in TOML", refuse)
     return parse_toml(raw, lambda _, reason: refuse("", _no_map(raw, reason)))
 
 

@@ -11,8 +11,13 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.recording.caution import Rank
-from flexid.recording.channel import LONGEST_SAMPLE_TIME, POSITIONS, SHORTEST_SAMPLE_TIME, Draft
+from flexid.recording.channel import (
+    LONGEST_SAMPLE_TIME,
+    POSITIONS,
+    SHORTEST_SAMPLE_TIME,
+    Draft,
+    Rank,
+)
 from flexid.recording.clock import is_stamp
 from flexid.recording.names import first_times
 from flexid.recording.table import Table

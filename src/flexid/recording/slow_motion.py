@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.recording.caution import Caution, Rank
-from flexid.recording.channel import ENCODERS, Draft
+from flexid.recording.channel import ENCODERS, Caution, Draft, Rank
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import best_half_window, velocity
 

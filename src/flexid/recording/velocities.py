@@ -10,8 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.recording.caution import Rank
-from flexid.recording.channel import Draft
+from flexid.recording.channel import Draft, Rank
 from flexid.recording.recording import Recording
 
 DEGREE = 5  # of the local polynomials

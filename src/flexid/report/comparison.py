@@ -7,7 +7,7 @@ from typing import Any
 from rich.text import Text
 
 from flexid.arrays import plain
-from flexid.identification.vocabulary.estimate import CONFIDENCE
+from flexid.identification.vocabulary.evidence import CONFIDENCE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.identification import COEFFICIENTS, PARAMETERS
 from flexid.report.page import Presenter

@@ -1,4 +1,4 @@
-"""A model alone, under a recorded input."""
+"""A model alone: its poles, and its motion under a recorded input."""
 
 from collections.abc import Mapping
 from types import ModuleType
@@ -11,7 +11,65 @@ from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-from flexid.simulation.sampled import runge_kutta_substeps
+
+STEPS_PER_TIME_CONSTANT = 20.0
+"""Steps of the integrator per time constant of the fastest pole; it then errs by 3e-9 per step."""
+
+_MOST_SUBSTEPS = 1000  # per sample
+
+
+def runge_kutta_substeps(
+    system: ParametricSystem,
+    x: FloatArray,
+    u: FloatArray,
+    p: FloatArray,
+    c: FloatArray,
+    sample_time: float,
+) -> int:
+    """Steps per sample that resolve a model's fastest pole."""
+    fastest = fastest_pole(system, x, u, p, c)
+    substeps = max(1.0, np.ceil(STEPS_PER_TIME_CONSTANT * fastest * sample_time))
+    if substeps > _MOST_SUBSTEPS:
+        raise SimulationError(
+            f"the model has a pole of {fastest:.3g} 1/s, too fast for samples {sample_time:.3g} s "
+            f"apart: check its coefficients",
+            0.0,
+        )
+    return int(substeps)
+
+
+def fastest_pole(
+    system: ParametricSystem, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
+) -> float:
+    """Largest magnitude of a model's poles in 1/s, linearised at the start and at rest."""
+    model, fastest = plain_model(system), 0.0
+    # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
+    for at in [np.zeros_like(x), x] if np.any(x) else [x]:
+        matrix, gains = np.empty((len(x), len(x))), np.empty((len(x), len(u)))
+        jumps = np.empty(len(x) // 2)
+        with np.errstate(all="ignore"):
+            model.slopes(at, u, p, c, matrix, gains)
+            model.jumps(at, u, p, c, jumps)
+        for row in np.flatnonzero(jumps).tolist():
+            raise SimulationError(
+                f"the acceleration of the model's row {row + 1} jumps with the sign of its "
+                f"velocity: smooth it, for example tanh(v/0.01) instead of sign(v)",
+                0.0,
+            )
+        if np.all(np.isfinite(matrix)):  # else the model has no linearisation here
+            fastest = max(fastest, float(np.max(np.abs(np.linalg.eigvals(matrix)))))
+    return fastest
+
+
+def plain_model(system: ParametricSystem) -> ModuleType:
+    """``right_hand_side``, ``slopes`` and ``jumps`` of a system, as Python."""
+
+    def build() -> str:
+        from flexid.derivation.model_functions import plain_model as source
+
+        return source(system)
+
+    return load_kernel("plain_model", [system.digest], build)
 
 
 def free_run(

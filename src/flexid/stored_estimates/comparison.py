@@ -25,8 +25,7 @@ import flexid
 from flexid.arms.result import ArmIdentification
 from flexid.errors import SettingError
 from flexid.identification.result import Identification
-from flexid.identification.vocabulary.estimate import CONFIDENCE, quantile
-from flexid.identification.vocabulary.evidence import ValueEstimate
+from flexid.identification.vocabulary.evidence import CONFIDENCE, ValueEstimate, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,

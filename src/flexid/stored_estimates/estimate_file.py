@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexid.arrays import plain, to_json
 from flexid.errors import SettingError
-from flexid.files import read_bytes
-from flexid.toml_file import Refuse, first_complaint
+from flexid.files import RefuseKey, first_complaint, read_bytes
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -123,7 +122,7 @@ def refusal(name: str, key: str, reason: str) -> SettingError:
     return SettingError(name, f"the key {key!r} {reason}" if key else reason)
 
 
-def _result(content: Any, refuse: Refuse) -> "Identification | ArmIdentification":
+def _result(content: Any, refuse: RefuseKey) -> "Identification | ArmIdentification":
     """What the content of a file says, checked."""
     from pydantic import ValidationError
 

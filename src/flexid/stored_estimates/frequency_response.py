@@ -28,18 +28,18 @@ from flexid.estimators.normal_equations import eigen
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.result import Identification
 from flexid.identification.structure.gap import PLAY
-from flexid.identification.vocabulary.estimate import (
+from flexid.identification.vocabulary.evidence import (
     CONFIDENCE,
     Interval,
     checked_level,
     logarithmic_interval,
     quantile,
+    slopes_of,
 )
-from flexid.identification.vocabulary.evidence import slopes_of
 from flexid.models.flexible_joint import coefficients_of
 from flexid.models.motion import unit_of
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.sampled import plain_model
+from flexid.simulation.free_run import plain_model
 from flexid.stored_estimates.structure import structure_of, values_of
 
 ComplexArray = NDArray[np.complex128]

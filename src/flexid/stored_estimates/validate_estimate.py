@@ -16,6 +16,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import FEWEST_SAMPLES, Samples, divide
+from flexid.files import RefuseKey
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure, data_of
 from flexid.identification.preparation.joint import ElasticArm, Joint, Kind
@@ -30,12 +31,11 @@ from flexid.identification.structure.validation import Channels, validate_with
 from flexid.identification.vocabulary.evidence import Validation, ValueEstimate
 from flexid.models.motion import JointType
 from flexid.models.planar_arm import planar_arm
-from flexid.recording.caution import Rank, cautions, ranked
+from flexid.recording.channel import Rank, cautions, ranked
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import position_noise
 from flexid.stored_estimates.estimate_file import WANTED, StoredEstimate
 from flexid.stored_estimates.structure import structure_of, values_of
-from flexid.toml_file import Refuse
 
 HEAD = 0.5
 """Seconds at the start of each recording from which the first state is taken."""
@@ -115,7 +115,7 @@ def _predicted(
     )
 
 
-def _structure(stored: Identification, values: Mapping[str, float], refuse: Refuse) -> Structure:
+def _structure(stored: Identification, values: Mapping[str, float], refuse: RefuseKey) -> Structure:
     for name, found in stored.coefficients.items():
         if not isfinite(found.value):
             raise refuse(f"coefficients.{name}.value", "is no number: identify again")
@@ -159,7 +159,7 @@ def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[
 
 
 def _check_made_of(name: str, stored: Identification, logs: Sequence[Log]) -> None:
-    """Refuse logs whose joint or input is another than that of the estimate."""
+    """RefuseKey logs whose joint or input is another than that of the estimate."""
     check_alike(logs)
     first = logs[0].recordings[0]
     # A link alone is driven by the motor's motion, whatever the logs have beside it.

@@ -27,8 +27,8 @@ from flexid.recording.layout import (
     layout_of,
     split,
 )
+from flexid.recording.read import tables_of_file
 from flexid.recording.sampling import GAP, check_typical
-from flexid.recording.series import tables_of_file
 from flexid.recording.table import Table, decimal_mark
 from flexid.recording.text import COMMENT_MARKS, UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels

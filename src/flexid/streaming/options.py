@@ -14,6 +14,7 @@ from typing import Any, Literal, cast
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.state_variable_filter import FASTEST, SLOWEST, check_filter_rate
 from flexid.estimators.unknowns import Unknowns
+from flexid.files import refuse_arm_file
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import traits
 from flexid.identification.preparation.settings import Settings
@@ -22,21 +23,24 @@ from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.flexible_joint import (
     ANGULAR_TERMS,
+    COULOMB_VELOCITY,
+    RIGID_TERMS,
     SHAPE_TERMS,
     SQUARES,
     TERMS,
     WIDTHS,
+    check_terms,
     flexible_joint,
+    rigid_joint,
+    rigid_terms,
+    row_alone,
 )
 from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import ANGLES
-from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms, row_alone
-from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.channel import INPUTS, Channel
+from flexid.recording.read import TURN
 from flexid.recording.sampling import check_sample_time
-from flexid.recording.series import TURN
-from flexid.toml_file import refuse_arm_file
 
 LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word
 

@@ -33,13 +33,11 @@ from flexid.identification.result import (
     validation_warnings,
 )
 from flexid.identification.vocabulary import Progress, silent
-from flexid.identification.vocabulary.estimate import Estimate, quantile
-from flexid.identification.vocabulary.evidence import CoefficientEstimate
-from flexid.models.flexible_joint import SHAPE_TERMS
-from flexid.models.terms import SMOOTHING
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, Estimate, quantile
+from flexid.models.flexible_joint import SHAPE_TERMS, SMOOTHING
 from flexid.readers.formats import PARQUET
 from flexid.readers.guard import Reading
-from flexid.recording.caution import Rank, cautions, ranked
+from flexid.recording.channel import Rank, cautions, ranked
 from flexid.recording.read import log_of_table
 from flexid.recording.recording import Log
 from flexid.recording.sampling import EVEN, GAP

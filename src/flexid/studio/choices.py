@@ -14,8 +14,7 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import SettingError
-from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
-from flexid.models.rigid_joint import RIGID_TERMS
+from flexid.models.flexible_joint import RIGID_TERMS, SHAPE_TERMS, TERMS
 from flexid.paper.loop import Multisine
 from flexid.recording.channel import SI_UNITS
 from flexid.studies.runs import (

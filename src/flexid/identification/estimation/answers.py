@@ -34,7 +34,7 @@ from flexid.identification.estimation.final_fits import (
     hidden_covariance,
     with_doubts,
 )
-from flexid.identification.estimation.measured_input import lagged
+from flexid.identification.estimation.model_error import lagged
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     may_stand,
@@ -47,16 +47,16 @@ from flexid.identification.structure.elimination import Choice, core_deviations
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
 from flexid.identification.structure.link_delay import skew
 from flexid.identification.structure.validation import validate
-from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
+    Estimate,
     ModelError,
     Validation,
     balance_of,
 )
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import POSITIVE, resonance
-from flexid.recording.caution import Caution, Rank
+from flexid.recording.channel import Caution, Rank
 
 if TYPE_CHECKING:
     from flexid.identification.estimation.disturbed import Disturbed

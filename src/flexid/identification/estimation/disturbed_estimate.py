@@ -31,11 +31,11 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
-from flexid.identification.estimation.measured_input import SEED, with_more
+from flexid.identification.estimation.model_error import SEED, with_more
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.structure.gap import PLAY, with_free_width
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import HARDENING
 from flexid.recording.velocities import position_noise
 

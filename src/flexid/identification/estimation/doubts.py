@@ -15,8 +15,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.full_model.model import Fitted
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import balance_of
+from flexid.identification.vocabulary.evidence import Estimate, balance_of
 from flexid.models import flexible_joint as declared
 
 CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is known better

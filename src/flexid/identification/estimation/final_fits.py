@@ -18,11 +18,12 @@ from flexid.identification.estimation.excitations import (
     unexcited,
     without_noise,
 )
-from flexid.identification.estimation.measured_input import error_of, widened_by
 from flexid.identification.estimation.model_error import (
     driving_covariance,
     driving_frictions,
+    error_of,
     stand_in_covariance,
+    widened_by,
 )
 from flexid.identification.full_model.fits_by_length import hold_covariance
 from flexid.identification.full_model.fitting import expanded, fit_like, fit_to, lengths
@@ -33,8 +34,7 @@ from flexid.identification.structure.elimination import Choice
 from flexid.identification.structure.gap import with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
 from flexid.identification.structure.shapes import settled
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import ModelError
+from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import coefficients_of
 from flexid.recording.velocities import with_velocities

@@ -10,9 +10,8 @@ from flexid.identification.full_model.fitting import fit_by_length, lengths
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import starts
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.preparation.prior_knowledge import Known, contradiction_warning, informed
-from flexid.identification.preparation.stated import Stated
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.preparation.stated import Known, Stated, contradiction_warning, informed
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
 
 _DURATION = 1.0  # s, segments of a fit that says whether something known is wrong altogether

@@ -19,7 +19,7 @@ from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Bounds, Unknowns
 from flexid.identification.preparation.joint import ElasticArm, Joint
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.recording.recording import Hold, Recording
 from flexid.recording.slow_motion import scales_apart
 from flexid.recording.velocities import position_noise

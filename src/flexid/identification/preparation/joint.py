@@ -8,7 +8,7 @@ and dropped without a kernel of their own.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
@@ -21,23 +21,29 @@ from flexid.models.flexible_joint import (
     ANGULAR_TERMS,
     BACKLASH_WIDTH,
     COEFFICIENT_UNITS,
+    COULOMB_VELOCITY,
     HYSTERESIS_GRIP,
+    RIGID_TERMS,
+    RIGID_UNITS,
     RIPPLE_ORIGIN,
     SHAPE_TERMS,
+    SMOOTHING,
     SOUGHT_CONSTANTS,
     TERMS,
     TIES,
     flexible_joint,
+    rigid_joint,
+    row_alone,
+    with_dry_friction,
 )
 from flexid.models.motion import FORCES, JointType, unit_of
-from flexid.models.parameter_kinds import PhysicalParameter, ZeroAngle
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.physical import physical_parameters
-from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint, row_alone
-from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING, with_dry_friction
-from flexid.models.torque_balance import TorqueBalance
+from flexid.models.physical import PhysicalParameter, ZeroAngle, physical_parameters
+from flexid.recording.read import TURN
 from flexid.recording.recording import Recording
-from flexid.recording.series import TURN
+
+if TYPE_CHECKING:
+    from flexid.models.torque_balance import TorqueBalance
 
 Kind = Literal["flexible", "link", "rigid"]
 
@@ -344,7 +350,7 @@ def _root_mean_square(parts: Sequence[FloatArray]) -> float:
 class ElasticArm:
     """An arm with all its terms."""
 
-    balance: TorqueBalance
+    balance: "TorqueBalance"
     resting: tuple[int, ...] = ()  # joints whose motors stand still
     terms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # none can be left out
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)

@@ -10,12 +10,12 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
+from flexid.estimators.channel_timing import later, spoilt
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
 from flexid.models.motion import JointType, unit_of
-from flexid.recording.caution import Caution, Rank
+from flexid.recording.channel import Caution, Rank
 from flexid.recording.recording import Hold, Log, Recording
-from flexid.recording.shift import later, spoilt
 from flexid.recording.velocities import is_noise, while_moving, with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
@@ -285,8 +285,8 @@ def aligned(recording: Recording, alignment: Alignment) -> Recording:
 
     Returns shorter by the samples at both ends that not all channels cover. The link's
     position, and its velocity if it was logged, are shifted in phase alone, which leaves white
-    noise white (`flexid.recording.shift`). The input becomes its mean over each sample's hold,
-    or its value on the straight line between two samples.
+    noise white (`flexid.estimators.channel_timing`). The input becomes its mean over each sample's
+    hold, or its value on the straight line between two samples.
     """
     drive = alignment.input_delay.value / recording.sample_time
     link = -alignment.link_delay.value / recording.sample_time

@@ -10,9 +10,15 @@ from flexid.errors import SettingError, did_you_mean
 from flexid.estimators.samples import FEWEST_SAMPLES
 from flexid.estimators.state_variable_filter import check_filter_rate
 from flexid.identification.preparation.joint import Joint, Kind
-from flexid.models.flexible_joint import COEFFICIENT_UNITS, POSITIVE, SHAPE_TERMS, TERMS
+from flexid.models.flexible_joint import (
+    COEFFICIENT_UNITS,
+    POSITIVE,
+    RIGID_TERMS,
+    RIGID_UNITS,
+    SHAPE_TERMS,
+    TERMS,
+)
 from flexid.models.physical import PARAMETER_NAMES
-from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
 from flexid.recording.checks import FASTEST_JOINT
 from flexid.recording.recording import Hold
 
@@ -44,7 +50,7 @@ class Settings:
     # log shows, if not given
     model: Kind | Auto = "auto"
     # terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
-    # `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder
+    # `flexid.models.flexible_joint.RIGID_TERMS` for a log with one encoder
     terms: tuple[str, ...] | Auto = "auto"
     # physical parameters, such as ``motor_inertia`` in kg m² or kg, or coefficients, by name
     known: Mapping[str, float] = field(default_factory=dict)

@@ -22,8 +22,7 @@ from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
 from flexid.identification.vocabulary import Progress
-from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
+from flexid.identification.vocabulary.evidence import Estimate, SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, coefficients_of
 

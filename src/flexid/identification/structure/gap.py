@@ -40,7 +40,7 @@ from flexid.identification.full_model.starting import (
     unexplained_link,
 )
 from flexid.identification.vocabulary import Progress
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,

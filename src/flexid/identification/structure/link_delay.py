@@ -31,7 +31,7 @@ from flexid.arrays import FloatArray
 from flexid.identification.full_model.model import LINK, Data
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.preparation.recordings import Alignment, Delay
-from flexid.identification.vocabulary.estimate import Estimate, interval
+from flexid.identification.vocabulary.evidence import Estimate, interval
 from flexid.recording.velocities import position_noise
 
 CONFUSED = DAMPING, FRICTION = "theta_damping", "theta_viscous"

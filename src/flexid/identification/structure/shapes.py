@@ -33,7 +33,7 @@ from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.gap import about_its_own_centre, as_wide_as_its_gap
 from flexid.identification.vocabulary import Progress
-from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import (
     BEND_DEFLECTION,

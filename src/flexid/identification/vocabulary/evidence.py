@@ -1,13 +1,180 @@
-"""What the steps of an identification find out, each as the reports need it."""
+"""What the steps of an identification find out: an estimate with its intervals, and evidence."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, Self
 
 import numpy as np
+from scipy.special import stdtrit
 
 from flexid.arrays import FloatArray
-from flexid.identification.vocabulary.estimate import checked_level, interval, logarithmic_interval
+from flexid.errors import SettingError
+from flexid.estimators.cluster_covariance import shrunken
+from flexid.models.flexible_joint import POSITIVE
+from flexid.models.physical import PhysicalParameter
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Values of what was sought, with their uncertainty."""
+
+    names: tuple[str, ...]  # what was sought, k of them
+    values: FloatArray  # (k,): their values
+    # (k, k): of all that is doubted; infinite variance where the data leave a value free
+    covariance: FloatArray
+    degrees_of_freedom: tuple[float, ...]  # of each variance, for Student's t
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations, shape (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Values by name."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    def scaled(self, factors: FloatArray) -> "Estimate":
+        """The same with every standard deviation times a factor, shape (k,)."""
+        finite = np.isfinite(np.diag(self.covariance))
+        factors = np.where(finite, factors, 1.0)
+        return replace(self, covariance=self.covariance * np.outer(factors, factors))
+
+    def at_least(self, deviations: FloatArray | float) -> "Estimate":
+        """The same with no standard deviation below another, shape (k,)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            short = deviations / self.deviations
+        return self.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))
+
+    def drawn_to(self, white: FloatArray) -> "Estimate":
+        """The same with the covariance drawn towards that of white noise, shape (k, k)."""
+        own = np.array(self.degrees_of_freedom)
+        covariance, freedom = shrunken(self.covariance, white, own)
+        return replace(self, covariance=covariance, degrees_of_freedom=tuple(freedom.tolist()))
+
+    def turned(self, mixing: FloatArray) -> "Estimate":
+        """The same with errors that are a mixture, shape (k, k), of those that are finite."""
+        finite = np.isfinite(np.diag(self.covariance))
+        part = np.ix_(finite, finite)
+        covariance = self.covariance.copy()
+        covariance[part] = mixing[part] @ covariance[part] @ mixing[part].T
+        return replace(self, covariance=covariance)
+
+    def without_knowledge_of(self, names: Collection[str]) -> "Estimate":
+        """The same with infinite variance for some names."""
+        lost = np.array([name in names for name in self.names], dtype=np.bool_)
+        covariance = np.where(lost[:, None] | lost, 0.0, self.covariance)
+        covariance[lost, lost] = np.inf
+        return replace(self, covariance=covariance)
+
+    def widened(self, more: FloatArray) -> "Estimate":
+        """The same with a further covariance, shape (k, k), added to what is finite."""
+        finite = np.isfinite(np.diag(self.covariance))
+        added = np.where(np.outer(finite, finite), more, 0.0)
+        return replace(self, covariance=self.covariance + added)
+
+    def with_values(self, known: Mapping[str, float]) -> dict[str, float]:
+        """Values by name, with others that were not sought."""
+        return {**known, **self.by_name}
+
+
+Interval = tuple[float, float]
+
+CONFIDENCE = 0.95
+"""Nominal coverage of every interval, where no other level is asked for."""
+
+_ROUNDING = 1e-6  # of the largest share, below which a degree is none
+
+
+@dataclass(frozen=True)
+class Propagated:
+    """A physical parameter as a fit gives it."""
+
+    value: float  # value and standard deviation in the parameter's unit
+    std: float  # value and standard deviation in the parameter's unit
+    interval: Interval  # lower and upper end of the 95 % interval
+    degrees_of_freedom: float  # of the standard deviation; infinite if nothing in it was estimated
+    logarithmic: bool  # whether the interval was taken on the logarithm
+    slopes: Mapping[str, float]  # derivatives by what was fitted
+
+
+def checked_level(level: float) -> float:
+    """The level of an interval, if it is one; else a `SettingError`."""
+    if not (isinstance(level, int | float) and 0.0 < level < 1.0):
+        raise SettingError("level", f"must lie between 0 and 1, such as 0.95, got {level!r}")
+    return float(level)
+
+
+def quantile(degrees_of_freedom: float, level: float = CONFIDENCE) -> float:
+    """Half-width of the interval in standard deviations; infinite without degrees of freedom."""
+    if degrees_of_freedom <= 0.0:
+        return np.inf
+    return float(stdtrit(degrees_of_freedom, (1.0 + level) / 2.0))
+
+
+def interval(
+    value: float, std: float, degrees_of_freedom: float, level: float = CONFIDENCE
+) -> Interval:
+    """Symmetrical interval; the whole line if nothing is known."""
+    if not np.isfinite(value):
+        return -np.inf, np.inf
+    if std == 0.0:
+        return value, value
+    half_width = quantile(degrees_of_freedom, level) * std
+    return value - half_width, value + half_width
+
+
+def logarithmic_interval(
+    value: float, std: float, degrees_of_freedom: float, level: float = CONFIDENCE
+) -> Interval:
+    """Interval of a positive quantity, symmetrical on the logarithm.
+
+    Parameters are those of `interval`; `value` is positive. The standard deviation of the
+    logarithm is `std / value` by the delta method.
+    """
+    if std == 0.0:
+        return value, value
+    with np.errstate(over="ignore"):
+        factor = float(np.exp(quantile(degrees_of_freedom, level) * std / value))
+    return value / factor, value * factor
+
+
+def propagated(
+    parameter: PhysicalParameter, values: Mapping[str, float], fit: Estimate
+) -> Propagated:
+    """Physical parameter with the interval that the coefficients' covariance gives it.
+
+    One that divides by a coefficient of zero has no value: nan.
+    """
+    value = parameter.value(values)
+    value = value if np.isfinite(value) else np.nan
+    names = tuple(name for name in fit.names if name in parameter.coefficients)
+    if not names:  # follows from what was given
+        return Propagated(value, 0.0, (value, value), np.inf, False, {})
+    places = [fit.names.index(name) for name in names]
+    gradient = parameter.gradient(values, names)
+    freedom = float(min(fit.degrees_of_freedom[i] for i in places))
+    std = _deviation(gradient, fit.covariance[np.ix_(places, places)])
+    logarithmic = set(names) <= POSITIVE and value > 0.0 and _degree(gradient, names, values) < 0
+    of = logarithmic_interval if logarithmic else interval
+    slopes = dict(zip(names, gradient.tolist(), strict=True))
+    return Propagated(value, std, of(value, std, freedom), freedom, logarithmic, slopes)
+
+
+def _deviation(gradient: FloatArray, covariance: FloatArray) -> float:
+    if not (np.isfinite(covariance).all() and np.isfinite(gradient).all()):
+        return np.inf
+    return float(np.sqrt(gradient @ covariance @ gradient))
+
+
+def _degree(gradient: FloatArray, names: tuple[str, ...], values: Mapping[str, float]) -> int:
+    """Sign of the parameter's degree in the coefficients, by Euler: g'p = degree g, with g > 0."""
+    shares = gradient * [values[name] for name in names]
+    degree = float(np.sum(shares))
+    if not abs(degree) >= _ROUNDING * float(np.abs(shares).max()):  # nor where a coefficient is 0
+        return 0
+    return int(np.sign(degree))
+
 
 Verdict = Literal["determined", "weak", "undetermined"]
 
