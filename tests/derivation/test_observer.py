@@ -17,11 +17,7 @@ from flexid.errors import AccelerationError, ModelError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.paper.observer import SymbolicObserver, derive_observer, error_dynamics, graded_rule
-from flexid.paper.printing import (
-    c_observer,
-    latex_observer,
-    python_observer,
-)
+from flexid.paper.printing import c_observer, latex_observer, python_observer
 
 
 @pytest.mark.parametrize("name", ALL)
