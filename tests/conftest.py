@@ -117,6 +117,15 @@ def example_estimate(examples: Path) -> JointEstimate:
 
 
 @pytest.fixture(scope="session")
+def tiny_drive(examples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a drive file whose design takes seconds."""
+    text = (examples / "drive.toml").read_text().replace("duration = 10.0", "duration = 2.0")
+    path = tmp_path_factory.mktemp("drive") / "drive.toml"
+    path.write_text(text.replace("sample_time = 0.001", "sample_time = 0.004\nharmonics = 3"))
+    return path
+
+
+@pytest.fixture(scope="session")
 def reproduction() -> Reproduction:
     """Return Huang (2003) reproduced, once for all tests."""
     return reproduce(lambda _: None)

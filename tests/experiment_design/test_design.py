@@ -83,17 +83,6 @@ def test_errors_of_a_fit_are_as_predicted(designed, tmp_path):
     np.testing.assert_allclose(scatter / predicted, 1.0, atol=0.4)
 
 
-@pytest.fixture(scope="module")
-def tiny_drive(examples, tmp_path_factory):
-    """A drive file whose design takes seconds."""
-    text = (examples / "drive.toml").read_text()
-    text = text.replace("duration = 10.0", "duration = 2.0")
-    text = text.replace("sample_time = 0.001", "sample_time = 0.004\nharmonics = 3")
-    path = tmp_path_factory.mktemp("drive") / "drive.toml"
-    path.write_text(text)
-    return path
-
-
 def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     """Assert that the command prints within the page and leaves a log that flexid can read."""
     outcome = flexid("design", tiny_drive, "--out", tmp_path)
