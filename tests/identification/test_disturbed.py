@@ -135,7 +135,7 @@ def test_a_spring_is_no_delay():
 @pytest.mark.parametrize("stiffness", [1e6, 2e4])
 def test_a_delay_between_encoders_is_found(stiffness: float):
     """Assert that 3 ms are found, be the joint rigid or its deflection mostly a skew."""
-    acts = {"joint_stiffness": stiffness, "gravity_torque": 0.0}
+    acts: Any = {"joint_stiffness": stiffness, "gravity_torque": 0.0}
     found = skew(JOINT, data(made(6, link_delay=3e-3, **acts)))
     assert found.delay == pytest.approx(3e-3, rel=0.02)
     assert found.explained > 0.9

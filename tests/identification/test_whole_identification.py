@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,10 +82,10 @@ def test_rest_before_a_motion_changes_nothing(clean):
 
 def test_a_step_one_way_leaves_room_for_friction():
     """Assert that a fifth of a constant torque may be friction, and that ratios stay known."""
-    acts = {"gravity_torque": 0.0, "motor_inertia": 0.5, "motor_viscous": 0.8, "joint_damping": 0.3}
-    friction = {"motor_coulomb_up": 1.0, "motor_coulomb_down": 1.0}
-    step = {"torque": lambda at: np.where(at >= 0.2, 5.0, 0.0), "held": True, "noise": 1e-4}
-    result = identify([log(made(4, 3.0, **step, **acts, **friction))])
+    acts: dict[str, Any] = {"gravity_torque": 0.0, "motor_inertia": 0.5, "joint_damping": 0.3}
+    acts |= {"motor_viscous": 0.8, "motor_coulomb_up": 1.0, "motor_coulomb_down": 1.0}
+    acts |= {"torque": lambda at: np.where(at >= 0.2, 5.0, 0.0), "held": True}
+    result = identify([log(made(4, 3.0, noise=1e-4, **acts))])
     for name, true in (("link_inertia", 1.0), ("joint_stiffness", 100.0)):
         found = result.parameters[name]
         assert found.interval[0] < true < found.interval[1]
