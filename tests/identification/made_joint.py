@@ -4,7 +4,7 @@ Whatever acts is given by the names of `Drive`; a smooth torque of many tones, e
 noise. A joint that disturbances push is a `Plant`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -60,7 +60,7 @@ def made(
     link_delay: float = 0.0,
     torque_noise: float = 0.0,
     size: float = 1.0,
-    torque: Callable[[np.ndarray], np.ndarray] | None = None,
+    torque: Any = None,  # N m, a function of time in place of tones
     **more: float,
 ) -> Recording:
     """One recording (rad, N m, s); no log has the torque's noise, and more are `Drive`'s fields."""
