@@ -113,14 +113,21 @@ def check_values(
 
 
 @dataclass(frozen=True)
-class SampleGrid:
-    """The instants 0, sample_time, 2 sample_time … up to the duration, in s."""
+class Integration:
+    """How long a loop runs, how it is sampled, and how accurately it is integrated."""
 
-    duration: float
-    sample_time: float
+    duration: float  # in s; the run ends at the last sample within it
+    sample_time: float = 1e-3  # in s, of the result; the integrator chooses its own steps
+    relative_tolerance: float = 1e-6  # per step, of each coordinate and each parameter error
+    absolute_tolerance: float | None = None  # in SI units; a thousandth of the relative one
+    maximum_steps: int = 1_000_000  # accepted and rejected, after which the run is given up
 
     def __post_init__(self) -> None:
-        check_positive(asdict(self))
+        if self.absolute_tolerance is None:
+            object.__setattr__(self, "absolute_tolerance", 1e-3 * self.relative_tolerance)
+        for name, value in asdict(self).items():
+            if not 0.0 < value < np.inf:
+                raise SettingError(name, f"{value!r} must be a positive number")
 
     @property
     def count(self) -> int:
@@ -136,13 +143,6 @@ class SampleGrid:
     def times(self) -> NDArray[np.float64]:
         """All of them, in s."""
         return self.sample_time * np.arange(self.count, dtype=np.float64)
-
-
-def check_positive(settings: Mapping[str, float]) -> None:
-    """Raise a `SettingError` for the first that is no positive finite number."""
-    for name, value in settings.items():
-        if not 0.0 < value < np.inf:
-            raise SettingError(name, f"{value!r} must be a positive number")
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def split_columns(kernel: ModuleType, table: FloatArray) -> list[FloatArray]:
 def run_of(
     loop: ClosedLoop,
     kernel: ModuleType,
-    grid: SampleGrid,
+    time: FloatArray,  # (n,)
     table: FloatArray,  # (n, …), as `split_columns` takes it
     settings: dict[str, Any],
     statistics: dict[str, int],
@@ -221,7 +221,7 @@ def run_of(
     *columns, tracking, rest = split_columns(kernel, table)
     return Run(
         loop,
-        grid.times,
+        time,
         *columns,
         tracking_error=tracking[:, 0],
         settings=settings | {"version": flexid.__version__},
@@ -239,45 +239,32 @@ SIDE_BY_SIDE = 32
 
 def simulate(
     loop: ClosedLoop,
-    duration: float,  # in s; the run ends at the last sample within it
-    sample_time: float = 1e-3,  # in s, of the result; the integrator chooses its own steps
-    relative_tolerance: float = 1e-6,  # per step, of each coordinate and each parameter error
-    absolute_tolerance: float | None = None,  # in SI units; a thousandth of the relative one
-    maximum_steps: int = 1_000_000,  # accepted and rejected, after which the run is given up
+    duration: float,
+    sample_time: float = 1e-3,
+    relative_tolerance: float = 1e-6,
+    absolute_tolerance: float | None = None,
+    maximum_steps: int = 1_000_000,
 ) -> Run:
     """Simulate a closed loop in continuous time, sampled from 0 on; `SimulationError` if it fails.
 
-    By Rodas5P, good for any gain.
+    By Rodas5P, good for any gain; see `Integration` for the numbers.
     """
-    tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
-    grid = SampleGrid(duration, sample_time)
+    chosen = Integration(
+        duration, sample_time, relative_tolerance, absolute_tolerance, maximum_steps
+    )
     kernel = loop_kernel(loop.declaration)
-    samples = np.empty((1, grid.count, kernel.SIZE))
-    ends = integrate_loops(kernel, [loop], grid, tolerance, samples, np.empty((1, 0)))
+    samples = np.empty((1, chosen.count, kernel.SIZE))
+    ends = integrate_loops(kernel, [loop], chosen, samples, np.empty((1, 0)))
     if ends.status[0] != kernel.FINISHED:
         largest = float(np.max(np.abs(ends.variables)))
         reason = _reason(kernel, int(ends.status[0]), largest, maximum_steps)
         raise SimulationError(reason, float(ends.reached[0]))
-    outputs = np.empty((grid.count, kernel.N_OUTPUTS))
-    kernel.sampled_outputs(grid.sample_time, samples[0], loop.parameters, outputs)
-    settings = {"task": "continuous", **asdict(grid), **asdict(tolerance)}
+    outputs = np.empty((chosen.count, kernel.N_OUTPUTS))
+    kernel.sampled_outputs(sample_time, samples[0], loop.parameters, outputs)
+    settings = {"task": "continuous", **asdict(chosen)}
     accepted, rejected, _ = map(int, ends.counts[0])
     statistics = {"accepted_steps": accepted, "rejected_steps": rejected}
-    return run_of(loop, kernel, grid, outputs, settings, statistics)
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """How accurately a loop is integrated; the absolute tolerance follows from the relative one."""
-
-    relative_tolerance: float
-    absolute_tolerance: float | None
-    maximum_steps: int
-
-    def __post_init__(self) -> None:
-        if self.absolute_tolerance is None:
-            object.__setattr__(self, "absolute_tolerance", 1e-3 * self.relative_tolerance)
-        check_positive(asdict(self))
+    return run_of(loop, kernel, chosen.times, outputs, settings, statistics)
 
 
 @dataclass(frozen=True)
@@ -293,8 +280,7 @@ class Ends:
 def integrate_loops(
     kernel: ModuleType,
     loops: Sequence[ClosedLoop],
-    grid: SampleGrid,
-    tolerance: Tolerance,
+    chosen: Integration,
     samples: FloatArray,  # (n, count or 0, SIZE), filled with the variables at the grid's instants
     totals: FloatArray,  # (n, N_TOTALS or 0)
 ) -> Ends:
@@ -308,19 +294,19 @@ def integrate_loops(
     reached = np.zeros(runs)
     counts = np.zeros((runs, 3), dtype=np.int64)
     steps = (
-        tolerance.relative_tolerance,
-        tolerance.absolute_tolerance,
-        min(_FIRST_STEP, grid.sample_time),
+        chosen.relative_tolerance,
+        chosen.absolute_tolerance,
+        min(_FIRST_STEP, chosen.sample_time),
         _LONGEST_STEP,
         BOUND,
-        tolerance.maximum_steps,
+        chosen.maximum_steps,
     )
     kernel.integrate(
-        (0.0, grid.end),
+        (0.0, chosen.end),
         variables,
         parameters,
         steps,
-        (grid.sample_time, samples),
+        (chosen.sample_time, samples),
         totals,
         (status, reached, counts),
     )

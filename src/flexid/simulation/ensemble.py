@@ -17,8 +17,7 @@ from flexid.errors import SettingError, SimulationError
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import (
     ClosedLoop,
-    SampleGrid,
-    Tolerance,
+    Integration,
     integrate_loops,
     loop_kernel,
     split_columns,
@@ -74,12 +73,13 @@ def simulate_ensemble(
     meanwhile.
     """
     _check(loops)
-    tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
-    grid = SampleGrid(duration, sample_time)
+    chosen = Integration(
+        duration, sample_time, relative_tolerance, absolute_tolerance, maximum_steps
+    )
     kernel = loop_kernel(loops[0].declaration, stiff)
     totals = np.zeros((len(loops), kernel.N_TOTALS))
     no_samples = np.empty((len(loops), 0, kernel.SIZE))
-    ends = integrate_loops(kernel, loops, grid, tolerance, no_samples, totals)
+    ends = integrate_loops(kernel, loops, chosen, no_samples, totals)
     states, _, _, errors, _, _ = split_columns(kernel, totals[:, kernel.N_MEASURES :])
     measured = _measures(kernel, loops[0].system, totals, ends.reached, ends.reached)
     of_runs = (ends.status, ends.reached, states, errors)
@@ -99,7 +99,7 @@ def simulate_sampled_ensemble(
     _check(loops)
     if len(samplings) != len(loops):
         raise SettingError("samplings", f"there are {len(samplings)} for {len(loops)} loops")
-    grids = [SampleGrid(duration, sampling.sample_time) for sampling in samplings]
+    counts = [Integration(duration, sampling.sample_time).count for sampling in samplings]
     kernel = sampled_kernel(loops[0].declaration)
     totals = np.zeros((len(loops), kernel.N_MEASURES))
     record = np.full((len(loops), kernel.N_RECORD), np.nan)
@@ -107,7 +107,7 @@ def simulate_sampled_ensemble(
     for place, (loop, sampling) in enumerate(zip(loops, samplings, strict=True)):
         own, row = totals[place], record[place : place + 1]
         try:
-            ended = run_sampled(kernel, loop, sampling, grids[place], row, own)
+            ended = run_sampled(kernel, loop, sampling, counts[place], row, own)
             status[place], steps[place], _ = ended
         except SimulationError:
             status[place] = STATUS.index("step too small")

@@ -13,7 +13,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.paper.loop import LoopDeclaration
-from flexid.simulation.closed_loop import ClosedLoop, Run, SampleGrid, run_of
+from flexid.simulation.closed_loop import ClosedLoop, Integration, Run, run_of
 from flexid.simulation.free_run import runge_kutta_substeps
 
 
@@ -53,10 +53,10 @@ def simulate_sampled(loop: ClosedLoop, duration: float, sampling: Sampling | Non
     input was limited.
     """
     sampling = sampling or Sampling()
-    grid = SampleGrid(duration, sampling.sample_time)
+    chosen = Integration(duration, sampling.sample_time)
     kernel = sampled_kernel(loop.declaration)
-    record = np.empty((grid.count, kernel.N_RECORD))
-    status, taken, limited = run_sampled(kernel, loop, sampling, grid, record, np.empty(0))
+    record = np.empty((chosen.count, kernel.N_RECORD))
+    status, taken, limited = run_sampled(kernel, loop, sampling, chosen.count, record, np.empty(0))
     if status != kernel.FINISHED:
         raise SimulationError(
             "the sampled loop diverges: lower its gains or its sample time",
@@ -64,14 +64,14 @@ def simulate_sampled(loop: ClosedLoop, duration: float, sampling: Sampling | Non
         )
     settings = {"task": "sampled", "duration": duration, **asdict(sampling)}
     statistics = {"limited_samples": limited}
-    return run_of(loop, kernel, grid, record, settings, statistics, sensed=True)
+    return run_of(loop, kernel, chosen.times, record, settings, statistics, sensed=True)
 
 
 def run_sampled(
     kernel: ModuleType,
     loop: ClosedLoop,
     sampling: Sampling,
-    grid: SampleGrid,
+    count: int,  # of samples
     record: FloatArray,  # (count or 1, N_RECORD)
     totals: FloatArray,  # (N_MEASURES or 0,)
 ) -> tuple[int, int, int]:
@@ -88,13 +88,13 @@ def run_sampled(
         loop.parameters[np.newaxis],
         constants,
         (
-            sampling.noise(grid.count, kernel.N_STATES),
+            sampling.noise(count, kernel.N_STATES),
             *noise,
             float(sampling.position_resolution),
         ),
         (sampling.input_limit, substeps),
         (loop.start_estimates, np.array([h, 1.0, *gains, *constants])),  # 1: inputs are held
-        grid.count,
+        count,
         record,
         totals,
     )
