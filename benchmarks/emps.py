@@ -20,7 +20,7 @@ from scipy.signal import butter, sosfiltfilt
 
 import flexid
 from benchmarks.size import sized
-from flexid.identification.vocabulary.evidence import CoefficientEstimate
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.flexible_joint import rigid_joint
 from flexid.simulation.free_run import free_run
 
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def force_error(
-    log: Log, coefficients: Mapping[str, CoefficientEstimate], delay: float, band: float
+    log: Log, coefficients: Mapping[str, ValueEstimate], delay: float, band: float
 ) -> float:
     """Norm of the force that the model lacks over that of the force, in per cent."""
     step = float(log["t_s"][1] - log["t_s"][0])

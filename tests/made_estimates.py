@@ -9,11 +9,11 @@ import numpy as np
 
 from flexid.arrays import to_json
 from flexid.estimators.excitation import excitation_of_gram
-from flexid.identification.judgement import Compliance, verdict
+from flexid.identification.judgement import Compliance, judged_function, judged_value
 from flexid.identification.preparation.recordings import Alignment, Delay
 from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary import evidence
-from flexid.identification.vocabulary.evidence import Estimate, interval, propagated
+from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
 from flexid.stored_estimates.estimate_file import estimate_document
@@ -62,33 +62,12 @@ def estimate_of(fit, log="a log", **settings):
     for name, value, std, freedom in zip(
         fit.names, fit.values.tolist(), fit.deviations.tolist(), fit.degrees_of_freedom, strict=True
     ):
-        ends = interval(value, std, freedom)
-        coefficients[name] = evidence.CoefficientEstimate(
-            name,
-            COEFFICIENT_UNITS[name.partition("[")[0]].format(input="(N m)"),
-            value,
-            std,
-            ends,
-            *verdict(value, ends),
-            freedom,
-            slopes={name: 1.0},
-        )
+        unit = COEFFICIENT_UNITS[name.partition("[")[0]].format(input="(N m)")
+        coefficients[name] = judged_value(name, unit, value, std, freedom)
     values = fit.by_name
     parameters = {}
     for parameter in physical_parameters(values, input_is_torque=True):
-        p = propagated(parameter, values, fit)
-        judged = verdict(p.value, p.interval)
-        parameters[parameter.name] = evidence.ParameterEstimate(
-            parameter.name,
-            parameter.unit,
-            p.value,
-            p.std,
-            p.interval,
-            *judged,
-            p.degrees_of_freedom,
-            p.logarithmic,
-            p.slopes,
-        )
+        parameters[parameter.name] = judged_function(parameter, values, fit)
     gram = np.array([[1.0, 0.3], [0.3, 1.0]])
     return Identification(
         model="flexible",

@@ -19,7 +19,7 @@ from flexid.arms.result import ArmIdentification
 from flexid.arrays import to_json
 from flexid.errors import SettingError
 from flexid.exports.mjcf_arm import arm_scene
-from flexid.identification.vocabulary.evidence import Estimate, ParameterEstimate
+from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate
 from flexid.models.planar_arm import planar_arm
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_arm
@@ -35,7 +35,7 @@ def estimate(values: Mapping[str, float]) -> ArmIdentification:
     found = np.array([values.get(name, 0.0) for name in sought])
     stds = 1e-3 * np.abs(found) + 1e-6
     parameters = {
-        name: ParameterEstimate(
+        name: ValueEstimate(
             name, "", value, std, (value - 2 * std, value + 2 * std), "determined",
             degrees_of_freedom=1e3, slopes={name: 1.0},
         )

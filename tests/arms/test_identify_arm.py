@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexid.arms.identify import doubt_of_negative, identify_arm
 from flexid.arms.log import ArmLog, read_arm_log
-from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.planar_arm import PlanarArm
 
 MADE = Arm(
@@ -180,5 +180,5 @@ def test_an_input_that_turns_its_joint_backwards(
 )
 def test_only_what_is_surely_negative_speaks_of_signs(interval: tuple[float, float], words: str):
     """Assert that an interval that reaches above zero blames no sign."""
-    found = ParameterEstimate("joint_stiffness_1", "N m/rad", -1.0, 1.0, interval, "weak")
+    found = ValueEstimate("joint_stiffness_1", "N m/rad", -1.0, 1.0, interval, "weak")
     assert words in doubt_of_negative([found])

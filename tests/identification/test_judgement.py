@@ -13,14 +13,13 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.judgement import (
     coefficient_estimates,
     constant_estimates,
+    judged_function,
     parameter_estimates,
     verdict,
 )
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
     Estimate,
-    ParameterEstimate,
     ValueEstimate,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds, table
@@ -85,7 +84,7 @@ LINK, MOTOR = {"theta1", "theta2"}, {"alpha1", "alpha2", "beta1"}
 HALF = 0.005 * float(t.ppf(0.975, 50.0))
 """Half the interval of a value that is known to 0.5 %, over the value."""
 
-Judged = tuple[dict[str, CoefficientEstimate], dict[str, ParameterEstimate]]
+Judged = tuple[dict[str, ValueEstimate], dict[str, ValueEstimate]]
 
 
 def judged(
@@ -215,11 +214,11 @@ def made(
     return Estimate(names, values, covariance, degrees_of_freedom)
 
 
-def of(name: str, fit: Estimate) -> intervals.Propagated:
-    """Propagate a fit, the truth standing for what was given."""
+def of(name: str, fit: Estimate) -> ValueEstimate:
+    """A function of a fit, the truth standing for what was given."""
     (own,) = (p for p in physical_parameters(NAMES, input_is_torque=True) if p.name == name)
     values = dict(zip(NAMES, TABLE_1.tolist(), strict=True))
-    return intervals.propagated(own, {**values, **fit.by_name}, fit)
+    return judged_function(own, {**values, **fit.by_name}, fit)
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,10 @@ from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Delay, SplitRecordings
 from flexid.identification.result import _delay, model_warnings, validation_warnings
 from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
     Disturbances,
     ModelError,
     Validation,
+    ValueEstimate,
     Verdict,
 )
 from flexid.recording.channel import Caution, Rank, cautions, ranked
@@ -70,7 +70,7 @@ def test_the_widest_interval_counts_by_what_it_means():
     """Assert that what was given has none, and one about zero counts by what it does to its row."""
     values = {"theta2": (100.0, 1.0), "beta1": (3.0, 0.0), "alpha_offset": (0.0, 2.0)}
     found = {
-        name: CoefficientEstimate(name, "", value, half, (value - half, value + half), "determined")
+        name: ValueEstimate(name, "", value, half, (value - half, value + half), "determined")
         for name, (value, half) in values.items()
     }
     assert widest(found, {"theta2": 0.5, "alpha_offset": 0.003}) == pytest.approx(0.01)
@@ -95,7 +95,7 @@ def recordings(stiffness: float, noise: float) -> SplitRecordings:
 )
 def test_spring_that_the_log_leaves_open_explains_nothing(verdict: Verdict, seen):
     """Assert that without a torque a deflection is no compliance if any stiffness would do."""
-    stiffness = CoefficientEstimate("theta2", "1/s^2", 100.0, 1.0, (0.0, 1e3), verdict)
+    stiffness = ValueEstimate("theta2", "1/s^2", 100.0, 1.0, (0.0, 1e3), verdict)
     driven = Validation({"deflection": 90.0}, ())
     compliance = of_link_alone(recordings(100.0, 1e-5), driven, stiffness)
     assert compliance.visible == seen

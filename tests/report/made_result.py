@@ -51,15 +51,13 @@ def made_result(model_error: evidence.ModelError | None = None) -> Identificatio
     return Identification(
         model="flexible",
         coefficients={
-            "theta1": evidence.CoefficientEstimate(
-                "theta1", "1/s^2", 5.0, 0.1, (4.8, 5.2), "determined"
-            ),
-            "alpha_coulomb": evidence.CoefficientEstimate(
+            "theta1": evidence.ValueEstimate("theta1", "1/s^2", 5.0, 0.1, (4.8, 5.2), "determined"),
+            "alpha_coulomb": evidence.ValueEstimate(
                 "alpha_coulomb", "rad/s^2", 2.0, 0.5, (1.0, 3.0), "weak", "its interval is wide"
             ),
         },
         parameters={
-            "gravity_torque": evidence.ParameterEstimate(
+            "gravity_torque": evidence.ValueEstimate(
                 "gravity_torque", "N m", 7.0, 0.1, (6.8, 7.2), "determined"
             )
         },
@@ -70,10 +68,10 @@ def made_result(model_error: evidence.ModelError | None = None) -> Identificatio
         validation=VALIDATION,
         compliance=evidence.Compliance(True, "the deflection moves", 0.1, 1e-4),
         removed={
-            "joint_damping": evidence.ParameterEstimate(
+            "joint_damping": evidence.ValueEstimate(
                 "joint_damping", "N m s/rad", 1e-4, 2e-4, (-3e-4, 5e-4), "undetermined"
             ),
-            "gravity_angle": evidence.ParameterEstimate(
+            "gravity_angle": evidence.ValueEstimate(
                 "gravity_angle", "rad", 0.0, INFINITE, (-INFINITE, INFINITE), "undetermined"
             ),
         },

@@ -12,7 +12,7 @@ from flexid.identification.judgement import verdict
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     ModelError,
-    ParameterEstimate,
+    ValueEstimate,
     interval,
     logarithmic_interval,
 )
@@ -24,7 +24,7 @@ def number(value, std, freedom=np.inf, *, unit="N m", name="gravity_torque", log
     """A parameter with its interval."""
     ends = (logarithmic_interval if logarithmic else interval)(value, std, freedom)
     judged = verdict(value, ends)
-    return ParameterEstimate(
+    return ValueEstimate(
         name, unit, value, std, ends, *judged, freedom, logarithmic, {"theta1": 1.0}
     )
 

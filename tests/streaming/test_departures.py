@@ -9,7 +9,7 @@ from moving_joint import OPTIONS, options_of, stream, watched
 
 from flexid.identification.full_model.amplifier import Amplifier
 from flexid.identification.preparation.recordings import Delay
-from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.terminal import as_text
 from flexid.report.watch import parts
 from flexid.streaming.health import Health
@@ -44,10 +44,10 @@ def test_a_drive_that_has_departed_is_said_to():
     assert reason.endswith("N m/rad (-20 %), and 125 in the estimate")
 
 
-def estimated(value: float, half: float) -> dict[str, ParameterEstimate]:
+def estimated(value: float, half: float) -> dict[str, ValueEstimate]:
     """A parameter with its interval."""
     ends = (value - half, value + half)
-    return {"a": ParameterEstimate("a", "N m", value, half / 2.0, ends, "determined")}
+    return {"a": ValueEstimate("a", "N m", value, half / 2.0, ends, "determined")}
 
 
 @pytest.mark.parametrize(

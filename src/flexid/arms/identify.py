@@ -36,8 +36,8 @@ from flexid.identification.vocabulary.evidence import (
     Disturbances,
     Estimate,
     ModelError,
-    ParameterEstimate,
     Validation,
+    ValueEstimate,
 )
 from flexid.models.physical import Quotient
 from flexid.models.planar_arm import PlanarArm, planar_arm
@@ -179,7 +179,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
     fitted, estimate = found.fitted, found.estimate
     structure = fitted.structure
     balance, fixed = structure.joint.balance, structure.fixed
-    parameters: dict[str, ParameterEstimate] = {}
+    parameters: dict[str, ValueEstimate] = {}
     shares = _shares(found, log)
     for name, joint, term in balance.placed():
         unit = _unit(term, log, joint)
@@ -187,7 +187,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
             parameters[name] = _judged(name, unit, found, shares)
         elif joint in structure.joint.resting and term.name in _HELD and unit != "N m/N m":
             unknown = np.nan, np.inf, (-np.inf, np.inf), "undetermined"
-            parameters[name] = ParameterEstimate(name, unit, *unknown)
+            parameters[name] = ValueEstimate(name, unit, *unknown)
     for joint in range(1, arm.joints + 1):
         ratio = _ratio(arm, joint, {**fixed, **fitted.by_name}, estimate)
         parameters[ratio.name] = ratio
@@ -227,10 +227,9 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
     )
 
 
-def _judged(name: str, unit: str, found: _Found, shares: Mapping[str, float]) -> ParameterEstimate:
+def _judged(name: str, unit: str, found: _Found, shares: Mapping[str, float]) -> ValueEstimate:
     estimate, place = found.estimate, found.fitted.names.index(name)
     made = judged_value(
-        ParameterEstimate,
         name,
         unit,
         float(estimate.values[place]),
@@ -259,7 +258,7 @@ def _confusion(place: int, fitted: FittedArm) -> str:
 
 
 def _doubts(
-    found: _Found, parameters: Mapping[str, ParameterEstimate], excess: Mapping[str, float]
+    found: _Found, parameters: Mapping[str, ValueEstimate], excess: Mapping[str, float]
 ) -> list[tuple[set[str], Caution]]:
     """Parameters that are not known, whatever their intervals say, and why."""
     doubts: list[tuple[set[str], Caution]] = []
@@ -299,7 +298,7 @@ def _doubts(
     return doubts
 
 
-def doubt_of_negative(found: Sequence[ParameterEstimate]) -> Caution:
+def doubt_of_negative(found: Sequence[ValueEstimate]) -> Caution:
     """What springs and inertias below zero tell: of signs, unless they may as well be positive."""
     names = ", ".join(parameter.name for parameter in found)
     said = f"{names} came out negative, which no spring or inertia can be"
@@ -325,14 +324,14 @@ def _unit(term: JointTerm | BodyTerm, log: ArmLog, joint: int) -> str:
 
 def _ratio(
     arm: PlanarArm, joint: int, values: Mapping[str, float], estimate: Estimate
-) -> ParameterEstimate:
+) -> ValueEstimate:
     """Stiffness over the inertia that a joint turns where the arm is straight and motors stand.
 
     It is the square of the antiresonance with all other joints locked, and needs no scale.
     """
     name, stiffness = f"stiffness_over_inertia_{joint}", f"joint_stiffness_{joint}"
     ratio = Quotient(name, "1/s^2", stiffness, carried_inertia(arm, joint))
-    return judged_function(ParameterEstimate, ratio, values, estimate)
+    return judged_function(ratio, values, estimate)
 
 
 def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:
@@ -357,7 +356,7 @@ def _shares(found: _Found, log: ArmLog) -> dict[str, float]:
     return dict(zip(balance.coefficients, shares.tolist(), strict=True))
 
 
-def _warnings(parameters: dict[str, ParameterEstimate], found: _Found) -> Iterator[Caution]:
+def _warnings(parameters: dict[str, ValueEstimate], found: _Found) -> Iterator[Caution]:
     lacking = [p.name for p in parameters.values() if p.verdict == "undetermined"]
     if lacking:
         yield Caution(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from flexid.identification.vocabulary.evidence import Estimate, ParameterEstimate, Validation
+from flexid.identification.vocabulary.evidence import Estimate, Validation, ValueEstimate
 from flexid.models.planar_arm import PlanarArm
 from flexid.recording.recording import Hold
 
@@ -15,7 +15,7 @@ class ArmIdentification:
 
     model: Literal["arm"]
     arm: PlanarArm  # what was known
-    parameters: Mapping[str, ParameterEstimate]  # by name with the joint's number, joint by joint
+    parameters: Mapping[str, ValueEstimate]  # by name with the joint's number, joint by joint
     fit: Estimate  # names, values, covariance and degrees of freedom of what was estimated
     fixed: Mapping[str, float]  # what was not sought
     input_units: tuple[str, ...]  # of each joint
@@ -36,7 +36,7 @@ class ArmIdentification:
     # ``motor_position_1`` and ``deflection_1``; empty where there are none
     validation: Validation = field(default_factory=lambda: Validation({}))
 
-    def of_joint(self, joint: int) -> dict[str, ParameterEstimate]:
+    def of_joint(self, joint: int) -> dict[str, ValueEstimate]:
         """The parameters in the table of one joint."""
         return {n: p for n, p in self.parameters.items() if joint_of_name(n) == joint}
 

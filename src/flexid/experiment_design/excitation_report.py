@@ -19,7 +19,7 @@ from flexid.identification.judgement import verdict
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import Identification
 from flexid.identification.vocabulary import Progress, silent
-from flexid.identification.vocabulary.evidence import CoefficientEstimate, Estimate
+from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.recording import Log
@@ -31,7 +31,7 @@ DETERMINED_DEVIATION = THRESHOLDS.determined_width / _DEVIATIONS
 
 
 @dataclass(frozen=True, kw_only=True)
-class CoefficientAssessment(CoefficientEstimate):
+class CoefficientAssessment(ValueEstimate):
     """How well one coefficient is determined: its estimate, and what the other unknowns cost."""
 
     width: float  # half the interval over the value
@@ -78,7 +78,7 @@ def _confusion(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _assessed(
     name: str,
-    c: CoefficientEstimate,
+    c: ValueEstimate,
     fit: Estimate,
     correlations: Mapping[str, float],
     inflation: float,
@@ -150,7 +150,7 @@ def advise(result: Identification) -> Advice | None:
     return Advice(found, _longer(result, lacking), _caution(result))
 
 
-def _longer(result: Identification, lacking: Sequence[CoefficientEstimate]) -> float | None:
+def _longer(result: Identification, lacking: Sequence[ValueEstimate]) -> float | None:
     """Seconds of the same motion that suffice; a wrong model stays wrong however long."""
     if result.model_error.share > 0.0 or not all(c.value for c in lacking):
         return None

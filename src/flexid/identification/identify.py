@@ -52,10 +52,8 @@ from flexid.identification.structure.link_delay import confused_covariance, in_d
 from flexid.identification.structure.shapes import sought_constants
 from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
     Compliance,
     Estimate,
-    ParameterEstimate,
     TermEvidence,
     Validation,
     ValueEstimate,
@@ -181,8 +179,8 @@ class _Numbers(NamedTuple):
     """What is reported of each number, and what speaks against what is known of it."""
 
     estimate: Estimate
-    coefficients: dict[str, CoefficientEstimate]
-    parameters: dict[str, ParameterEstimate]
+    coefficients: dict[str, ValueEstimate]
+    parameters: dict[str, ValueEstimate]
     contradicted: tuple[str, ...]
     against: tuple[str, ...]
     widest: float
@@ -267,15 +265,15 @@ def _doubted(numbers: _Numbers, found: Answer) -> _Numbers:
 
 
 def _undoubted(
-    coefficients: Mapping[str, CoefficientEstimate], found: Answer
-) -> dict[str, CoefficientEstimate]:
+    coefficients: Mapping[str, ValueEstimate], found: Answer
+) -> dict[str, ValueEstimate]:
     """Coefficients whose signs mean something: those that no doubt holds for unknown."""
     doubted = found.doubted if found.doubts else frozenset()
     return {name: each for name, each in coefficients.items() if name not in doubted}
 
 
 def _compliance(
-    job: Job, coefficients: Mapping[str, CoefficientEstimate], validation: Validation
+    job: Job, coefficients: Mapping[str, ValueEstimate], validation: Validation
 ) -> Compliance:
     """Whether the log shows that the joint is flexible."""
     if job.joint.kind == "rigid":
@@ -286,8 +284,8 @@ def _compliance(
 
 
 def _removed(
-    job: Job, fits: FinalFits, kept: Mapping[str, ParameterEstimate]
-) -> dict[str, ParameterEstimate]:
+    job: Job, fits: FinalFits, kept: Mapping[str, ValueEstimate]
+) -> dict[str, ValueEstimate]:
     """Parameters of the full model that the reported one does without; none if it has no fit."""
     full = fits.full
     if not np.isfinite(full.minimum.last_step):

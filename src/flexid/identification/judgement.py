@@ -10,24 +10,23 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
     Compliance,
     Estimate,
-    ParameterEstimate,
     Validation,
     ValueEstimate,
     Verdict,
     balance_of,
     interval,
-    propagated,
+    logarithmic_interval,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import CONSTANT_UNITS, POSITIVE
@@ -59,13 +58,10 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %" if share < 10.0 else "far"
 
 
-V = TypeVar("V", bound=ValueEstimate)
-
-
-def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, float]) -> float:
+def widest(estimates: Mapping[str, ValueEstimate], sizes: Mapping[str, float]) -> float:
     """Half the widest interval, over the value or over what moves its row, whichever is less."""
 
-    def relative(found: CoefficientEstimate) -> float:
+    def relative(found: ValueEstimate) -> float:
         half = found.half_width
         if half == 0.0:
             return 0.0  # given
@@ -76,7 +72,6 @@ def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, flo
 
 
 def judged_value(
-    kind: type[V],
     name: str,
     unit: str,
     value: float,
@@ -84,35 +79,58 @@ def judged_value(
     freedom: float,
     size: float = np.inf,
     thresholds: Thresholds = THRESHOLDS,
-) -> V:
+) -> ValueEstimate:
     """A number that was fitted, with interval and verdict; `size` is the effect of one unit."""
     ends = interval(value, std, freedom)
     effect = 0.5 * (ends[1] - ends[0]) * size
     judged = verdict(value, ends, effect, thresholds)
-    return kind(name, unit, value, std, ends, *judged, freedom, slopes={name: 1.0})
+    return ValueEstimate(name, unit, value, std, ends, *judged, freedom, slopes={name: 1.0})
 
 
 def judged_function(
-    kind: type[V],
     function: PhysicalParameter,
     values: Mapping[str, float],
     estimate: Estimate,
     thresholds: Thresholds = THRESHOLDS,
-) -> V:
-    """A function of what was fitted, by the delta method, with interval and verdict."""
-    found = propagated(function, values, estimate)
-    judged = verdict(found.value, found.interval, thresholds=thresholds)
-    return kind(
-        function.name,
-        function.unit,
-        found.value,
-        found.std,
-        found.interval,
-        *judged,
-        found.degrees_of_freedom,
-        found.logarithmic,
-        found.slopes,
-    )
+) -> ValueEstimate:
+    """A function of what was fitted, by the delta method, with interval and verdict.
+
+    One that divides by a coefficient of zero has no value: nan.
+    """
+    value = function.value(values)
+    value = value if np.isfinite(value) else np.nan
+    names = tuple(name for name in estimate.names if name in function.coefficients)
+    ends, std, freedom, logarithmic, slopes = (value, value), 0.0, np.inf, False, {}
+    if names:  # else it follows from what was given
+        places = [estimate.names.index(name) for name in names]
+        gradient = function.gradient(values, names)
+        freedom = float(min(estimate.degrees_of_freedom[i] for i in places))
+        std = _deviation(gradient, estimate.covariance[np.ix_(places, places)])
+        positive = set(names) <= POSITIVE and value > 0.0
+        logarithmic = positive and _degree(gradient, names, values) < 0
+        ends = (logarithmic_interval if logarithmic else interval)(value, std, freedom)
+        slopes = dict(zip(names, gradient.tolist(), strict=True))
+    judged = verdict(value, ends, thresholds=thresholds)
+    name, unit = function.name, function.unit
+    return ValueEstimate(name, unit, value, std, ends, *judged, freedom, logarithmic, slopes)
+
+
+_ROUNDING = 1e-6  # of the largest share, below which a degree is none
+
+
+def _deviation(gradient: FloatArray, covariance: FloatArray) -> float:
+    if not (np.isfinite(covariance).all() and np.isfinite(gradient).all()):
+        return np.inf
+    return float(np.sqrt(gradient @ covariance @ gradient))
+
+
+def _degree(gradient: FloatArray, names: tuple[str, ...], values: Mapping[str, float]) -> int:
+    """Sign of the parameter's degree in the coefficients, by Euler: g'p = degree g, with g > 0."""
+    shares = gradient * [values[name] for name in names]
+    degree = float(np.sum(shares))
+    if not abs(degree) >= _ROUNDING * float(np.abs(shares).max()):  # nor where a coefficient is 0
+        return 0
+    return int(np.sign(degree))
 
 
 def coefficient_estimates(
@@ -123,7 +141,7 @@ def coefficient_estimates(
     fixed: Mapping[str, tuple[float, str]],
     input_unit: str,
     thresholds: Thresholds = THRESHOLDS,
-) -> dict[str, CoefficientEstimate]:
+) -> dict[str, ValueEstimate]:
     """Estimate with interval and verdict for every coefficient; what is fixed has no width."""
     estimates = {}
     deviations = estimate.deviations
@@ -133,7 +151,6 @@ def coefficient_estimates(
         # Only what may be absent can be determined to be negligible.
         size = sizes.get(name, np.inf) if _base(name) in joint.optional else np.inf
         estimates[name] = judged_value(
-            CoefficientEstimate,
             name,
             joint.unit_of(joint.units[_base(name)], input_unit),
             float(estimate.values[place]),
@@ -144,7 +161,7 @@ def coefficient_estimates(
         )
     for name, (value, reason) in fixed.items():
         unit = joint.unit_of(joint.units[_base(name)], input_unit)
-        estimates[name] = CoefficientEstimate(
+        estimates[name] = ValueEstimate(
             name, unit, value, 0.0, (value, value), "determined", reason
         )
     estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
@@ -162,10 +179,10 @@ def _tied(
     estimate: Estimate,
     joint: Joint,
     unknowns: Unknowns,
-    known: Mapping[str, CoefficientEstimate],
+    known: Mapping[str, ValueEstimate],
     input_unit: str,
     thresholds: Thresholds,
-) -> dict[str, CoefficientEstimate]:
+) -> dict[str, ValueEstimate]:
     """Coefficients that follow from others, by the delta method."""
     values = {name: found.value for name, found in known.items()}
     found = {}
@@ -175,14 +192,14 @@ def _tied(
         tie = Product(
             name, joint.unit_of(joint.units[name], input_unit), {**Counter((a, b)), d: -1}
         )
-        tied = judged_function(CoefficientEstimate, tie, values, estimate, thresholds)
+        tied = judged_function(tie, values, estimate, thresholds)
         if np.isfinite(tied.std) and known[a].verdict == "determined":  # be it as none
             tied = replace(tied, verdict="determined", reason="")
         found[name] = tied
     return found
 
 
-def _doubts(estimates: Mapping[str, CoefficientEstimate]) -> dict[str, dict[str, Any]]:
+def _doubts(estimates: Mapping[str, ValueEstimate]) -> dict[str, dict[str, Any]]:
     """What becomes of all that was estimated of a balance with a spring or inertia of no drive.
 
     A motor's inertia is the whole drive's where the fit has no spring, however sharp it is. The
@@ -200,11 +217,11 @@ def parameter_estimates(
     joint: Joint,
     estimate: Estimate,
     unknowns: Unknowns,
-    coefficients: Mapping[str, CoefficientEstimate],
+    coefficients: Mapping[str, ValueEstimate],
     input_unit: str,
     thresholds: Thresholds = THRESHOLDS,
     exact: Mapping[str, tuple[float, str]] | None = None,
-) -> dict[str, ParameterEstimate]:
+) -> dict[str, ValueEstimate]:
     """Physical parameters that the coefficients determine, by the delta method.
 
     A parameter that depends on a coefficient of each log its own is given for each log. One that is
@@ -218,14 +235,14 @@ def parameter_estimates(
         for parameter in joint.parameters(labels, input_unit):
             if parameter.name in (exact or {}):
                 value, reason = (exact or {})[parameter.name]
-                estimates[parameter.name] = ParameterEstimate(
+                estimates[parameter.name] = ValueEstimate(
                     parameter.name, parameter.unit, value, 0.0, (value, value), "determined", reason
                 )
                 continue
             own = [labels[c] for c in parameter.coefficients]
             of_group = next((label[label.index("[") :] for label in own if "[" in label), "")
             renamed = _renamed(estimate, labels)
-            found = judged_function(ParameterEstimate, parameter, values, renamed, thresholds)
+            found = judged_function(parameter, values, renamed, thresholds)
             judged, reason = found.verdict, found.reason
             made = [coefficients[label] for label in own]
             if (
@@ -262,13 +279,13 @@ def constant_estimates(
     joint: Joint,
     constants: Mapping[str, tuple[float, float, float]],
     thresholds: Thresholds = THRESHOLDS,
-) -> dict[str, ParameterEstimate]:
+) -> dict[str, ValueEstimate]:
     """Constants of shapes, from value, standard deviation and degrees of freedom of each."""
     estimates = {}
     for name, (value, std, freedom) in constants.items():
         unit = joint.unit_of(CONSTANT_UNITS[name], "")
         known = name, unit, value, std, freedom, np.inf, thresholds
-        found = judged_value(ParameterEstimate, *known)
+        found = judged_value(*known)
         # One that was held is not among what was fitted.
         estimates[name] = found if np.isfinite(std) else replace(found, slopes={})
     return estimates
@@ -286,7 +303,7 @@ def _one_recording_of_each_group(unknowns: Unknowns) -> list[int]:
 
 
 def _labels(
-    unknowns: Unknowns, recording: int, coefficients: Mapping[str, CoefficientEstimate]
+    unknowns: Unknowns, recording: int, coefficients: Mapping[str, ValueEstimate]
 ) -> dict[str, str]:
     """Each coefficient of the system that is on, and its name among the estimates."""
     columns = unknowns.columns(recording)
@@ -327,7 +344,7 @@ def of_joint(recordings: SplitRecordings, found: Validation) -> Compliance:
 
 
 def of_link_alone(
-    recordings: SplitRecordings, driven: Validation, stiffness: CoefficientEstimate
+    recordings: SplitRecordings, driven: Validation, stiffness: ValueEstimate
 ) -> Compliance:
     """Whether the spring explains the deflection that the motor's motion causes."""
     found = of_joint(recordings, driven)

@@ -13,15 +13,14 @@ from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Alignment, Delay
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
     Compliance,
     Disturbances,
     Estimate,
     ModelError,
-    ParameterEstimate,
     SegmentEvidence,
     TermEvidence,
     Validation,
+    ValueEstimate,
     Verdict,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
@@ -61,8 +60,8 @@ class Identification:
     # what was identified: the flexible joint; its link alone where there is no input; or the rigid
     # joint where there is one encoder
     model: Kind
-    coefficients: Mapping[str, CoefficientEstimate]  # by name, in the model's order
-    parameters: Mapping[str, ParameterEstimate]  # by name
+    coefficients: Mapping[str, ValueEstimate]  # by name, in the model's order
+    parameters: Mapping[str, ValueEstimate]  # by name
     least_squares: Mapping[str, float]  # least squares beside the estimates, by coefficient
     excitation: Mapping[str, Excitation]  # by row name
     # by position: residual over the noise of its sensor, as root mean squares
@@ -72,7 +71,7 @@ class Identification:
     validation: Validation
     compliance: Compliance  # whether the log shows that the joint is flexible
     # how large parameters could be that the model does without
-    removed: Mapping[str, ParameterEstimate]
+    removed: Mapping[str, ValueEstimate]
     fit: Estimate  # names, values, covariance and degrees of freedom of what was estimated
     choices: Choices  # what was chosen, with the evidence
     summary: tuple[str, ...]  # the choices and their reasons in three sentences
@@ -237,7 +236,7 @@ _SIGN_ADVICE = {
 
 
 def sign_warnings(
-    coefficients: Mapping[str, CoefficientEstimate], driving: Collection[str]
+    coefficients: Mapping[str, ValueEstimate], driving: Collection[str]
 ) -> Iterator[Caution]:
     """Warn of coefficients that physics wants positive and the data want negative."""
     for name, advice in _SIGN_ADVICE.items():

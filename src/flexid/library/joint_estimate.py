@@ -15,9 +15,7 @@ from flexid.errors import SettingError, did_you_mean
 from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import (
     CONFIDENCE,
-    CoefficientEstimate,
     Disturbances,
-    ParameterEstimate,
     ValueEstimate,
     Verdict,
     checked_level,
@@ -48,11 +46,11 @@ class JointEstimate(EstimateAnswer):
     """``"flexible"``; ``"link"`` where there is no input, ``"rigid"`` with one encoder."""
     joint: str
     """``"revolute"``; ``"prismatic"`` where it slides, and values are in m, N and kg."""
-    parameters: Mapping[str, ParameterEstimate]
+    parameters: Mapping[str, ValueEstimate]
     """Physical parameters by name: value, unit, interval, verdict and reason of each."""
-    coefficients: Mapping[str, CoefficientEstimate]
+    coefficients: Mapping[str, ValueEstimate]
     """Lumped coefficients of the model by name, likewise."""
-    removed: Mapping[str, ParameterEstimate]
+    removed: Mapping[str, ValueEstimate]
     """Parameters that the model does without: how large they could be."""
     disturbances: Disturbances | None
     """What the drive does that no term describes; None where the model explains the log."""

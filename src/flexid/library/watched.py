@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from flexid.estimators.excitation import Excitation
     from flexid.identification.result import Identification
-    from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+    from flexid.identification.vocabulary.evidence import ValueEstimate
     from flexid.models.motion import JointType
     from flexid.recording.recipes import MapSource
     from flexid.streaming.guard import Counts
@@ -54,9 +54,9 @@ class Watch(Answer):
 
     time: float
     """Time of the latest sample in s."""
-    coefficients: Mapping[str, CoefficientEstimate]
+    coefficients: Mapping[str, ValueEstimate]
     """Coefficients of the model by name, with intervals and verdicts."""
-    parameters: Mapping[str, ParameterEstimate]
+    parameters: Mapping[str, ValueEstimate]
     """Physical parameters by name, with intervals and verdicts."""
     excitation: Mapping[str, Excitation]
     """Excitation of each row by what was learnt from: (A4) of Huang (2003), measured."""

@@ -23,9 +23,8 @@ from flexid.identification.estimation.knowledge import Joined, with_prior_knowle
 from flexid.identification.judgement import coefficient_estimates, parameter_estimates
 from flexid.identification.preparation.stated import Stated
 from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
     Estimate,
-    ParameterEstimate,
+    ValueEstimate,
     quantile,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -143,7 +142,7 @@ class Departure:
 
 def departures(
     reference: Mapping[str, tuple[float, float]],
-    parameters: Mapping[str, ParameterEstimate],
+    parameters: Mapping[str, ValueEstimate],
     *,
     widths: float,
     least: float,
@@ -167,8 +166,8 @@ class Findings:
     """What is known at a moment."""
 
     estimate: Estimate  # of the coefficients that are sought, with what is known joined
-    coefficients: dict[str, CoefficientEstimate]
-    parameters: dict[str, ParameterEstimate]  # physical ones that the coefficients determine
+    coefficients: dict[str, ValueEstimate]
+    parameters: dict[str, ValueEstimate]  # physical ones that the coefficients determine
     widths: list[Width]  # of spring and inertias
     departures: tuple[Departure, ...]  # what differs from an estimate made before
     contradicted: tuple[str, ...]  # a sentence on each value taken as exact that is another

@@ -20,7 +20,7 @@ from flexid.identification.preparation.recordings import traits
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.result import Identification
-from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.flexible_joint import (
     ANGULAR_TERMS,
     COULOMB_VELOCITY,
@@ -388,7 +388,7 @@ def _reference(result: Identification) -> dict[str, tuple[float, float]]:
     }
 
 
-def _is_known(found: ParameterEstimate) -> bool:
+def _is_known(found: ValueEstimate) -> bool:
     if "[" in found.name or not all(map(isfinite, (found.value, found.std, *found.interval))):
         return False
     return found.value != 0.0 or found.name in ANGLES

@@ -12,7 +12,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.excitation import Excitation, excitation_of_gram
 from flexid.estimators.online import Status
-from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contradicts, judge
 from flexid.streaming.learner import Departure, Findings, Learner, States, findings
@@ -256,12 +256,12 @@ class Session:
         return self._found[1]
 
     @property
-    def coefficients(self) -> dict[str, CoefficientEstimate]:
+    def coefficients(self) -> dict[str, ValueEstimate]:
         """Coefficients of the model, with intervals and verdicts."""
         return self.findings.coefficients
 
     @property
-    def parameters(self) -> dict[str, ParameterEstimate]:
+    def parameters(self) -> dict[str, ValueEstimate]:
         """Physical parameters that the coefficients determine."""
         return self.findings.parameters
 

@@ -33,7 +33,7 @@ from flexid.identification.result import (
     validation_warnings,
 )
 from flexid.identification.vocabulary import Progress, silent
-from flexid.identification.vocabulary.evidence import CoefficientEstimate, Estimate, quantile
+from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate, quantile
 from flexid.models.flexible_joint import SHAPE_TERMS, SMOOTHING
 from flexid.readers.formats import PARQUET
 from flexid.readers.guard import Reading
@@ -217,7 +217,7 @@ def _result(
     )
 
 
-def _apart(estimate: Estimate, head: Mapping[str, CoefficientEstimate]) -> FloatArray:
+def _apart(estimate: Estimate, head: Mapping[str, ValueEstimate]) -> FloatArray:
     """How far values are from those of the head, shape (k,); 0 where noise explains it."""
     found = np.zeros(len(estimate.names))
     for place, name in enumerate(estimate.names):

@@ -10,8 +10,6 @@ from scipy.special import stdtrit
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.cluster_covariance import shrunken
-from flexid.models.flexible_joint import POSITIVE
-from flexid.models.physical import PhysicalParameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,20 +81,6 @@ Interval = tuple[float, float]
 CONFIDENCE = 0.95
 """Nominal coverage of every interval, where no other level is asked for."""
 
-_ROUNDING = 1e-6  # of the largest share, below which a degree is none
-
-
-@dataclass(frozen=True)
-class Propagated:
-    """A physical parameter as a fit gives it."""
-
-    value: float  # value and standard deviation in the parameter's unit
-    std: float  # value and standard deviation in the parameter's unit
-    interval: Interval  # lower and upper end of the 95 % interval
-    degrees_of_freedom: float  # of the standard deviation; infinite if nothing in it was estimated
-    logarithmic: bool  # whether the interval was taken on the logarithm
-    slopes: Mapping[str, float]  # derivatives by what was fitted
-
 
 def checked_level(level: float) -> float:
     """The level of an interval, if it is one; else a `SettingError`."""
@@ -137,43 +121,6 @@ def logarithmic_interval(
     with np.errstate(over="ignore"):
         factor = float(np.exp(quantile(degrees_of_freedom, level) * std / value))
     return value / factor, value * factor
-
-
-def propagated(
-    parameter: PhysicalParameter, values: Mapping[str, float], fit: Estimate
-) -> Propagated:
-    """Physical parameter with the interval that the coefficients' covariance gives it.
-
-    One that divides by a coefficient of zero has no value: nan.
-    """
-    value = parameter.value(values)
-    value = value if np.isfinite(value) else np.nan
-    names = tuple(name for name in fit.names if name in parameter.coefficients)
-    if not names:  # follows from what was given
-        return Propagated(value, 0.0, (value, value), np.inf, False, {})
-    places = [fit.names.index(name) for name in names]
-    gradient = parameter.gradient(values, names)
-    freedom = float(min(fit.degrees_of_freedom[i] for i in places))
-    std = _deviation(gradient, fit.covariance[np.ix_(places, places)])
-    logarithmic = set(names) <= POSITIVE and value > 0.0 and _degree(gradient, names, values) < 0
-    of = logarithmic_interval if logarithmic else interval
-    slopes = dict(zip(names, gradient.tolist(), strict=True))
-    return Propagated(value, std, of(value, std, freedom), freedom, logarithmic, slopes)
-
-
-def _deviation(gradient: FloatArray, covariance: FloatArray) -> float:
-    if not (np.isfinite(covariance).all() and np.isfinite(gradient).all()):
-        return np.inf
-    return float(np.sqrt(gradient @ covariance @ gradient))
-
-
-def _degree(gradient: FloatArray, names: tuple[str, ...], values: Mapping[str, float]) -> int:
-    """Sign of the parameter's degree in the coefficients, by Euler: g'p = degree g, with g > 0."""
-    shares = gradient * [values[name] for name in names]
-    degree = float(np.sum(shares))
-    if not abs(degree) >= _ROUNDING * float(np.abs(shares).max()):  # nor where a coefficient is 0
-        return 0
-    return int(np.sign(degree))
 
 
 Verdict = Literal["determined", "weak", "undetermined"]
@@ -227,16 +174,6 @@ def slopes_of(values: Sequence[ValueEstimate | None], names: Sequence[str]) -> F
         for name, slope in ({} if value is None else value.slopes).items():
             line[names.index(name)] = slope
     return slopes
-
-
-@dataclass(frozen=True)
-class CoefficientEstimate(ValueEstimate):
-    """A lumped coefficient of the model; fields are those of `ValueEstimate`."""
-
-
-@dataclass(frozen=True)
-class ParameterEstimate(ValueEstimate):
-    """A physical parameter; fields are those of `ValueEstimate`."""
 
 
 @dataclass(frozen=True)
