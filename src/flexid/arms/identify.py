@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -196,7 +196,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
     doubts = _doubts(found, parameters, excess)
     for names_doubted, doubt in doubts:
         for name in names_doubted & parameters.keys():
-            parameters[name] = replace(parameters[name], verdict="undetermined", reason=str(doubt))
+            parameters[name] = parameters[name].unknown(str(doubt))
     return ArmIdentification(
         model="arm",
         arm=arm,

@@ -5,7 +5,7 @@ One path: recordings, full model, structure, estimate, judgement, result.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def identify(
     job, found, amplifier = _answered(job)
     recordings = job.recordings
     fits, validation, choice = found.fits, found.validation, found.fits.choice
-    numbers = _doubted(_numbers(job, fits, found), found)
+    numbers = _numbers(job, fits, found)
     turned = turned_round(
         choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
     )
@@ -223,17 +223,23 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     constants = sought_constants(joined.estimate, reported.structure)
     parameters |= constant_estimates(job.joint, constants, thresholds)
     against = contradicted[0] if contradicted else "" if reported.converged else _ENDLESS
-    if against:  # nothing that rests on it is known
-        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": against}
-        coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
-        parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
+    half = widest(coefficients, sizes)
+
+    def doubted(values: Mapping[str, ValueEstimate]) -> dict[str, ValueEstimate]:
+        """What is known where the log contradicts something, or does not show a spring."""
+        lost = {name: against for name in values if against}
+        if found.doubts:
+            spring = (name for name, e in values.items() if found.doubted & e.slopes.keys())
+            lost |= dict.fromkeys(spring, str(found.doubts[0]))
+        return {n: e.unknown(lost[n]) if n in lost else e for n, e in values.items()}
+
     return _Numbers(
         joined.estimate,
-        coefficients,
-        parameters,
+        doubted(coefficients),
+        doubted(parameters),
         contradicted,
         joined.against,
-        widest(coefficients, sizes),
+        half,
     )
 
 
@@ -247,21 +253,6 @@ def _clock_warnings(job: Job, logs: Sequence[Log]) -> Iterator[str]:
     if job.joint.kind == "flexible" and job.settings.input_delay == "auto":
         for log in logs:
             yield from late_input(max(log.recordings, key=len))
-
-
-def _doubted(numbers: _Numbers, found: Answer) -> _Numbers:
-    """The same where a spring is doubted: nothing that rests on it is known."""
-    if not found.doubts:
-        return numbers
-    unknown: dict[str, Any] = {"verdict": "undetermined", "reason": str(found.doubts[0])}
-    coefficients, parameters = (
-        {
-            name: replace(e, **unknown) if found.doubted & e.slopes.keys() else e
-            for name, e in each.items()
-        }
-        for each in (numbers.coefficients, numbers.parameters)
-    )
-    return numbers._replace(coefficients=coefficients, parameters=parameters)
 
 
 def _undoubted(

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite
-from typing import Any
 
 import numpy as np
 
@@ -167,7 +166,7 @@ def coefficient_estimates(
     estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
     doubts = _doubts(estimates)
     estimates |= {
-        name: replace(e, **doubts[balance_of(name)])
+        name: e.unknown(doubts[balance_of(name)])
         for name, e in estimates.items()
         if e.slopes and balance_of(name) in doubts
     }
@@ -199,17 +198,17 @@ def _tied(
     return found
 
 
-def _doubts(estimates: Mapping[str, ValueEstimate]) -> dict[str, dict[str, Any]]:
-    """What becomes of all that was estimated of a balance with a spring or inertia of no drive.
+def _doubts(estimates: Mapping[str, ValueEstimate]) -> dict[str, str]:
+    """Why nothing is known of a balance that was estimated: a spring or inertia that no drive has.
 
     A motor's inertia is the whole drive's where the fit has no spring, however sharp it is. The
     other side's balance stands for itself.
     """
-    doubts = {}
+    doubts: dict[str, str] = {}
     for name in sorted(POSITIVE & estimates.keys()):
         if estimates[name].value <= 0.0 and np.isfinite(estimates[name].std):
             reason = f"{name} came out negative, which no spring or inertia can be"
-            doubts.setdefault(balance_of(name), {"verdict": "undetermined", "reason": reason})
+            doubts.setdefault(balance_of(name), reason)
     return doubts
 
 
@@ -269,9 +268,8 @@ def parameter_estimates(
                 slopes={labels[c]: slope for c, slope in found.slopes.items()},
             )
             for coefficient in found.slopes:
-                doubt = doubts.get(balance_of(labels[coefficient]))
-                if doubt is not None:
-                    estimates[name] = replace(estimates[name], **doubt)
+                if doubt := doubts.get(balance_of(labels[coefficient])):
+                    estimates[name] = estimates[name].unknown(doubt)
     return estimates
 
 

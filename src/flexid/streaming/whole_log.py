@@ -182,12 +182,11 @@ def _result(
     otherwise = dict.fromkeys(c.reason for c in given if c.verdict != "determined")
     contradicted = (*otherwise, *now.contradicted)
     if contradicted:  # nothing that rests on it is known
-        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
-        now = replace(
-            now,
-            coefficients={name: replace(c, **doubt) for name, c in now.coefficients.items()},
-            parameters={name: replace(p, **doubt) for name, p in now.parameters.items()},
+        coefficients, parameters = (
+            {name: e.unknown(contradicted[0]) for name, e in each.items()}
+            for each in (now.coefficients, now.parameters)
         )
+        now = replace(now, coefficients=coefficients, parameters=parameters)
     choices, sizes = _choices(found, options), regressor_sizes(learner, states)
     values = estimate.by_name
     return replace(

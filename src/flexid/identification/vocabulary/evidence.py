@@ -161,6 +161,10 @@ class ValueEstimate:
             return self
         return replace(self, reason="; ".join(filter(None, (self.reason, *reasons))))
 
+    def unknown(self, reason: str) -> Self:
+        """The same where nothing is known of it, whatever its interval says, and why."""
+        return replace(self, verdict="undetermined", reason=reason)
+
     def interval_at(self, level: float) -> tuple[float, float]:
         """Interval at any level, which is a probability such as 0.99."""
         ends = logarithmic_interval if self.logarithmic else interval
