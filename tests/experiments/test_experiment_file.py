@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexid.experiments import read_experiment
+from flexid.experiments import Experiment, read_experiment
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.sampled import Sampling
 from flexid.studies.runs import table1_loop
@@ -163,10 +163,13 @@ def test_faults_of_files(pendulum: Path, refusals: Any, monkeypatch: pytest.Monk
     """Assert that a faulty file is refused in one sentence with file, key and remedy."""
     monkeypatch.chdir(pendulum.parent)
 
-    def read(text: str) -> object:
+    def read(text: str) -> Experiment:
         return read_experiment(write(Path(), text))
 
-    refusals({fault: partial(read, text) for fault, text in FAULTS.items()})
+    damped = but('"motor_viscous"]', '"motor_viscous", "joint_damping"]')
+    damped = but("[plant]", "[plant]\njoint_damping = 0.2", damped)
+    calls = {fault: partial(read, text) for fault, text in FAULTS.items()}
+    refusals(calls | {"a term that no observer can have": lambda: read(damped).run()})
 
 
 def test_method_for_loops_that_are_not_stiff(tmp_path: Path):

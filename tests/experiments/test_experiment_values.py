@@ -11,7 +11,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from flexid.errors import ExperimentError
 from flexid.experiments import Experiment, read_experiment
 from flexid.experiments.variation import Distribution, Variation
 from flexid.simulation.closed_loop import loop_kernel
@@ -99,21 +98,6 @@ def test_digest_covers_what_decides(path: str, table1: Experiment, tmp_path: Pat
     copy = tmp_path / "copy.toml"
     copy.write_text(text.replace('name = "Huang (2003), Table I"', ""), encoding="utf-8")
     assert read_experiment(copy).digest == table1.digest
-
-
-def test_acceleration_has_a_remedy(tmp_path: Path):
-    """Assert that a term which no continuous observer can have is refused by file and remedy."""
-    text = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")
-    path = tmp_path / "damped.toml"
-    path.write_text(
-        text.replace('"motor_viscous"]', '"motor_viscous", "joint_damping"]').replace(
-            "[plant]", "[plant]\njoint_damping = 0.2"
-        ),
-        encoding="utf-8",
-    )
-    with pytest.raises(ExperimentError, match=r"theta_damping.*\[sampling\]") as caught:
-        read_experiment(path).run()
-    assert str(caught.value).startswith(str(path))
 
 
 @settings(
