@@ -15,7 +15,7 @@ from flexid.estimators.excitation import excitation_of_gram
 from flexid.experiments.campaign_store import Manifest, Result, Summary
 from flexid.identification.vocabulary.evidence import FreeRun, ModelError
 from flexid.report import campaign, validation, watch
-from flexid.report.comparison import comparison_summary
+from flexid.report.comparison import comparison_summary, largest, outcome_text
 from flexid.report.comparison import parts as comparison_parts
 from flexid.report.identification import (
     answers,
@@ -129,12 +129,29 @@ def trust_and_next_step():
         yield from answer_lines(answers(result))
 
 
-def comparison():
+def stiffer():
     """A drive before, and after, stiffer and with an offset that A does without."""
     a, b = exact(TRUE, "one"), exact({**STIFFER, "alpha_offset": 3.0}, "two")
     offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
     a = replace(a, removed={offset.name: offset})
-    return printed(*comparison_parts(compare_estimates(a, b, ("before.json", "after.json"))))
+    return compare_estimates(a, b, ("before.json", "after.json"))
+
+
+def comparison():
+    """Each number of two drives."""
+    return printed(*comparison_parts(stiffer()))
+
+
+def bounds():
+    """Bounds are rounded up, none is larger than its value, and some have no share but a unit."""
+    found = stiffer()
+    share = replace(found.parameters["joint_stiffness"], outcome="no change")
+    for ends in ((-700.0, 101.0), (-99.0, 5.0), (-1.0, 2.11), (-1.0, 2.2)):
+        one = replace(share, percent_interval=ends)
+        yield outcome_text(one).plain
+        yield from comparison_summary(replace(found, parameters={one.name: one}))
+    offset = replace(found.parameters["motor_offset_torque"], percent_interval=(nan, nan))
+    yield from (largest(replace(offset, interval=(-0.1, end))) for end in (0.0512, 0.1512))
 
 
 def compared():
@@ -209,7 +226,7 @@ def counts():
 
 ANSWERS = (
     identification, exact_fit, document, negligible, streamed, narrow, trust_and_next_step,
-    comparison, compared, campaigns, validations, watched, counts,
+    comparison, bounds, compared, campaigns, validations, watched, counts,
 )  # fmt: skip
 
 
