@@ -146,12 +146,12 @@ def bounds():
     """Bounds are rounded up, none is larger than its value, and some have no share but a unit."""
     found = stiffer()
     share = replace(found.parameters["joint_stiffness"], outcome="no change")
-    for ends in ((-700.0, 101.0), (-99.0, 5.0), (-1.0, 2.11), (-1.0, 2.2)):
+    for ends in ((-700.0, 101.0), (-99.0, 5.0), (-1.0, 2.11), (-1.0, 2.2), (-1.0, 1.01)):
         one = replace(share, percent_interval=ends)
         yield outcome_text(one).plain
         yield from comparison_summary(replace(found, parameters={one.name: one}))
     offset = replace(found.parameters["motor_offset_torque"], percent_interval=(nan, nan))
-    yield from (largest(replace(offset, interval=(-0.1, end))) for end in (0.0512, 0.1512))
+    yield from (largest(replace(offset, interval=(-0.1, end))) for end in (0.0512, 0.1512, inf))
 
 
 def compared():
