@@ -26,11 +26,12 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.estimation.disturbed import fit_disturbed
 from flexid.identification.estimation.disturbed_estimate import pulled
 from flexid.identification.estimation.model_error import input_noise, lagged, widened
-from flexid.identification.full_model.amplifier import IDEAL, Amplifier, _is_crossed
+from flexid.identification.full_model.amplifier import _is_crossed
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
+from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Recording

@@ -23,7 +23,7 @@ from flexid.identification.vocabulary.evidence import (
     ValueEstimate,
     Verdict,
 )
-from flexid.recording.channel import Caution, Rank, cautions, ranked
+from flexid.recording.recording import Caution, Rank, cautions, ranked
 
 ERRORS = [(0.09, 0.009), (0.11, 0.009), (0.09, 0.011), (0.09, inf), (0.004, inf), (2.0, 0.1)]
 FITS = {"link_position": 12.3, "motor_position": -inf, "deflection": nan, "other": 99.0}

@@ -11,10 +11,9 @@ import pytest
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording import Log, Recording
-from flexid.recording.channel import rank_of
 from flexid.recording.frame import table_of_arrays
 from flexid.recording.read import log_of_table
-from flexid.recording.recording import CHANNELS
+from flexid.recording.recording import CHANNELS, rank_of
 
 Columns = Mapping[str, FloatArray]
 Change = Callable[[str], str]

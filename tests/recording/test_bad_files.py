@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 from joint_log import assert_words, csv_text, joint_columns, refused, said, without, written
 
-from flexid.recording import channel, read_log, series
+from flexid.recording import read_log, recording, series
 from flexid.streaming.incoming import Replay
 
 GOOD = csv_text(joint_columns(60)).encode()
@@ -167,7 +167,7 @@ def test_tables_of_more_than_memory_holds(
     pl.read_parquet("wide.parquet").write_csv("wide.csv")
     pl.DataFrame(joint_columns(50)).write_parquet("long.parquet")
     found = {name: said(read_log, Path(name)) for name in ("wide.parquet", "wide.csv")}
-    for module, limit, most in ((channel, "MOST_CELLS", 299), (series, "MOST_ROWS", 49)):
+    for module, limit, most in ((recording, "MOST_CELLS", 299), (series, "MOST_ROWS", 49)):
         with monkeypatch.context() as patched:
             patched.setattr(module, limit, most)
             found[f"{limit} {most}"] = said(read_log, Path("long.parquet"))

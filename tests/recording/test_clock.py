@@ -13,11 +13,10 @@ from joint_log import csv_text, joint_columns, read_columns, said, written
 
 from flexid.arrays import FloatArray
 from flexid.recording import Log, read_log
-from flexid.recording.clock import Clock
 from flexid.recording.columns import channels_of, recipes_of
 from flexid.recording.frame import table_of_arrays, table_of_frame
 from flexid.recording.read import log_of_table, tables_of_file
-from flexid.recording.table import Table
+from flexid.recording.table import Clock, Table
 from flexid.streaming.incoming import Replay
 
 COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz: 1.7e9 s as a number would be 0.1 % off

@@ -12,7 +12,7 @@ from flexid.arrays import FloatArray
 from flexid.identification.preparation.recordings import prepare
 from flexid.library.logs import read_log
 from flexid.recording import Log
-from flexid.recording.channel import Rank, rank_of
+from flexid.recording.recording import Rank, rank_of
 from flexid.recording.slow_motion import late_input
 
 STEP = 2e-3  # s

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from moving_joint import OPTIONS, options_of, stream, watched
 
-from flexid.identification.full_model.amplifier import Amplifier
-from flexid.identification.preparation.recordings import Delay
+from flexid.identification.preparation.recordings import Amplifier, Delay
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.terminal import as_text
 from flexid.report.watch import parts

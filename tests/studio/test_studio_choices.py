@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from flexid.errors import SettingError
-from flexid.recording.channel import SI_UNITS
+from flexid.recording.recording import SI_UNITS
 from flexid.studio.choices import Choices, Source, read_choices, read_play
 
 

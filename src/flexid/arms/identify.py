@@ -42,7 +42,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.models.physical import Quotient
 from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm, JointTerm
-from flexid.recording.channel import INPUTS, Caution, Rank, ranked
+from flexid.recording.recording import INPUTS, Caution, Rank, ranked
 from flexid.recording.velocities import is_noise
 
 _CALIBRATED = "N m"

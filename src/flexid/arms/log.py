@@ -14,11 +14,10 @@ from flexid.files import shown
 from flexid.identification.full_model.model import Data, encoder_noise
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
-from flexid.recording.channel import INPUTS, SI_UNITS
 from flexid.recording.names import folded, named_channel, nearest_name, split_header
 from flexid.recording.read import logs_of_joints, table_of_file
 from flexid.recording.recipes import map_in_file
-from flexid.recording.recording import Log
+from flexid.recording.recording import INPUTS, SI_UNITS, Log
 from flexid.recording.series import names_of
 from flexid.recording.table import Table
 from flexid.recording.text import read_table

@@ -14,12 +14,6 @@ from flexid.identification.estimation.answers import Answer, answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.full_model.amplifier import (
-    IDEAL,
-    Amplifier,
-    amplifier_of,
-    limit_changes,
-)
 from flexid.identification.full_model.model import LINK
 from flexid.identification.full_model.starting import turned_round
 from flexid.identification.judgement import (
@@ -31,7 +25,7 @@ from flexid.identification.judgement import (
     parameter_estimates,
     widest,
 )
-from flexid.identification.preparation.recordings import Alignment, Delay, prepare
+from flexid.identification.preparation.recordings import IDEAL, Alignment, Amplifier, Delay, prepare
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import (
     Choices,
@@ -63,8 +57,7 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import SMOOTHING
 from flexid.models.motion import unit_of
 from flexid.models.physical import Directional
-from flexid.recording.channel import Rank, cautions, ranked
-from flexid.recording.recording import Log
+from flexid.recording.recording import Log, Rank, cautions, ranked
 from flexid.recording.slow_motion import late_input
 
 _ENDLESS = (
@@ -158,6 +151,9 @@ def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
     found = None if is_voltage else answer(job)
     if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
         return job, found, IDEAL
+    # Late: of a torque that the terms explain nothing of it is asked.
+    from flexid.identification.full_model.amplifier import amplifier_of, limit_changes
+
     amplifier = amplifier_of(job.structure, job.training, is_voltage=is_voltage)
     changes = limit_changes(job.structure, job.training, amplifier)
     if amplifier.corrects:

@@ -7,10 +7,9 @@ from typing import Any, Literal
 
 import flexid
 from flexid.estimators.excitation import Excitation
-from flexid.identification.full_model.amplifier import IDEAL, Amplifier
 from flexid.identification.judgement import WEAK_FIT
 from flexid.identification.preparation.joint import Kind
-from flexid.identification.preparation.recordings import Alignment, Delay
+from flexid.identification.preparation.recordings import IDEAL, Alignment, Amplifier, Delay
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import (
     Compliance,
@@ -26,8 +25,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import RIPPLE_ORIGIN
 from flexid.models.motion import JointType
-from flexid.recording.channel import Caution, Rank
-from flexid.recording.recording import Hold, Log, Recording
+from flexid.recording.recording import Caution, Hold, Log, Rank, Recording
 
 Estimator = Literal["prediction-error", "innovations", "least-squares"]
 

@@ -13,7 +13,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ArgumentError, RecordingError, SettingError
 from flexid.library.answer import Answer
 from flexid.library.arguments import kind_of
-from flexid.recording.channel import Channel, Origin, si_units
+from flexid.recording.recording import Channel, Origin, si_units
 from flexid.streaming.health import Health, Judgement
 from flexid.streaming.incoming import (
     HEAD_LINES,

@@ -6,8 +6,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.channel import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft, Rank
 from flexid.recording.names import first_times
+from flexid.recording.recording import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft, Rank
 from flexid.recording.velocities import is_noise, position_noise
 
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970

@@ -7,8 +7,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
-from flexid.recording.channel import INPUTS, POSITIONS, SI_UNITS, Channel, si_units
-from flexid.recording.clock import Clock, is_stamp
 from flexid.recording.names import (
     Usual,
     common_words,
@@ -29,7 +27,8 @@ from flexid.recording.recipes import (
     read_map,
     recipe_of_column,
 )
-from flexid.recording.table import Table
+from flexid.recording.recording import INPUTS, POSITIONS, SI_UNITS, Channel, si_units
+from flexid.recording.table import Clock, Table, is_stamp
 from flexid.recording.units import is_relative
 
 if TYPE_CHECKING:

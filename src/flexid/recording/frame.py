@@ -13,8 +13,8 @@ import polars as pl
 
 from flexid.errors import RecordingError
 from flexid.readers.arrays import known_times
-from flexid.recording.channel import MOST_ROWS
 from flexid.recording.names import split_header
+from flexid.recording.recording import MOST_ROWS
 from flexid.recording.table import Table
 
 FRAME = "data frame"

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
-from flexid.recording.clock import is_stamp
 from flexid.recording.names import cut, split_header
-from flexid.recording.table import Table, is_number
+from flexid.recording.table import Table, is_number, is_stamp
 from flexid.recording.units import is_usual
 
 if TYPE_CHECKING:

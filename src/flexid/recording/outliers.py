@@ -18,7 +18,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.recording.channel import INPUTS, POSITIONS, Draft, Rank
+from flexid.recording.recording import INPUTS, POSITIONS, Draft, Rank
 from flexid.recording.sampling import (
     EVEN,
     MOST_GAPS,
@@ -237,7 +237,10 @@ class _Interpolator:
             weights = np.linalg.lstsq(neighbours[kept], sums[kept], rcond=_ALIKE)[0]
             errors = sums - neighbours @ weights
             usual = np.median(np.abs(errors[kept]), axis=0) / 0.6745 + np.finfo(float).tiny
-            kept &= np.max(np.abs(errors) / usual, axis=1) < _TRIMMED
+            close = kept & (np.max(np.abs(errors) / usual, axis=1) < _TRIMMED)
+            if np.array_equal(close, kept):
+                break
+            kept = close
         left = errors[kept]
         floor = _ALIKE * np.mean(steps**2, axis=0) + np.finfo(float).tiny
         root = np.linalg.cholesky(left.T @ left / max(len(left), 1) + np.diag(floor))

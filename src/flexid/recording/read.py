@@ -15,10 +15,9 @@ from flexid.arrays import FloatArray
 from flexid.models.motion import JointType
 from flexid.readers.formats import format_of
 from flexid.recording import checks
-from flexid.recording.channel import ENCODERS, INPUTS, VELOCITIES, Draft, Rank
 from flexid.recording.columns import read_channels
 from flexid.recording.outliers import mend
-from flexid.recording.recording import Log, Recording
+from flexid.recording.recording import ENCODERS, INPUTS, VELOCITIES, Draft, Log, Rank, Recording
 from flexid.recording.sampling import (
     MOST_GAPS,
     Grid,

@@ -16,7 +16,8 @@ import numpy as np
 from flexid.errors import RecordingError
 from flexid.files import parse_toml, read_small, shown
 from flexid.models.motion import JOINT_TYPES, JointType, unit_of
-from flexid.recording.channel import (
+from flexid.recording.names import cut, folded, nearest_name, quoted, split_header
+from flexid.recording.recording import (
     GEARED,
     LONGEST_SAMPLE_TIME,
     SHORTEST_SAMPLE_TIME,
@@ -25,9 +26,7 @@ from flexid.recording.channel import (
     Origin,
     si_units,
 )
-from flexid.recording.clock import Clock
-from flexid.recording.names import cut, folded, nearest_name, quoted, split_header
-from flexid.recording.table import Table
+from flexid.recording.table import Clock, Table
 from flexid.recording.units import UnitError, is_of_a_slide, scale_to_si
 
 MapSource: TypeAlias = Path | Mapping[str, object]

@@ -1,17 +1,207 @@
-"""What a log holds once it is read: uniformly sampled recordings in SI units."""
+"""Logs: their channels and limits, a log while it is read, and uniformly sampled recordings in SI.
+
+Warnings know what they are about, so that the first one is what to do first.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Literal, TypeAlias
+from enum import IntEnum
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.models.motion import JointType
-from flexid.recording.channel import Origin
+from flexid.models.motion import JointType, unit_of
+from flexid.recording.names import MOST_TIMES, first_times
+
+
+class Rank(IntEnum):
+    """What a warning is about. The lowest is to be mended first, as others may follow from it."""
+
+    DATA = 0  # samples are wrong, lost or left out
+    SCALE = 1  # a unit, a scale, a sign or the wiring is wrong
+    MODEL = 2  # the model lacks something that the drive has
+    MOTION = 3  # the motion shows too little
+    NOTE = 4  # what was assumed or mended
+
+
+class Caution(str):
+    """A warning: one sentence with its rank; a plain string counts as a note."""
+
+    __slots__ = ("rank",)
+
+    rank: Rank
+
+    def __new__(cls, text: str, rank: Rank = Rank.NOTE) -> Caution:
+        """Return the sentence with its rank."""
+        made = super().__new__(cls, text)
+        made.rank = rank
+        return made
+
+
+def cautions(rank: Rank, texts: Iterable[str]) -> tuple[Caution, ...]:
+    """Sentences of one rank; those that have one keep it."""
+    return tuple(text if isinstance(text, Caution) else Caution(text, rank) for text in texts)
+
+
+def rank_of(text: str) -> Rank:
+    """The rank of a sentence."""
+    return text.rank if isinstance(text, Caution) else Rank.NOTE
+
+
+def ranked(texts: Iterable[str]) -> tuple[str, ...]:
+    """Sentences in the order in which to act on them; equals stay in their order."""
+    return tuple(sorted(texts, key=rank_of))
+
+
+LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in memory
+MOST_ROWS = 5_000_000  # an identification in memory takes 2 kB for each
+MOST_COLUMNS = 10_000
+MOST_CELLS = 100_000_000  # a small file may hold any number of empty or equal ones
+LONGEST_SAMPLE_TIME = 0.5  # s
+SHORTEST_SAMPLE_TIME = 1e-6  # s
+
+
+def check_cells(file: str, rows: int, columns: int) -> None:
+    """Refuse a table that would not fit into memory, before it is there."""
+    if columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
+        raise RecordingError(
+            file,
+            "",
+            f"there are {columns} columns of {rows} rows, more than are read at once: write the "
+            f"columns of one joint",
+        )
+
+
+ENCODERS = ("link_position", "motor_position")
+POSITIONS = (*ENCODERS, "deflection")
+VELOCITIES = ("link_velocity", "motor_velocity")
+INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference
+SI_UNITS: dict[str, tuple[str, ...]] = {  # of a revolute joint
+    "time": ("s",),
+    "link_position": ("rad",),
+    "link_velocity": ("rad/s",),
+    "motor_position": ("rad",),
+    "motor_velocity": ("rad/s",),
+    "deflection": ("rad",),
+    "motor_torque": ("N m", "V", "A"),
+    "motor_current": ("A",),
+    "motor_voltage": ("V",),
+}
+# They differ at the two sides of the gear: angles are divided, the torque multiplied.
+GEARED = ("motor_position", "motor_velocity", "motor_torque")
+
+
+def si_units(name: str, joint: JointType) -> tuple[str, ...]:
+    """Units that a channel may have once it is read, the one of a column without a unit first."""
+    return tuple(unit_of(unit, joint) for unit in SI_UNITS[name])
+
+
+@dataclass(frozen=True)
+class Origin:
+    """How a channel was computed: ``factor * (sum of weight * column) + offset``, in SI units."""
+
+    columns: Mapping[str, float]  # weights of the columns, by name in the file
+    factor: float  # of the unit, the scale of a column map and the gear ratio together
+    offset: float  # in `unit`
+    unit: str  # SI
+    # turns of the motor in one of the link, or its rad in a m, by which `factor` carries the
+    # channel to the link's side of the gear or screw
+    ratio: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One canonical channel of a file, in SI units."""
+
+    values: FloatArray  # shape (n,)
+    column: str  # as named in the file; several are joined by " + "
+    unit_stated: bool  # whether the file or the map named a unit
+    origin: Origin
+
+    @property
+    def unit(self) -> str:
+        """Of the values."""
+        return self.origin.unit
+
+    @property
+    def joint(self) -> JointType:
+        """How the joint moves that it is a position of."""
+        return "prismatic" if self.unit == unit_of("rad", "prismatic") else "revolute"
+
+    @property
+    def place(self) -> str:
+        """The column, for a message."""
+        return f"column {self.column!r}"
+
+
+@dataclass(eq=False)
+class Draft:
+    """A log that is checked and mended step by step."""
+
+    file: str
+    channels: dict[str, Channel]  # the time among them
+    warnings: list[str] = field(default_factory=list)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self.channels[name].values
+
+    def __setitem__(self, name: str, values: FloatArray) -> None:
+        self.channels[name] = replace(self.channels[name], values=values)
+
+    @property
+    def time(self) -> FloatArray:
+        """Time stamps in s."""
+        return self["time"]
+
+    @property
+    def names(self) -> list[str]:
+        """The channels but the time."""
+        return [name for name in self.channels if name != "time"]
+
+    @property
+    def joint(self) -> JointType:
+        """How the joint moves."""
+        return self.channels["motor_position"].joint
+
+    @property
+    def ratio(self) -> str:
+        """What a column map calls the ratio of motor and link."""
+        return "gear ratio" if self.joint == "revolute" else "lead"
+
+    def those_of(self, names: Iterable[str]) -> list[str]:
+        """The channels of some that there are."""
+        return [name for name in names if name in self.channels]
+
+    def at(self, places: Any) -> str:
+        """Times of some samples, for a message: the first three, and how many more there are."""
+        shown = [f"{time:.6g} s" for time in self.time[places[:MOST_TIMES]]]
+        return first_times(shown, len(places))
+
+    def warn(self, names: str | Sequence[str], what: str, rank: Rank = Rank.NOTE) -> None:
+        """Note a sentence about a channel, about several, or about the whole log."""
+        parts = (self.file, place, what) if (place := self._place(names)) else (self.file, what)
+        self.warnings.append(Caution(": ".join(parts), rank))
+
+    def refusal(self, names: str | Sequence[str], reason: str) -> RecordingError:
+        """The error by which the log is refused, about as many channels."""
+        return RecordingError(self.file, self._place(names), reason)
+
+    def _place(self, names: str | Sequence[str]) -> str:
+        """The columns of some channels, or what else has a name."""
+        if isinstance(names, str):
+            return self.channels[names].place if names in self.channels else names
+        columns = [repr(self.channels[name].column) for name in names]
+        return f"columns {' and '.join(columns)}"
+
+    def keep(self, kept: np.ndarray) -> None:
+        """Leave all samples out but these."""
+        for name in self.channels:
+            self[name] = self[name][kept]
+
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
 """How an input behaves between samples: constant from each on, on straight lines, or smooth."""

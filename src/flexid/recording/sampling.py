@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.recording.channel import (
+from flexid.recording.names import first_times
+from flexid.recording.recording import (
     LONGEST_SAMPLE_TIME,
     POSITIONS,
     SHORTEST_SAMPLE_TIME,
     Draft,
     Rank,
 )
-from flexid.recording.clock import is_stamp
-from flexid.recording.names import first_times
-from flexid.recording.table import Table
+from flexid.recording.table import Table, is_stamp
 
 FEWEST_SAMPLES = 20  # of a recording
 FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept out

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from flexid.errors import RecordingError
 from flexid.readers.formats import PARQUET, STAMPS, Series, format_of
 from flexid.readers.guard import Reading
-from flexid.recording.channel import INPUTS, MOST_ROWS, check_cells
 from flexid.recording.columns import recipes_of
 from flexid.recording.names import (
     cut,
@@ -22,6 +21,7 @@ from flexid.recording.names import (
     usual_channel,
 )
 from flexid.recording.one_clock import Signal, on_one_clock
+from flexid.recording.recording import INPUTS, MOST_ROWS, check_cells
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.recording.channel import ENCODERS, Caution, Draft, Rank
-from flexid.recording.recording import Recording
+from flexid.recording.recording import ENCODERS, Caution, Draft, Rank, Recording
 from flexid.recording.velocities import best_half_window, velocity
 
 _REACH = 6.0  # standard deviations of the smoothing kernel on either side: 1e-8 is cut off

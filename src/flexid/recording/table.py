@@ -1,13 +1,20 @@
-"""Columns of a file as numbers, every bad cell with its place."""
+"""Columns of a file as numbers, every bad cell with its place, and its clock in seconds.
+
+Time stamps are numbers in some unit, dates with times, or times of day. They are read by Polars
+into whole nanoseconds, and only what is left after the first one is taken off them becomes a
+floating-point number: of 1.7e9 s since 1970 that would keep 0.2 µs. So are numbers that count from
+long ago, as integers or as decimals.
+"""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,3 +198,204 @@ def _bad_cell(cell: object) -> str:
         f"{shown!r} is not a number such as -1.5e-3, nor a time stamp such as {EXAMPLE}: "
         f"correct it, or remove the row"
     )
+
+
+if TYPE_CHECKING:
+    import polars
+
+LONG_AGO = 1e8
+"""Seconds beyond which a clock counts from long ago, and the log from its own beginning."""
+
+_DATES = {  # the years are those that 64 bits of nanoseconds hold
+    r"(?:1[789]|2[01])\d\d-\d\d-\d\d": "%Y-%m-%d",
+    r"(?:1[789]|2[01])\d\d/\d\d/\d\d": "%Y/%m/%d",
+    r"\d\d?\.\d\d?\.(?:1[789]|2[01])\d\d": "%d.%m.%Y",
+    r"\d\d-[A-Z][a-z][a-z]-(?:1[789]|2[01])\d\d": "%d-%b-%Y",
+}
+_TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d+)?"
+_ZONE = r" ?(?:Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)"
+_DAYS = r"\d+ days?,? "  # before a time of day, as Python writes a duration
+_STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ])|{_DAYS})?{_TIME}({_ZONE})?\s*")
+_OF_DAY = "%H:%M:%S%.f"
+_LONGEST = 48  # characters of a stamp
+_EXACT = 2**53  # integers up to which are floating-point numbers, too
+_SINCE_1970 = (1e18, 2**63)  # nanoseconds, from 2001 on; any other unit has no such numbers
+_OF_WINDOWS = "0.1 us"  # since 1601
+_LARGEST = 2**62  # differences up to which those of integers do not wrap
+_PLACES = 12  # behind the point of a decimal that is read exactly, of 38 digits in all
+_DAY = 86_400
+_PER_SECOND = {"ns": 10**9, "us": 10**6, "ms": 10**3}
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is a date with a time, or a time of day.
+
+    >>> is_stamp("2024-05-01 10:00:00.123456Z"), is_stamp("10:00:00,5"), is_stamp("2024-05-01")
+    (True, True, False)
+    """
+    return len(cell) <= _LONGEST and _STAMP.fullmatch(cell) is not None
+
+
+def _form_of(cell: str) -> str | None:
+    """The format of a stamp, as Polars spells it; None of what is none."""
+    found = _STAMP.fullmatch(cell) if len(cell) <= _LONGEST else None
+    if found is None or found[1] is None:
+        return _OF_DAY if found else None  # of a time of day the zone says nothing
+    date = next(form for pattern, form in _DATES.items() if re.fullmatch(pattern, found[1]))
+    return f"{date}{found[2]}{_OF_DAY}{'%#z' if found[3] else ''}"
+
+
+def _ticks(cells: polars.Series, form: str) -> polars.Series:
+    """Nanoseconds since 1970 in UTC, or since midnight; null where a cell is otherwise."""
+    text = cells.str.strip_chars().str.replace(",", ".", literal=True)
+    if form == _OF_DAY:  # days are counted at midnights
+        time = text.str.extract(rf"^(?:{_DAYS})?({_TIME})")
+        ticks = time.str.to_time(form, strict=False).to_physical()
+    else:
+        if form.endswith("z"):
+            text = text.str.replace(r" ?(?:UTC|GMT|Z)$", "+00").str.replace(r" ([+-])", "$1")
+        ticks = text.str.to_datetime(form, strict=False, time_unit="ns").to_physical()
+    return ticks.set(~cells.str.contains(f"^{_STAMP.pattern}$"), None)
+
+
+class Clock:
+    """What the time of a log is counted from, the same in each of its parts."""
+
+    def __init__(self, *, since_1970: bool = False) -> None:
+        self._since_1970 = since_1970
+        self._origin: int | None = None  # tick from which time stamps are counted
+        self._origins: dict[str, Any] = {}  # by column, the number from which others are counted
+        self._form: str | None = None
+        self._is_known = False  # whether the time is stamps of this form, or no stamps
+        self._rows = 0  # that were counted
+        self._last: int | None = None  # tick of the last time of day
+        self._days = 0  # midnights since the first one
+
+    def stamped(self, table: Table, header: str) -> FloatArray | None:
+        """Seconds of a column of time stamps; None where it holds anything else."""
+        import polars as pl
+
+        column = table.frame[header]
+        dtype = column.dtype
+        if dtype == pl.String:
+            if not self._is_known:
+                self._take_form(column, is_stream=table.mark is not None)
+            if self._form is None:
+                return None
+            ticks, per_second = _ticks(column, self._form), 10**9
+            is_of_day = self._form == _OF_DAY
+        elif isinstance(dtype, pl.Datetime | pl.Duration | pl.Time):
+            ticks, is_of_day = column.to_physical(), isinstance(dtype, pl.Time)
+            per_second = 10**9 if isinstance(dtype, pl.Time) else _PER_SECOND[dtype.time_unit]
+        else:
+            return None
+        if table.mark is None:
+            self._check(table, header, ticks)
+        seconds = np.full(len(ticks), np.nan)
+        found = ticks.drop_nulls().to_numpy()
+        found = self._over_midnight(found) if is_of_day else found
+        seconds[ticks.is_not_null().to_numpy()] = self._seconds(found, per_second)
+        return seconds
+
+    def _take_form(self, column: polars.Series, *, is_stream: bool) -> None:
+        """Decide how the stamps are written: as the first cell; of a stream, as most."""
+        if is_stream:
+            found = _usual_form(column)
+        else:
+            filled = (cell.strip() for cell in column.head(100) if cell and cell.strip())
+            found = _form_of(next(filled, ""))
+        self._form, self._is_known = found, found is not None or is_stream
+
+    def counted(self, rows: int) -> FloatArray:
+        """Numbers of the next so many rows, from 0."""
+        self._rows += rows
+        return np.arange(self._rows - rows, self._rows, dtype=np.float64)
+
+    def unit_of_count(self, table: Table, header: str) -> str | None:
+        """The unit that numbers without one can only have: as ROS counts, or Windows."""
+        count = str(next(iter(table.frame[header].drop_nulls().head(1)), None)).strip()
+        least, most = _SINCE_1970
+        if not re.fullmatch(r"\d{18,19}", count) or int(count) >= most:
+            return None
+        return "ns" if int(count) >= least else _OF_WINDOWS
+
+    def numbers(self, table: Table, header: str, scale: float) -> FloatArray:
+        """Numbers of a column of so many s each, from the first one on where that is long ago."""
+        import polars as pl
+
+        exact = None if self._since_1970 else _exact(table, header)
+        found: Any = table.numbers(header) if exact is None else exact
+        if header not in self._origins:
+            first = found[0] if len(found) else 0
+            is_far = not self._since_1970 and abs(float(first) * scale) > LONG_AGO
+            self._origins[header] = first if is_far else 0
+        origin = self._origins[header]
+        if exact is None:
+            return found - float(origin)
+        if not origin:
+            return table.numbers(header)
+        return np.require((exact - origin).cast(pl.Float64).to_numpy(), np.float64, "W")
+
+    def _seconds(self, ticks: NDArray[np.int64], per_second: int) -> FloatArray:
+        """Ticks as s since the first of all, exact where they are not centuries apart."""
+        if self._origin is None:
+            self._origin = int(ticks[0]) if not self._since_1970 and len(ticks) else 0
+        apart = ticks.astype(np.float64) - self._origin
+        if np.abs(apart).max(initial=0.0) <= _LARGEST:
+            apart = (ticks - self._origin).astype(np.float64)
+        return apart / per_second
+
+    def _over_midnight(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Times of day, each of the day in which it is nearest to the one before."""
+        if not len(ticks):
+            return ticks
+        day = _DAY * 10**9
+        before = ticks[0] if self._last is None else self._last
+        passed = -np.rint(np.diff(ticks, prepend=before) / day).astype(np.int64)
+        days = self._days + np.cumsum(passed)
+        self._last, self._days = int(ticks[-1]), int(days[-1])
+        return ticks + day * days
+
+    def _check(self, table: Table, header: str, ticks: polars.Series) -> None:
+        """Raise at the first cell that is no time stamp."""
+        if not ticks.null_count():
+            return
+        column = table.frame[header]
+        index = int(np.argmax(ticks.is_null().to_numpy()))
+        cell = column[index]
+        text = "" if cell is None else str(cell).strip()
+        reason = "the cell is empty: fill it in, or remove the row"
+        if text:
+            first = str(column.drop_nulls()[0]).strip()
+            what = f"a time stamp of the same form as the first one, {first!r}"
+            what = "an existing date or time" if text == first else what
+            reason = f"{cut(text, 40)!r} is not {what}: correct it, or remove the row"
+        raise RecordingError(table.file, table.place(index, header), reason)
+
+
+def _usual_form(column: polars.Series) -> str | None:
+    """How most cells are written that are time stamps, if these are more than the numbers."""
+    cells = [cell for cell in column if cell is not None]
+    forms = Counter(form for form in map(_form_of, cells) if form is not None)
+    is_stamped = forms.total() > sum(map(is_number, cells))
+    return max(forms, key=lambda form: forms[form]) if is_stamped else None
+
+
+def _exact(table: Table, header: str) -> polars.Series | None:
+    """Decimals or integers of which floating-point numbers would keep too few digits."""
+    import polars as pl
+
+    column = table.frame[header]
+    first = column[0] if len(column) else None
+    if column.dtype == pl.String:
+        column = column.str.strip_chars()
+        if not re.fullmatch(r"[+-]?\d{9,}(?:[.,]\d*)?", (first or "").strip()):
+            return None
+        if table.has_decimal_commas:
+            column = column.str.replace(",", ".", literal=True)
+    elif not isinstance(column.dtype, pl.Decimal) and not (
+        column.dtype.is_integer() and abs(first or 0) >= _EXACT
+    ):
+        return None
+    found = column.cast(pl.Decimal(38, _PLACES), strict=False)
+    return None if found.null_count() or first is None else found

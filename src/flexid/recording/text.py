@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 from flexid.errors import RecordingError
 from flexid.files import read_bytes, shown
 from flexid.readers.formats import looks_like
-from flexid.recording.channel import LARGEST_FILE, check_cells
 from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of, split
+from flexid.recording.recording import LARGEST_FILE, check_cells
 from flexid.recording.table import Table, line_of
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.recording.channel import Draft, Rank
-from flexid.recording.recording import Recording
+from flexid.recording.recording import Draft, Rank, Recording
 
 DEGREE = 5  # of the local polynomials
 ORDER = 8  # of the differences that tell noise from motion

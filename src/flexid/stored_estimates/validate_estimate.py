@@ -31,8 +31,7 @@ from flexid.identification.structure.validation import Channels, validate_with
 from flexid.identification.vocabulary.evidence import Validation, ValueEstimate
 from flexid.models.motion import JointType
 from flexid.models.planar_arm import planar_arm
-from flexid.recording.channel import Rank, cautions, ranked
-from flexid.recording.recording import Log, Recording
+from flexid.recording.recording import Log, Rank, Recording, cautions, ranked
 from flexid.recording.velocities import position_noise
 from flexid.stored_estimates.estimate_file import WANTED, StoredEstimate
 from flexid.stored_estimates.structure import structure_of, values_of

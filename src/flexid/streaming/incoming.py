@@ -17,8 +17,6 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.files import shown
 from flexid.readers.formats import format_of
-from flexid.recording.channel import Channel
-from flexid.recording.clock import Clock
 from flexid.recording.columns import channels_of, read_channels, recipes_of
 from flexid.recording.layout import (
     BLANK,
@@ -28,8 +26,9 @@ from flexid.recording.layout import (
     split,
 )
 from flexid.recording.read import tables_of_file
+from flexid.recording.recording import Channel
 from flexid.recording.sampling import GAP, check_typical
-from flexid.recording.table import Table, decimal_mark
+from flexid.recording.table import Clock, Table, decimal_mark
 from flexid.recording.text import COMMENT_MARKS, UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels
 from flexid.streaming.sources import name_of, open_source

@@ -38,8 +38,8 @@ from flexid.models.flexible_joint import (
 from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import ANGLES
-from flexid.recording.channel import INPUTS, Channel
 from flexid.recording.read import TURN
+from flexid.recording.recording import INPUTS, Channel
 from flexid.recording.sampling import check_sample_time
 
 LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word

@@ -37,9 +37,8 @@ from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate, q
 from flexid.models.flexible_joint import SHAPE_TERMS, SMOOTHING
 from flexid.readers.formats import PARQUET
 from flexid.readers.guard import Reading
-from flexid.recording.channel import Rank, cautions, ranked
 from flexid.recording.read import log_of_table
-from flexid.recording.recording import Log
+from flexid.recording.recording import Log, Rank, cautions, ranked
 from flexid.recording.sampling import EVEN, GAP
 from flexid.recording.series import Signals, names_of
 from flexid.recording.velocities import with_velocities

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import RIGID_TERMS, SHAPE_TERMS, TERMS
 from flexid.paper.loop import Multisine
-from flexid.recording.channel import SI_UNITS
+from flexid.recording.recording import SI_UNITS
 from flexid.studies.runs import (
     AMPLITUDE,
     ATTENUATION,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from flexid.errors import FlexidError
 from flexid.models.motion import JOINT_TYPES
-from flexid.recording.channel import INPUTS, SI_UNITS, si_units
+from flexid.recording.recording import INPUTS, SI_UNITS, si_units
 from flexid.recording.units import EXAMPLES
 from flexid.studio import jobs
 from flexid.studio.choices import HOLDS, MODELS, Choices, Source, read_choices

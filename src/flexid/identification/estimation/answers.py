@@ -56,7 +56,7 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import POSITIVE, resonance
-from flexid.recording.channel import Caution, Rank
+from flexid.recording.recording import Caution, Rank
 
 if TYPE_CHECKING:
     from flexid.identification.estimation.disturbed import Disturbed

@@ -20,8 +20,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.rowwise import RowFit
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import least_squares_start
-from flexid.identification.preparation.recordings import SplitRecordings
-from flexid.recording.recording import Recording
+from flexid.identification.preparation.recordings import IDEAL, Amplifier
 
 _LARGEST_DEAD_ZONE, _LIMITS = 0.1, (0.1, 1.0)  # of the largest input
 _NOTHING = np.finfo(float).tiny  # left by a log without noise
@@ -42,40 +41,6 @@ _REMEMBERED = 0.02
 _FORGOTTEN = 12.0  # time constants, after which a filter remembers less than 1e-4
 _FEWEST = 100  # equations of a moving motor: ten for each coefficient
 _DRIVEN = ("motor", "rigid")  # rows that an input drives
-
-
-@dataclass(frozen=True)
-class Amplifier:
-    """Passes an input on; all of it unless told otherwise."""
-
-    dead_zone: float = 0.0  # in the input's unit
-    limit: float | None = None  # the same, of what was logged; None where none was seen
-
-    @property
-    def corrects(self) -> bool:
-        """Whether it passes on anything but what it was given."""
-        return self != IDEAL
-
-    def passed(self, commanded: FloatArray) -> FloatArray:
-        """What is left of an input."""
-        limited = commanded
-        if self.limit is not None:
-            limited = np.clip(commanded, -self.limit, self.limit)
-        return limited - np.clip(limited, -self.dead_zone, self.dead_zone)
-
-    def behind(self, recording: Recording) -> Recording:
-        """A recording with what reached the motor in place of what was commanded."""
-        if recording.input is None or not self.corrects:
-            return recording
-        return replace(recording, input=self.passed(recording.input))
-
-    def split_behind(self, recordings: SplitRecordings) -> SplitRecordings:
-        """The same of recordings with their held-out ends."""
-        return replace(recordings, recorded=tuple(map(self.behind, recordings.recorded)))
-
-
-IDEAL = Amplifier()
-"""Passes everything on."""
 
 
 def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Amplifier:

@@ -14,8 +14,7 @@ from flexid.estimators.channel_timing import later, spoilt
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
 from flexid.models.motion import JointType, unit_of
-from flexid.recording.channel import Caution, Rank
-from flexid.recording.recording import Hold, Log, Recording
+from flexid.recording.recording import Caution, Hold, Log, Rank, Recording
 from flexid.recording.velocities import is_noise, while_moving, with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
@@ -67,6 +66,40 @@ class SplitRecordings:
         own = int(share * count / number)
         for first in np.linspace(0, count - own, number).astype(int).tolist():
             yield first, first + own
+
+
+@dataclass(frozen=True)
+class Amplifier:
+    """Passes an input on; all of it unless told otherwise."""
+
+    dead_zone: float = 0.0  # in the input's unit
+    limit: float | None = None  # the same, of what was logged; None where none was seen
+
+    @property
+    def corrects(self) -> bool:
+        """Whether it passes on anything but what it was given."""
+        return self != IDEAL
+
+    def passed(self, commanded: FloatArray) -> FloatArray:
+        """What is left of an input."""
+        limited = commanded
+        if self.limit is not None:
+            limited = np.clip(commanded, -self.limit, self.limit)
+        return limited - np.clip(limited, -self.dead_zone, self.dead_zone)
+
+    def behind(self, recording: Recording) -> Recording:
+        """A recording with what reached the motor in place of what was commanded."""
+        if recording.input is None or not self.corrects:
+            return recording
+        return replace(recording, input=self.passed(recording.input))
+
+    def split_behind(self, recordings: SplitRecordings) -> SplitRecordings:
+        """The same of recordings with their held-out ends."""
+        return replace(recordings, recorded=tuple(map(self.behind, recordings.recorded)))
+
+
+IDEAL = Amplifier()
+"""Passes everything on."""
 
 
 def prepare(
