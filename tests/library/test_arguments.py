@@ -9,7 +9,7 @@ import pytest
 
 import flexid
 from flexid.cli.commands import COMMANDS
-from flexid.errors import ArgumentError, SettingError
+from flexid.errors import ArgumentError
 from flexid.library.arguments import _CONVERTED, _TYPES, entrance, joint_settings
 
 if TYPE_CHECKING:
@@ -21,62 +21,46 @@ def call(name, *arguments, **options):
     return lambda: getattr(flexid, name)(*arguments, **options)
 
 
-UNTAKEN = {
-    "misspelt": (call("identify", "a.csv", knwon={}), "unexpected keyword argument 'knwon'"),
-    "of the excitation": (call("excitation", "a.csv", hould="zero"), "'hould'"),
-    "missing": (call("identify"), "missing a required argument: 'logs'"),
-    "progress": (call("identify", "a.csv", progress=3), "progress is an int.*print"),
-    "one too many": (call("identify", "a.csv", "b.csv"), "too many positional arguments"),
-    "twice": (call("identify", "a.csv", logs="b.csv"), "logs"),
-    "hold": (call("identify", "a.csv", hold=0), "an int.*'zero'"),
-    "known value": (call("identify", "a.csv", known={"beta1": "3"}), "beta1.*a str"),
-    "bounds": (call("identify", "a.csv", bounds={"theta2": 3.0}), r"theta2.*\(lower, upper\)"),
-    "terms": (call("identify", "a.csv", terms=3), "an int.*gravity"),
-    "delay": (call("identify", "a.csv", input_delay="late"), "'late'.*auto"),
-    "columns": (call("identify", "a.csv", columns=["t"]), "a list.*path.*mapping"),
-    "empty path": (call("identify", ""), "logs is empty: give a path"),
-    "empty file": (call("load", ""), "path is empty: give a path"),
-    "thresholds": (call("identify", "a.csv", thresholds=3), "an int: give a flexid.Thresholds"),
-    "stream": (call("identify", {"time": []}, stream=True), "path of one Parquet"),
-    "load": (call("load", None), "None.*path"),
-    "estimate": (call("validate", 3, "a.csv"), "an int.*JointEstimate.*path"),
-    "compared": (call("compare", 3, "a.json"), "a is an int.*JointEstimate"),
-    "model": (call("derive", 3), "an int.*path"),
-    "seed": (call("design", "a.toml", seed=0.5), "a float"),
-    "set": (call("simulate", "a.toml", set=["controller.k=3"]), "controller.k"),
-    "set value": (call("simulate", "a.toml", set={"controller.k": "3"}), "controller.k"),
-    "workers": (call("campaign", "a.toml", out="b", workers="all"), "a str"),
-    "no sample time": (call("watch"), "sample_time is missing"),
-    "sample time": (call("watch", sample_time="fast"), "sample_time is a str"),
-    "source": (call("watch", source=3), "source is an int: give text or a path"),
-    "filter": (call("watch", sample_time=1e-3, filter=3), "unexpected keyword argument 'filter'"),
-}
-UNUSABLE = {
-    "seed": (call("design", "a.toml", seed=-1), "seed"),
-    "thresholds": (
-        call("identify", "a.parquet", stream=True, thresholds=flexid.Thresholds()),
-        "thresholds",
+WRONG = {
+    "misspelt": call("identify", "a.csv", knwon={}),
+    "of the excitation": call("excitation", "a.csv", hould="zero"),
+    "missing": call("identify"),
+    "progress": call("identify", "a.csv", progress=3),
+    "one too many": call("identify", "a.csv", "b.csv"),
+    "twice": call("identify", "a.csv", logs="b.csv"),
+    "hold": call("identify", "a.csv", hold=0),
+    "known value": call("identify", "a.csv", known={"beta1": "3"}),
+    "bounds": call("identify", "a.csv", bounds={"theta2": 3.0}),
+    "terms": call("identify", "a.csv", terms=3),
+    "delay": call("identify", "a.csv", input_delay="late"),
+    "columns": call("identify", "a.csv", columns=["t"]),
+    "empty path": call("identify", ""),
+    "empty file": call("load", ""),
+    "thresholds": call("identify", "a.csv", thresholds=3),
+    "stream": call("identify", {"time": []}, stream=True),
+    "load": call("load", None),
+    "estimate": call("validate", 3, "a.csv"),
+    "compared": call("compare", 3, "a.json"),
+    "model": call("derive", 3),
+    "seed": call("design", "a.toml", seed=0.5),
+    "set": call("simulate", "a.toml", set=["controller.k=3"]),
+    "set value": call("simulate", "a.toml", set={"controller.k": "3"}),
+    "workers": call("campaign", "a.toml", out="b", workers="all"),
+    "no sample time": call("watch"),
+    "sample time": call("watch", sample_time="fast"),
+    "source": call("watch", source=3),
+    "filter": call("watch", sample_time=1e-3, filter=3),
+    "seed of no use": call("design", "a.toml", seed=-1),
+    "thresholds of no use": call(
+        "identify", "a.parquet", stream=True, thresholds=flexid.Thresholds()
     ),
 }
 
 
-@pytest.mark.parametrize(
-    ("run", "said", "kind"),
-    [
-        *((*case, ArgumentError) for case in UNTAKEN.values()),
-        *((*case, SettingError) for case in UNUSABLE.values()),
-    ],
-    ids=[*UNTAKEN, *(f"{name} of no use" for name in UNUSABLE)],
-)
-def test_wrong_calls_are_one_sentence(run, said, kind):
+def test_wrong_calls(refusals):
     """Assert that the sentence names function and argument and says what would be right."""
-    with pytest.raises(kind, match=said) as caught:
-        run()
-    error: Any = caught.value
-    assert "\n" not in str(error)
-    if kind is ArgumentError:
-        assert str(error).startswith(f"{error.function}: ")
-        assert isinstance(error, TypeError)
+    refusals(WRONG)
+    assert issubclass(ArgumentError, TypeError)
 
 
 @pytest.mark.parametrize("name", [name for name in COMMANDS if name != "studio"])
