@@ -1,11 +1,11 @@
 """Options that hold several values, or a value with something about it."""
 
+from functools import partial
 from math import inf
 
 import pytest
 
 from flexid.cli.options import parse_bounds, parse_known, parse_number, parse_values
-from flexid.errors import SettingError
 
 SEED = 2**62 + 1
 READ = [
@@ -34,22 +34,15 @@ def test_what_is_read(parse, given, expected):
 
 
 REFUSED = [
-    *(
-        (parse_known, [f"theta2{end}"], f"'theta2{end}' is no name=number")
-        for end in ("", "=", "=a", "=1+-", "=+-1")
-    ),
-    *((parse_bounds, [t], repr(t)) for t in ("alpha2", "alpha2=1", "alpha2=a:b", "alpha2=1:2:3")),
+    *((parse_known, [f"theta2{end}"]) for end in ("", "=", "=a", "=1+-", "=+-1")),
+    *((parse_bounds, [text]) for text in ("alpha2", "alpha2=1", "alpha2=a:b", "alpha2=1:2:3")),
     # A second value does not take the place of the first.
-    (parse_known, ["beta1=3", "beta1=4"], "beta1 is given twice"),
-    (parse_bounds, ["beta1=3:", "beta1 = :4"], "beta1 is given twice"),
-    (parse_number, "soon", "'soon'"),
+    (parse_known, ["beta1=3", "beta1=4"]),
+    (parse_bounds, ["beta1=3:", "beta1 = :4"]),
+    (parse_number, "soon"),
 ]
 
 
-@pytest.mark.parametrize(("parse", "given", "words"), REFUSED)
-def test_what_is_refused(parse, given, words):
+def test_what_is_refused(refusals):
     """Assert that what is no assignment is refused in the words of the user."""
-    with pytest.raises(SettingError) as refused:
-        parse("--option", given)
-    assert "--option" in str(refused.value)
-    assert words in str(refused.value)
+    refusals({str(given): partial(parse, "--option", given) for parse, given in REFUSED})
