@@ -1,6 +1,7 @@
 """What a user may set, how logs become recordings with held-out ends, and terms of the joints."""
 
 from dataclasses import replace
+from functools import partial
 from math import inf, nan
 from typing import Any
 
@@ -8,9 +9,8 @@ import numpy as np
 import pytest
 from tests.estimators.noisy_joint import late_motion
 
-from flexid.errors import RecordingError, SettingError
 from flexid.estimators.samples import Samples
-from flexid.identification.preparation.joint import flexible, joint_of, rigid
+from flexid.identification.preparation.joint import Kind, flexible, joint_of, rigid
 from flexid.identification.preparation.recordings import (
     Alignment,
     Delay,
@@ -31,67 +31,58 @@ WHERE = {
     "a slide": lambda settings: check_for(joint_of("flexible", "prismatic"), settings),
     "20 s at 1 kHz": lambda settings: check_against(settings, 1e-3, 20.0),
 }
-REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
+REFUSED: dict[str, list[dict[str, Any]]] = {
     "anywhere": [
-        ({"model": "elastic"}, "flexible"),
-        ({"terms": ("gravity", "turbulence")}, "turbulence"),
-        ({"known": {"stiffness": 3.0}}, "stiffness"),
-        ({"known": {"motor_inertia": 0.0}}, "no possible value"),
-        ({"known": {"motor_inertia": 1e-320}}, "no possible value"),
-        ({"known": {"theta2": nan}}, "no possible value"),
-        ({"known": {"joint_stiffness": 1e200}}, "no possible value"),
-        ({"known": {"beta1": 0.0}}, "above zero"),
-        ({"known": {"joint_stiffness": 0.0}}, "above zero"),
-        ({"known": {"theta2": 1.0}, "known_deviations": {"theta2": -1.0}}, "no standard deviation"),
-        (
-            {"known": {"theta2": 1.0}, "known_deviations": {"theta2": 1e200}},
-            "no standard deviation",
-        ),
-        ({"bounds": {"alpha2": (1e308, inf)}}, "no possible value"),
-        ({"bounds": {"link_inertia": (-2.0, -1.0)}}, "above zero"),
-        ({"bounds": {"stiffness": (0.0, 1.0)}}, "no parameter or coefficient"),
-        ({"bounds": {"alpha2": (2.0, 1.0)}}, "not below"),
-        ({"bounds": {"alpha2": (nan, 1.0)}}, "not below"),
-        ({"hold": "first"}, "'first' is none of"),
-        ({"coulomb_velocity": 0.0}, "coulomb_velocity"),
-        ({"coulomb_velocity": 1e-300}, "outside 1e-06 to 100"),
-        ({"coulomb_velocity": 101.0}, "outside 1e-06 to 100 rad/s"),
-        ({"filter_rate": -3.0}, "filter_rate"),
-        ({"segment_duration": inf}, "segment_duration"),
-        ({"segment_duration": "long"}, "segment_duration"),
-        ({"input_delay": inf}, "input_delay"),
-        ({"link_delay": nan}, "link_delay"),
-        ({"validation_share": 0.0}, "validation_share"),
-        ({"validation_share": 0.9}, "must lie above 0 and up to 0.8, got 0.9"),
+        {"model": "elastic"},
+        {"terms": ("gravity", "turbulence")},
+        {"known": {"stiffness": 3.0}},
+        {"known": {"motor_inertia": 0.0}},
+        {"known": {"motor_inertia": 1e-320}},
+        {"known": {"theta2": nan}},
+        {"known": {"joint_stiffness": 1e200}},
+        {"known": {"beta1": 0.0}},
+        {"known": {"joint_stiffness": 0.0}},
+        {"known": {"theta2": 1.0}, "known_deviations": {"theta2": -1.0}},
+        {"known": {"theta2": 1.0}, "known_deviations": {"theta2": 1e200}},
+        {"bounds": {"alpha2": (1e308, inf)}},
+        {"bounds": {"link_inertia": (-2.0, -1.0)}},
+        {"bounds": {"stiffness": (0.0, 1.0)}},
+        {"bounds": {"alpha2": (2.0, 1.0)}},
+        {"bounds": {"alpha2": (nan, 1.0)}},
+        {"hold": "first"},
+        {"coulomb_velocity": 0.0},
+        {"coulomb_velocity": 1e-300},
+        {"coulomb_velocity": 101.0},
+        {"filter_rate": -3.0},
+        {"segment_duration": inf},
+        {"segment_duration": "long"},
+        {"input_delay": inf},
+        {"link_delay": nan},
+        {"validation_share": 0.0},
+        {"validation_share": 0.9},
     ],
-    "a flexible joint": [({"terms": ("viscous",)}, "no term of the flexible joint")],
+    "a flexible joint": [
+        {"terms": ("viscous",)},
+    ],
     "a rigid joint": [
-        ({"terms": ("motor_viscous",)}, "no term of the rigid joint"),
-        ({"known": {"motor_inertia": 0.3}}, "motor and link"),
+        {"terms": ("motor_viscous",)},
+        {"known": {"motor_inertia": 0.3}},
     ],
     "a link alone": [
-        ({"hold": "zero"}, "no input that it could be true of"),
-        ({"input_delay": 1e-3}, "no input that it could be true of"),
-        ({"terms": ("motor_viscous",)}, "no term of the link alone"),
+        {"hold": "zero"},
+        {"input_delay": 1e-3},
+        {"terms": ("motor_viscous",)},
     ],
-    "a slide": [({"terms": ("gravity",)}, "slides, so that gravity is a part of the offsets")],
+    "a slide": [
+        {"terms": ("gravity",)},
+    ],
     "20 s at 1 kHz": [
-        ({"segment_duration": 1e-9}, "less than 20 samples"),
-        ({"filter_rate": 501.0}, "does not suit samples every 0.001 s"),
-        ({"input_delay": 5.0}, "a tenth of the log"),
-        ({"link_delay": -1e3}, "a tenth of the log"),
+        {"segment_duration": 1e-9},
+        {"filter_rate": 501.0},
+        {"input_delay": 5.0},
+        {"link_delay": -1e3},
     ],
 }
-
-
-@pytest.mark.parametrize(
-    ("where", "settings", "words"), [(where, *one) for where in WHERE for one in REFUSED[where]]
-)
-def test_what_has_no_meaning_is_refused(where, settings, words):
-    """Assert that a setting that would go unheeded, or cannot be shown, is named."""
-    asked = WHERE[where]
-    with pytest.raises(SettingError, match=words):
-        asked(Settings(**settings))
 
 
 def test_what_a_log_can_show_is_taken():
@@ -127,21 +118,41 @@ def test_a_model_leaves_channels_aside():
     assert prepare([whole], SHARE, "flexible")[0].recorded == prepare([whole], SHARE)[0].recorded
 
 
-@pytest.mark.parametrize(
-    ("channel", "model", "remedy"),
-    [
-        ("input", "flexible", "link"),
-        ("input", "rigid", "link"),
-        ("link position", "flexible", "rigid"),
-        ("link position", "link", "rigid"),
-    ],
-)
-def test_what_a_model_needs_is_asked_for(channel, model, remedy):
-    """Assert that a model without its channels is refused, with one that the log has."""
+def lacking(channel: str) -> Log:
+    """A log without its input, or without the link's position."""
     whole = recording(link=channel == "input")
-    lacking = replace(whole, input=None, input_unit="") if channel == "input" else whole
-    with pytest.raises(SettingError, match=f"has no {channel}, which {model} needs: give {remedy}"):
-        prepare([log(lacking)], SHARE, model)
+    return log(replace(whole, input=None, input_unit="") if channel == "input" else whole)
+
+
+LACKING: list[tuple[str, Kind]] = [
+    *(("input", "flexible"), ("input", "rigid")),
+    *(("link position", "flexible"), ("link position", "link")),
+]
+TOGETHER: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
+    "the same bytes": ({}, {"seed": 1}, "abc"),
+    "another input": ({}, {"unit": "V"}, ""),
+    "one encoder, and two": ({"link": False}, {}, ""),
+    "two encoders, and one": ({}, {"link": False}, ""),
+}
+
+
+def test_what_has_no_meaning(refusals):
+    """Assert that settings that would go unheeded, and logs of no use to them, are named."""
+    calls: dict[str, Any] = {
+        f"{where}, {settings}": lambda asked=WHERE[where], of=settings: asked(Settings(**of))
+        for where in WHERE
+        for settings in REFUSED[where]
+    }
+    for channel, model in LACKING:
+        calls[f"{model} without {channel}"] = partial(prepare, [lacking(channel)], SHARE, model)
+    for name, (first, second, digest) in TOGETHER.items():
+        each = {"a.csv": first, "b.csv": second}.items()
+        logs = [log(recording(source=source, **own), digest=digest) for source, own in each]
+        calls[f"two logs, {name}"] = partial(prepare, logs, SHARE)
+    calls["too short"] = partial(prepare, [log(recording(FEWEST_TO_IDENTIFY - 1))], SHARE)
+    calls["fewer than ten samples to test on"] = partial(prepare, [log(recording(300))], 0.01)
+    refusals(calls)
+    prepare([log(recording(FEWEST_TO_IDENTIFY))], SHARE)
 
 
 def test_end_of_every_recording_is_held_out():
@@ -174,28 +185,6 @@ def test_a_long_log_is_searched_in_windows():
     assert sum(map(len, split.whole)) == 126_000
 
 
-LINKLESS = {"link": False}
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "digest", "words"),
-    [
-        ({}, {"seed": 1}, "abc", r"b\.csv.*same data as a\.csv"),
-        ({}, {"unit": "V"}, "", r"b\.csv.*input.*is in V, and in a\.csv in N m"),
-        (LINKLESS, {}, "", r"b\.csv.*link_position.*is there, and in a\.csv missing"),
-        ({}, LINKLESS, "", r"b\.csv.*is missing, and in a\.csv there"),
-    ],
-)
-def test_logs_that_do_not_go_together_are_refused(first, second, digest, words):
-    """Assert that the log that has the same bytes, another input or one encoder is named."""
-    logs = [
-        log(recording(source="a.csv", **first), digest=digest),
-        log(recording(source="b.csv", **second), digest=digest),
-    ]
-    with pytest.raises(RecordingError, match=words):
-        prepare(logs, SHARE)
-
-
 def test_short_recordings_cost_one_warning_for_a_log():
     """Assert that recordings too short to fit are left out where others are not, and counted."""
     short = [recording(40, start=float(n)) for n in range(9)]
@@ -213,15 +202,6 @@ def test_the_shortest_recordings_of_a_log_are_left_out():
     assert [len(own) for own in split.recorded] == [4000, 135, 6000, 90]
     assert "the 100 samples" in warning
     assert "the 85 samples" in warning
-
-
-def test_too_little_to_fit_or_to_test_on_is_refused():
-    """Assert that a log too short to fit is refused, with the length that the reader names."""
-    prepare([log(recording(FEWEST_TO_IDENTIFY))], SHARE)
-    with pytest.raises(RecordingError, match=f"record {FEWEST_TO_IDENTIFY} or more without a gap"):
-        prepare([log(recording(FEWEST_TO_IDENTIFY - 1))], SHARE)
-    with pytest.raises(SettingError, match="validation_share"):  # fewer than ten samples
-        prepare([log(recording(300))], 0.01)
 
 
 def test_fitted_velocities_do_not_know_of_held_out_positions():
