@@ -1,6 +1,6 @@
 """The fit with disturbances: what it finds, and what widens its intervals."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -22,7 +22,7 @@ from flexid.identification.structure import gap
 from flexid.identification.structure.link_delay import skew
 from flexid.identification.structure.validation import from_fitted_states
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import HARDENING
 from flexid.recording.recording import Hold, Recording
 
@@ -147,6 +147,30 @@ def test_a_delay_between_encoders_is_found(stiffness: float):
         assert found.by_spring > 0.9
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_friction_stays_beside_disturbances(seed: int):
+    """Assert what a pendulum shows whose torque is disturbed, and of what dry friction takes 10 %.
+
+    Without it inertia and gravity are 15 to 22 % too large, and known to 90 %.
+    """
+    swung = made(
+        seed,
+        4.0,
+        torque=lambda at: np.clip(at, 0.0, 1.0) * 3.0 * np.sin(1.9 * at) + 0.8 * np.sin(8.0 * at),
+        torque_noise=2.0,
+        joint_stiffness=1e6,
+        motor_viscous=0.0,
+        **dict.fromkeys(("motor_coulomb_up", "motor_coulomb_down"), 0.4),
+    )
+    found = identify([log(replace(swung, link_position=None))])
+    assert found.disturbances is not None
+    for name, truth in {"inertia": 1.3, "gravity_torque": 5.0, "coulomb_friction": 0.4}.items():
+        low, high = found.parameters[name].interval
+        assert low < truth < high
+    low, high = found.parameters["inertia"].interval
+    assert high - low < 1.3
+
+
 def test_halves_of_two_drives_widen_the_interval():
     """Assert that a friction that falls has an interval that reaches what both halves have."""
     case = Case(lambda: pushed(5, motor_push=0.1, drift=0.6, drift_time=8.0))
@@ -203,8 +227,8 @@ def test_likely_play_that_does_not_stay_is_a_doubt(monkeypatch: pytest.MonkeyPat
     """Assert that a spring is as uncertain as the play makes it stiffer that was eliminated."""
     eliminate = disturbed.eliminate
 
-    def too_much(fitted: Fitted, kept: Collection[str], thresholds: Thresholds) -> Any:
-        leaner, evidence = eliminate(fitted, kept, thresholds)
+    def too_much(*asked: Any, **more: Any) -> Any:
+        leaner, evidence = eliminate(*asked, **more)
         return leaner.without({*gap.PLAY, *HARDENING}), evidence
 
     monkeypatch.setattr(disturbed, "eliminate", too_much)
@@ -288,8 +312,8 @@ def test_what_a_balance_cannot_do_without_stays(
     """Assert that a friction stays, though few blocks let chance explain it."""
     eliminate = disturbed.eliminate
 
-    def too_much(fitted: Fitted, kept: Collection[str], thresholds: Thresholds) -> Any:
-        leaner, evidence = eliminate(fitted, kept, thresholds)
+    def too_much(*asked: Any, **more: Any) -> Any:
+        leaner, evidence = eliminate(*asked, **more)
         return leaner.without({"alpha_coulomb"}), evidence
 
     monkeypatch.setattr(disturbed, "eliminate", too_much)

@@ -169,6 +169,22 @@ def test_a_rigid_joint_that_long_segments_contradict(
     np.testing.assert_allclose(found, expected, rtol=5e-3)
 
 
+@pytest.mark.parametrize(("variances", "share"), [((4.0, 4.0), 0.25), ((1.0, 9.0), 0.09)])
+def test_halves_count_by_what_they_know(variances, share):
+    """Assert the variance that disagreeing halves add to their weighted mean, w1 w2 (d² - v1 - v2).
+
+    A half that knows nothing adds none, whatever it gives.
+    """
+    for difference in (20.0, 2.0):
+        pair = (
+            doubts.Repeat(np.array([value, value]), np.array([variance, np.inf]))
+            for value, variance in zip((5.0, 5.0 + difference), variances, strict=True)
+        )
+        found = np.diag(doubts.covariance_of(doubts.between_halves(*pair)))
+        beyond = max(difference**2 - sum(variances), 0.0)
+        assert found == pytest.approx([share * beyond, 0.0])
+
+
 def test_covariances_add():
     """Assert that all doubts together add their covariances, and that each value has some."""
     found = doubted("V")
@@ -193,10 +209,10 @@ def quadratic(names, information, values, robust=1.0) -> Any:
     )
 
 
-def hidden(reported, full, scale, **one_way: dict[str, float]) -> np.ndarray:
+def hidden(reported, full, scale, certain=(), **one_way: dict[str, float]) -> np.ndarray:
     """Covariance from what is gone, of a size; frictions that turn one way pass for others."""
     fits = {"reported": reported, "full": full, "scales": {"gone": scale}, "one_way": one_way}
-    return hidden_covariance(cast(Any, SimpleNamespace(**fits)))
+    return hidden_covariance(cast(Any, SimpleNamespace(**fits)), certain)
 
 
 def test_a_friction_one_way_may_be_as_large_as_its_scale():
@@ -208,17 +224,18 @@ def test_a_friction_one_way_may_be_as_large_as_its_scale():
     assert found == pytest.approx(np.diag([0.0, 0.5 * (3.0 * 0.5) ** 2]))
 
 
-def added(information, values, scale, robust=1.0) -> float:
+def added(information, values, scale, robust=1.0, certain=()) -> float:
     """Variance that the second of two coefficients adds to the first by its absence."""
     reported = quadratic(("kept",), information[:1, :1], values[:1])
     full = quadratic(("kept", "gone"), information, values, robust)
-    covariance = hidden(reported, full, scale)
+    covariance = hidden(reported, full, scale, certain)
     return float(covariance[0, 0])
 
 
+@pytest.mark.parametrize("certain", [(), ("gone",)])
 @pytest.mark.parametrize(("value", "scale"), [(0.0, 3.0), (0.4, 3.0), (1.1, 0.5), (2.5, 20.0)])
-def test_it_is_the_mean_square_of_the_posterior(value, scale):
-    """Assert that what is added is E[b²] of a term that is there or not, times 0.6 squared."""
+def test_it_is_the_mean_square_of_the_posterior(value, scale, certain):
+    """Assert that what is added is E[b²] of a term that is there, or may be, times 0.6 squared."""
     information = np.array([[1.0, 0.6], [0.6, 1.0]])
     deviation = 1.0 / np.sqrt(1.0 - 0.36)
 
@@ -228,8 +245,9 @@ def test_it_is_the_mean_square_of_the_posterior(value, scale):
     reach = 12.0 * scale
     evidence = quad(there, -reach, reach, points=[0.0, value], limit=400)[0]
     square = quad(lambda b: b * b * there(b), -reach, reach, points=[0.0, value], limit=400)[0]
-    expected = 0.36 * square / (evidence + norm.pdf(value, 0.0, deviation))
-    assert added(information, np.array([0.0, value]), scale) == pytest.approx(expected, rel=1e-6)
+    absent = 0.0 if certain else norm.pdf(value, 0.0, deviation)
+    found = added(information, np.array([0.0, value]), scale, certain=certain)
+    assert found == pytest.approx(0.36 * square / (evidence + absent), rel=1e-6)
 
 
 def test_correlated_residuals_count():

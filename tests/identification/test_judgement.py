@@ -236,6 +236,14 @@ def test_nothing_known_is_the_whole_line(std, freedom, ends, logarithmic):
     assert intervals.logarithmic_interval(2.0, std, freedom) == logarithmic
 
 
+def test_ends_that_are_many_powers_of_ten_apart_say_nothing():
+    """Assert that a positive number known to a factor of more than a million has no ends."""
+    deviation = np.log(1e6) / t.ppf(0.975, 9)  # of the logarithm
+    low, high = intervals.logarithmic_interval(2.0, 1.99 * deviation, 9)
+    assert (low, high) == pytest.approx((2e-6, 2e6), rel=0.1)
+    assert intervals.logarithmic_interval(2.0, 2.01 * deviation, 9) == (0.0, np.inf)
+
+
 def test_delta_method_of_a_ratio():
     """Assert that the stiffness' relative variance is that of the difference of logarithms."""
     covariance = np.diag((0.01 * TABLE_1) ** 2)

@@ -59,9 +59,11 @@ class _Quadratic:
         return SimpleNamespace(covariance=np.diag(deviations**2), degrees_of_freedom=freedom)
 
 
-def left(quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=LIMITS) -> set[str]:
+def left(
+    quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=LIMITS, **more: Any
+) -> set[str]:
     """Optional coefficients and delays that stay."""
-    structure, _ = eliminate(cast(Fitted, quadratic), kept, thresholds)
+    structure, _ = eliminate(cast(Fitted, quadratic), kept, thresholds, **more)
     names = {name.partition("[")[0] for name in quadratic.names}
     return (names & JOINT.optional) - structure.absent | {*structure.timing.sought}
 
@@ -129,6 +131,15 @@ def test_what_is_beyond_chance_stays(case):
         sizes = {name: (edge + away) * part for name, part in direction.items()}
         names = {name.partition("[")[0] for name in direction}
         assert left(beside(sizes, **more)) == (names if stays else set())
+
+
+def test_less_is_asked_of_what_is_likely():
+    """Assert that a friction stays up to `generous_chance` where it is said to be likely."""
+    edge = normal(LIMITS.generous_chance)
+    for away, stays in ((0.05, {"alpha_coulomb"}), (-0.05, set())):
+        friction = beside({"alpha_coulomb": edge + away, "theta_offset": edge + away})
+        assert left(friction, likely=("alpha_coulomb",)) == stays
+        assert left(friction) == set()
 
 
 def test_what_has_to_stay_stays():

@@ -55,7 +55,7 @@ from flexid.identification.vocabulary.evidence import (
     balance_of,
 )
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import POSITIVE, resonance
+from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, resonance
 from flexid.recording.recording import Caution, Rank
 
 if TYPE_CHECKING:
@@ -214,7 +214,8 @@ def _disturbed(job: Job) -> Answer:
     except ConvergenceError:
         refitted, whole, retreat = fitted, training, (RETREAT,)
     fits = _fits(refitted, retreat, job)
-    hidden = hidden_covariance(fits)
+    # Every drive has friction; what no term describes may hide it.
+    hidden = hidden_covariance(fits, certain=DISSIPATIVE)
     estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
     disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
     found = Answer(fits, validation, estimate, disturbances, widest)

@@ -43,7 +43,13 @@ from flexid.identification.structure.link_delay import is_damping, shifted, skew
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import SHAPE_TERMS, SPRING, TERMS, flexible_joint
+from flexid.models.flexible_joint import (
+    DISSIPATIVE,
+    SHAPE_TERMS,
+    SPRING,
+    TERMS,
+    flexible_joint,
+)
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of taking terms away
@@ -165,7 +171,8 @@ def _without_what_is_not_shown(
     best, evidence = full, ()
     strict = replace(thresholds, friction_sign=np.inf)
     for _ in range(_ROUNDS):
-        leaner, own = eliminate(best.fitted, kept, strict)
+        # Every drive has friction. Left out, disturbances and inertias take its part.
+        leaner, own = eliminate(best.fitted, kept, strict, likely=DISSIPATIVE)
         evidence = latest(evidence, own)
         before = best.fitted.structure
         if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:

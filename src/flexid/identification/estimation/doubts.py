@@ -251,9 +251,17 @@ def between_bands(own: Repeat, others: Sequence[Repeat]) -> FloatArray:
 
 
 def between_halves(first: Repeat, second: Repeat) -> FloatArray:
-    """What is not random differs between the halves of the log: its direction, shape (k, 1)."""
-    by_chance = 0.25 * (first.variances + second.variances)
-    return _beyond_chance(0.5 * (first.values - second.values), by_chance)[:, None]
+    """What is not random differs between the halves of the log: its direction, shape (k, 1).
+
+    The whole log is about their mean, each weighted by what it knows: a half that is mostly rest
+    may give any value, and has no part in the whole.
+    """
+    variances = first.variances + second.variances
+    with np.errstate(invalid="ignore"):  # of what a half does not know at all
+        share = np.sqrt(first.variances) * np.sqrt(second.variances) / variances
+        share = np.nan_to_num(share)  # at most a half, where both know as much
+        by_chance = share**2 * variances
+    return _beyond_chance(share * (first.values - second.values), by_chance)[:, None]
 
 
 def _beyond_chance(difference: FloatArray, variance: FloatArray) -> FloatArray:

@@ -1,6 +1,6 @@
 """The fits that a report rests on, and what all their doubts add to the covariance."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -227,7 +227,7 @@ def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
     return Alignment(structure.timing.hold, input_delay, link_delay, "")
 
 
-def hidden_covariance(fits: FinalFits) -> FloatArray:
+def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatArray:
     """Covariance, shape (k, k), of what was reported, from what the model does without.
 
     That a term is not seen does not mean that it is not there: where the log cannot distinguish it
@@ -239,7 +239,7 @@ def hidden_covariance(fits: FinalFits) -> FloatArray:
 
     (Bayes' factor of a normal prior), and what is there moves the others along the quadratic form
     of the fit. A term that the log sees well and does not find adds nothing; one that it cannot
-    see adds half of all that it could be.
+    see adds half of all that it could be. What is certain to be there is so with P = 1.
     """
     reported, full, scales = fits.reported, fits.full, fits.scales
     names = list(full.names)
@@ -263,7 +263,9 @@ def hidden_covariance(fits: FinalFits) -> FloatArray:
         # As a difference what is left of its information would be lost in rounding.
         least = least_with(beside, information, values)
         variance = np.inf if least.free[place] else float(least.inverse[place, place])
-        mean_square = _mean_square(float(least.values[place]), _deviation(full, i, variance), scale)
+        seen = float(least.values[place]), _deviation(full, i, variance)
+        is_certain = name.partition("[")[0] in certain
+        mean_square = _mean_square(*seen, scale, is_certain=is_certain)
         shift = inverse @ information[kept, i]
         added[np.ix_(places, places)] += mean_square * np.outer(shift, shift)
     return added
@@ -276,12 +278,15 @@ def _deviation(full: Fitted, place: int, variance: float) -> float:
     return max(factor if np.isfinite(factor) else 1.0, 1.0) * float(np.sqrt(variance))
 
 
-def _mean_square(value: float, deviation: float, scale: float) -> float:
-    """Mean square of a term that may be there or not."""
+def _mean_square(
+    value: float, deviation: float, scale: float, *, is_certain: bool = False
+) -> float:
+    """Mean square of a term that may be there or not, or certainly is."""
+    prior = 0.0 if is_certain else 1.0  # odds of its absence
     if not np.isfinite(deviation):
-        return 0.5 * scale**2
+        return scale**2 / (1.0 + prior)
     both = deviation**2 + scale**2
     shrunk = scale**2 / both
     absent = np.sqrt(both) / deviation * np.exp(-0.5 * (value / deviation) ** 2 * shrunk)
     mean, variance = value * shrunk, deviation**2 * shrunk
-    return (mean**2 + variance) / (1.0 + float(absent))
+    return (mean**2 + variance) / (1.0 + prior * float(absent))

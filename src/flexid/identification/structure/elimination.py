@@ -252,9 +252,17 @@ def _leanest(
 
 
 def eliminate(
-    full: Fitted, kept: Collection[str], thresholds: Thresholds, *, usual_first: bool = False
+    full: Fitted,
+    kept: Collection[str],
+    thresholds: Thresholds,
+    *,
+    usual_first: bool = False,
+    likely: Collection[str] = (),
 ) -> tuple[Structure, tuple[TermEvidence, ...]]:
-    """Take terms away while one is left that chance explains."""
+    """Take terms away while one is left that chance explains.
+
+    Of what is likely to be there less is asked: `generous_chance`.
+    """
     joint = full.structure.joint
     names = full.names
     base = [name.partition("[")[0] for name in names]
@@ -263,9 +271,9 @@ def eliminate(
         (b in joint.optional or b in full.structure.timing.sought) and b not in {*kept, *constants}
         for b in base
     ]
-    limits = np.array(
-        [thresholds.shape_chance if b in joint.shapes else thresholds.term_chance for b in base]
-    )
+    asked = dict.fromkeys(likely, thresholds.generous_chance)
+    asked |= dict.fromkeys(joint.shapes, thresholds.shape_chance)
+    limits = np.array([asked.get(b, thresholds.term_chance) for b in base])
     frictions = np.array([b in DISSIPATIVE for b in base])
     delays = np.array([b in full.structure.timing.sought for b in base])
     groups = _groups(names, joint)

@@ -108,18 +108,24 @@ def interval(
     return value - half_width, value + half_width
 
 
+_NOTHING = 6.0 * np.log(10.0)  # of a logarithm to either side: a million times as much or as little
+
+
 def logarithmic_interval(
     value: float, std: float, degrees_of_freedom: float, level: float = CONFIDENCE
 ) -> Interval:
     """Interval of a positive quantity, symmetrical on the logarithm.
 
     Parameters are those of `interval`; `value` is positive. The standard deviation of the
-    logarithm is `std / value` by the delta method.
+    logarithm is `std / value` by the delta method. Ends that are many powers of ten apart say
+    nothing, and are zero and infinity.
     """
     if std == 0.0:
         return value, value
-    with np.errstate(over="ignore"):
-        factor = float(np.exp(quantile(degrees_of_freedom, level) * std / value))
+    reach = quantile(degrees_of_freedom, level) * std / value
+    if reach > _NOTHING:
+        return 0.0, np.inf
+    factor = float(np.exp(reach))
     return value / factor, value * factor
 
 
