@@ -25,9 +25,8 @@ from flexid.estimators.recursive_least_squares import (
     RecursiveLeastSquares,
     recursive_least_squares,
 )
-from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
-from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.identification.vocabulary.evidence import interval
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run

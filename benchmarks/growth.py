@@ -16,9 +16,8 @@ import numpy as np
 from benchmarks.report import markdown
 from benchmarks.size import sized
 from flexid.estimators.prediction_error import prediction_error
-from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
-from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import flexible_joint

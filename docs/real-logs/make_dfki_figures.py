@@ -15,9 +15,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
-from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import samples_of_recording
-from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.models.flexible_joint import rigid_joint
 from flexid.models.physical import physical_parameters
 from flexid.recording import Recording, read_log, with_velocities

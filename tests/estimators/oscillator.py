@@ -11,9 +11,8 @@ from scipy.linalg import expm
 from flexid.estimators.online import OnlineEstimator
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.recursive_least_squares import recursive_least_squares
-from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
-from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.paper.parametric_observer import parametric_observer, suggest_gains

@@ -9,8 +9,11 @@ from noisy_joint import TRUTH, VALUES, encoders
 from oscillator import by_filter, by_motion
 from scipy.optimize import least_squares
 
-from flexid.estimators.rowwise import LeastSquaresFit
-from flexid.estimators.state_variable_filter import filtered_least_squares, filtered_signals
+from flexid.estimators.state_variable_filter import (
+    LeastSquaresFit,
+    filtered_least_squares,
+    filtered_signals,
+)
 from flexid.estimators.unknowns import Unknowns, bounded_fit
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexid.estimators.rowwise import RowFit
 from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import RowFit
 from flexid.identification.estimation.excitations import (
     directions,
     one_way_frictions,

@@ -22,9 +22,9 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import cluster_influences, covariance_of
 from flexid.estimators.normal_equations import Reduced
-from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Equations, Point, SegmentedMotion, segmented_motion
+from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.unknowns import Unknowns, unknowns_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold

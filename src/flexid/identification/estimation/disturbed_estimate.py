@@ -13,8 +13,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples, side_by_side
+from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import PER_PERIOD, fit_in_band, thinned_samples, thinning
 from flexid.identification.estimation.disturbed import Disturbed

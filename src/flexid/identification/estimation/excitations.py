@@ -9,7 +9,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.estimators.excitation import Excitation, excitation_of_gram
 from flexid.estimators.normal_equations import eigen
-from flexid.estimators.rowwise import RowFit
+from flexid.estimators.state_variable_filter import RowFit
 from flexid.identification.full_model.starting import DIRECTED
 from flexid.models import flexible_joint as declared
 

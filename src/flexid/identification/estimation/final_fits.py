@@ -11,7 +11,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.normal_equations import least_with, scaled_inverse
-from flexid.estimators.rowwise import LeastSquaresFit, RowFit
+from flexid.estimators.state_variable_filter import LeastSquaresFit, RowFit
 from flexid.identification.estimation.excitations import (
     one_way_frictions,
     row_sizes,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.rowwise import RowFit
+from flexid.estimators.state_variable_filter import RowFit
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.recordings import IDEAL, Amplifier

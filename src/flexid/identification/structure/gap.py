@@ -19,7 +19,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.rowwise import LeastSquaresFit
+from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     leaves_more,
