@@ -11,6 +11,7 @@ from itertools import chain
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.normal_equations import least_with
 from flexid.estimators.prediction_error import (
@@ -21,7 +22,7 @@ from flexid.estimators.prediction_error import (
     minimise,
     refinement,
 )
-from flexid.estimators.samples import FloatArray, Segments, divide
+from flexid.estimators.samples import Segments, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.unknowns import Unknowns, bounded_fit
 from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, M, Structure

@@ -13,9 +13,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from typing_extensions import TypeVar
 
+from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.prediction_error import FLAT, Minimum, described
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Bounds, Unknowns
 from flexid.identification.preparation.joint import ElasticArm, Joint
