@@ -228,20 +228,13 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
 
 
 def _judged(name: str, unit: str, found: _Found, shares: Mapping[str, float]) -> ValueEstimate:
-    estimate, place = found.estimate, found.fitted.names.index(name)
-    made = judged_value(
-        name,
-        unit,
-        float(estimate.values[place]),
-        float(estimate.deviations[place]),
-        estimate.degrees_of_freedom[place],
-        shares.get(name, 0.0),
-    )
-    return made.because(found.widest.get(name, ""), _confusion(place, found.fitted))
+    made = judged_value(name, unit, *found.estimate.of(name), shares.get(name, 0.0))
+    return made.because(found.widest.get(name, ""), _confusion(name, found.fitted))
 
 
-def _confusion(place: int, fitted: FittedArm) -> str:
+def _confusion(name: str, fitted: FittedArm) -> str:
     """Which other parameter the motion does not separate one from."""
+    place = fitted.names.index(name)
     inverse, spread = fitted.minimum.reduced.inverse, fitted.unit_deviations
     if spread[place] == 0.0:
         return ""

@@ -341,9 +341,8 @@ def _delay(name: str, settings: Settings, estimate: Estimate, in_full: Estimate)
     found = estimate if name in estimate.names else in_full
     if name not in found.names:
         return Delay(0.0, 0.0, (0.0, 0.0), "none")
-    place = found.names.index(name)
-    value, std = float(found.values[place]), float(found.deviations[place])
-    ends = interval(value, std, found.degrees_of_freedom[place])
+    value, std, freedom = found.of(name)
+    ends = interval(value, std, freedom)
     if found is estimate:
         return Delay(value, std, ends, "found")
     return Delay(0.0, std, ends, "none")

@@ -143,21 +143,13 @@ def coefficient_estimates(
 ) -> dict[str, ValueEstimate]:
     """Estimate with interval and verdict for every coefficient; what is fixed has no width."""
     estimates = {}
-    deviations = estimate.deviations
-    for place, name in enumerate(estimate.names):
+    for name in estimate.names:
         if _base(name) not in joint.units:  # a delay
             continue
         # Only what may be absent can be determined to be negligible.
         size = sizes.get(name, np.inf) if _base(name) in joint.optional else np.inf
-        estimates[name] = judged_value(
-            name,
-            joint.unit_of(joint.units[_base(name)], input_unit),
-            float(estimate.values[place]),
-            float(deviations[place]),
-            estimate.degrees_of_freedom[place],
-            size,
-            thresholds,
-        )
+        unit = joint.unit_of(joint.units[_base(name)], input_unit)
+        estimates[name] = judged_value(name, unit, *estimate.of(name), size, thresholds)
     for name, (value, reason) in fixed.items():
         unit = joint.unit_of(joint.units[_base(name)], input_unit)
         estimates[name] = ValueEstimate(

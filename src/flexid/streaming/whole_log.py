@@ -219,12 +219,11 @@ def _apart(estimate: Estimate, head: Mapping[str, ValueEstimate]) -> FloatArray:
     """How far values are from those of the head, shape (k,); 0 where noise explains it."""
     found = np.zeros(len(estimate.names))
     for place, name in enumerate(estimate.names):
-        freedom, beside = estimate.degrees_of_freedom[place], head.get(name)
+        (value, std, freedom), beside = estimate.of(name), head.get(name)
         if beside is None or not freedom > 0.0:
             continue
-        half = quantile(freedom) * float(estimate.deviations[place])
-        other = beside.half_width
-        apart = abs(float(estimate.values[place]) - beside.value)
+        half, other = quantile(freedom) * std, beside.half_width
+        apart = abs(value - beside.value)
         # Both share the head's noise, which makes no larger difference than this.
         if np.isfinite(apart) and apart > np.hypot(half, other):
             found[place] = apart

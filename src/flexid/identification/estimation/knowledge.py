@@ -38,13 +38,12 @@ def contradictions(
         found = fit_by_length(free, data, next(starts(free, data, divisions[0])), divisions)[-1]
     except ConvergenceError:
         return ()
-    deviations = found.fit.deviations
+    fit = found.fit
     sentences = []
     for known in wanted:
         if known.name not in found.names:
             continue
-        place = found.names.index(known.name)
-        value, std = float(found.values[place]), float(deviations[place])
+        value, std, _ = fit.of(known.name)
         apart = abs(value - known.value)
         least = max(thresholds.contradiction * std, _LEAST * abs(known.value))
         if np.isfinite(std) and apart > least:

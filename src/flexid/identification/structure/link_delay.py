@@ -92,9 +92,8 @@ def in_doubt(alignment: Alignment, estimate: Estimate) -> Alignment:
     """An alignment whose link delay is what the signs of damping and friction leave possible."""
     delay = alignment.link_delay
     if LINK in estimate.names:
-        place = estimate.names.index(LINK)
-        std = float(estimate.deviations[place])
-        ends = interval(delay.value, std, estimate.degrees_of_freedom[place])
+        _, std, freedom = estimate.of(LINK)
+        ends = interval(delay.value, std, freedom)
         return replace(alignment, link_delay=replace(delay, std=std, interval=ends))
     return replace(alignment, link_delay=replace(delay, interval=possible(estimate.by_name)))
 

@@ -344,8 +344,4 @@ def sought_constants(
     """
     held = SOUGHT_CONSTANTS & structure.fixed.keys()
     found = {name: (structure.fixed[name], np.inf, 0.0) for name in sorted(held)}
-    for place, name in enumerate(estimate.names):
-        if name in SOUGHT_CONSTANTS:
-            value, std = float(estimate.values[place]), float(estimate.deviations[place])
-            found[name] = value, std, estimate.degrees_of_freedom[place]
-    return found
+    return found | {name: estimate.of(name) for name in estimate.names if name in SOUGHT_CONSTANTS}

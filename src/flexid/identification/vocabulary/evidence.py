@@ -32,6 +32,12 @@ class Estimate:
         """Values by name."""
         return dict(zip(self.names, self.values.tolist(), strict=True))
 
+    def of(self, name: str) -> tuple[float, float, float]:
+        """Value, standard deviation and degrees of freedom of one of them."""
+        place = self.names.index(name)
+        std = np.sqrt(self.covariance[place, place])
+        return float(self.values[place]), float(std), self.degrees_of_freedom[place]
+
     def scaled(self, factors: FloatArray) -> "Estimate":
         """The same with every standard deviation times a factor, shape (k,)."""
         finite = np.isfinite(np.diag(self.covariance))
