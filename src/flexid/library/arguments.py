@@ -12,7 +12,7 @@ import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import wraps
+from functools import partial, wraps
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 
 class _UnfitError(Exception):
@@ -209,18 +210,13 @@ def _auto_number(value: Any) -> Any:
     return _number(value)
 
 
-def _mapping(value: Any, example: str) -> Mapping[str, Any]:
-    """A mapping by names."""
+def _by_name(value: Any, example: str, convert: Callable[[Any, str], T] = _number) -> dict[str, T]:
+    """A mapping by names, each value converted."""
     _check(value, Mapping, f"a mapping such as {example}")
     for name in value:
         if not isinstance(name, str):
             raise _UnfitError(f"has the key {name!r}: give names, as in {example}")
-    return value
-
-
-def _numbers(value: Any) -> dict[str, float]:
-    found = _mapping(value, "{'controller.k': 30.0}")
-    return {name: _number(number, f"[{name!r}]") for name, number in found.items()}
+    return {name: convert(given, f"[{name!r}]") for name, given in value.items()}
 
 
 def _terms(value: Any) -> Any:
@@ -238,31 +234,24 @@ def _names(value: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def _known(value: Any) -> dict[str, float | tuple[float, float]]:
-    example = "{'motor_inertia': 0.3} or {'motor_inertia': (0.3, 0.01)}"
-    found: dict[str, float | tuple[float, float]] = {}
-    for name, given in _mapping(value, example).items():
-        pair = given if isinstance(given, list | tuple) else (given,)
-        part = f"[{name!r}]"
-        if len(pair) not in (1, 2):
-            raise _UnfitError("is neither a value nor (value, standard deviation)", part)
-        number, *deviation = (_number(each, part) for each in pair)
-        found[name] = (number, deviation[0]) if deviation else number
-    return found
+def _uncertain(value: Any, part: str) -> float | tuple[float, float]:
+    """A value, or one with its standard deviation."""
+    pair = value if isinstance(value, list | tuple) else (value,)
+    if len(pair) not in (1, 2):
+        raise _UnfitError("is neither a value nor (value, standard deviation)", part)
+    number, *deviation = (_number(each, part) for each in pair)
+    return (number, deviation[0]) if deviation else number
 
 
-def _bounds(value: Any) -> dict[str, tuple[float, float]]:
-    found = {}
-    for name, ends in _mapping(value, "{'theta2': (50, 200), 'alpha2': (0, None)}").items():
-        part = f"[{name!r}]"
-        if not isinstance(ends, list | tuple) or len(ends) != 2:
-            raise _UnfitError("is no pair (lower, upper): None where there is none", part)
-        lower, upper = (
-            infinite if end is None else _number(end, part)
-            for end, infinite in zip(ends, (-math.inf, math.inf), strict=True)
-        )
-        found[name] = (lower, upper)
-    return found
+def _ends(value: Any, part: str) -> tuple[float, float]:
+    """Ends of a range, infinite where there is none."""
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise _UnfitError("is no pair (lower, upper): None where there is none", part)
+    lower, upper = (
+        infinite if end is None else _number(end, part)
+        for end, infinite in zip(value, (-math.inf, math.inf), strict=True)
+    )
+    return lower, upper
 
 
 def _logs(value: Any) -> list[Any]:
@@ -286,14 +275,16 @@ def _log(value: Any) -> Any:
 
 _LOG = "a path, a data frame, a mapping of arrays, a Log, or a list of these"
 _PATH = (str, os.PathLike)
+_RANGES = "{'theta2': (50, 200), 'alpha2': (0, None)}"
+_VALUES = "{'motor_inertia': 0.3} or {'motor_inertia': (0.3, 0.01)}"
 _CONVERTED: Mapping[str, Callable[[Any], Any]] = {
     "AutoModel": _model,
     "AutoNumber": _auto_number,
-    "Bounds": _bounds,
+    "Bounds": partial(_by_name, example=_RANGES, convert=_ends),
     "Iterable[str]": _names,
-    "Known": _known,
+    "Known": partial(_by_name, example=_VALUES, convert=_uncertain),
     "Logs": _logs,
-    "Mapping[str, float]": _numbers,
+    "Mapping[str, float]": partial(_by_name, example="{'controller.k': 30.0}"),
     "OneLog": _log,
     "Terms": _terms,
 }
