@@ -4,7 +4,7 @@ One root, `FlexidError`; each subclass carries its data as fields, and its text 
 that names the place and the remedy, fit to be shown to a user as it stands.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from typing import Any, ClassVar
@@ -139,3 +139,18 @@ class ArgumentError(FlexidError, TypeError):
     argument: str
     reason: str  # what is wrong with it, a predicate, and what would be right
     _text = "{function}: {argument} {reason}"
+
+
+def check_names(setting: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Raise a `SettingError` for the first name that is not known."""
+    for name in names:
+        if name not in known:
+            raise SettingError(setting, f"{name!r} is unknown{did_you_mean(str(name), known)}")
+
+
+def one_of(setting: str, text: str, known: Iterable[str]) -> str:
+    """A text, if it is known; else a `SettingError` that lists what there is."""
+    names = [*known]
+    if text not in names:
+        raise SettingError(setting, f"{text[:40]!r} is none of {', '.join(names)}")
+    return text

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from flexid.errors import SettingError, did_you_mean
+from flexid.errors import SettingError, check_names
 from flexid.library.arguments import entrance, one_thread
 from flexid.models.parametric_system import ParametricSystem
 
@@ -71,8 +71,7 @@ def derive(
     from flexid.paper.printing import c_observer, latex_observer, python_observer
 
     printers = {"latex": latex_observer, "python": python_observer, "c": c_observer}
-    if to not in printers:
-        raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), printers)}")
+    check_names("to", (to,), printers)
     observer = derive_observer(declared(model, terms, unknown_input_gain))
     return ObserverText(printers[to](observer), tuple(_notes(observer)))
 
@@ -167,8 +166,7 @@ def export(
     from flexid.exports.request import TARGETS, ExportRequest, export_to
     from flexid.files import output_directory
 
-    if to not in TARGETS:
-        raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), TARGETS)}")
+    check_names("to", (to,), TARGETS)
     settings = {"hold": hold, "filter_rate": filter_rate, "memory": memory}
     given = {name: value for name, value in settings.items() if value is not None}
     of_estimator = [n for n, v in (("sample_time", sample_time), ("log", log)) if v is not None]

@@ -27,13 +27,13 @@ is the first two equations, with the motor's position x3 as its input.
 
 import re
 import tomllib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from flexid.errors import SettingError, did_you_mean
+from flexid.errors import SettingError, check_names
 from flexid.models.motion import JointType
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
 
@@ -91,13 +91,6 @@ class Term:
     def coefficients(self) -> tuple[str, ...]:
         """All that it adds."""
         return (*self.link, *self.motor, *((self.nonlinear,) if self.nonlinear else ()))
-
-
-def check_terms(terms: Iterable[str], known_terms: Collection[str]) -> None:
-    """Raise `SettingError` for a term that does not exist."""
-    for term in terms:
-        if term not in known_terms:
-            raise SettingError("terms", f"{term!r} is unknown{did_you_mean(term, known_terms)}")
 
 
 def declared_row(
@@ -310,7 +303,7 @@ def flexible_joint(
     known = dict(known or {})
     every = TERMS | SHAPE_TERMS
     terms = (terms,) if isinstance(terms, str) else terms
-    check_terms(terms, every)
+    check_names("terms", terms, every)
     chosen = [TERMS["gravity"]] * ("gravity" in terms) + [_COMPLIANCE]
     chosen += [term for name, term in every.items() if name in terms and name != "gravity"]
     link = {c: r for term in chosen for c, r in term.link.items()}
@@ -370,7 +363,7 @@ def rigid_joint(
         If a term or a known coefficient does not exist, or the velocity is not positive.
     """
     known = dict(known or {})
-    check_terms(terms, RIGID_TERMS)
+    check_names("terms", terms, RIGID_TERMS)
     chosen = [regressors for name, regressors in RIGID_TERMS.items() if name in terms]
     regressors = {c: r for term in chosen for c, r in term.items()} | {"beta1": "u"}
     return ParametricSystem(

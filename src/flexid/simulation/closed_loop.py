@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import flexid
 from flexid.arrays import FloatArray
-from flexid.errors import SettingError, SimulationError, did_you_mean
+from flexid.errors import SettingError, SimulationError, check_names
 from flexid.kernels.store import load_kernel
 from flexid.kernels.templates.run_status import BOUND
 from flexid.models.parametric_system import ParametricSystem
@@ -104,9 +104,7 @@ def check_values(
     setting: str, values: Mapping[str, float], names: tuple[str, ...], complete: bool = True
 ) -> None:
     """Raise `SettingError` for a value of an unknown name, or if one is missing."""
-    for name in values:
-        if name not in names:
-            raise SettingError(setting, f"{name!r} is unknown{did_you_mean(name, names)}")
+    check_names(setting, values, names)
     missing = [name for name in names if name not in values]
     if complete and missing:
         raise SettingError(setting, f"{', '.join(missing)} missing: give a value for each")

@@ -11,7 +11,7 @@ from functools import cached_property
 from math import inf, isfinite
 from typing import Any, Literal, cast
 
-from flexid.errors import RecordingError, SettingError
+from flexid.errors import RecordingError, SettingError, check_names
 from flexid.estimators.state_variable_filter import FASTEST, SLOWEST, check_filter_rate
 from flexid.estimators.unknowns import Unknowns
 from flexid.files import refuse_arm_file
@@ -29,7 +29,6 @@ from flexid.models.flexible_joint import (
     SQUARES,
     TERMS,
     WIDTHS,
-    check_terms,
     flexible_joint,
     rigid_joint,
     rigid_terms,
@@ -140,7 +139,7 @@ class WatchOptions:
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
         check_sample_time(self.sample_time)
-        check_terms(self.terms, _known_terms(self.kind, self.joint_type))
+        check_names("terms", self.terms, _known_terms(self.kind, self.joint_type))
         if self.hold not in ("auto", "linear", "zero"):
             raise SettingError("hold", f"must be auto, linear or zero, got {self.hold!r}")
         check_filter_rate(
@@ -303,7 +302,7 @@ def _known_terms(kind: Kind, joint_type: JointType) -> list[str]:
 
 def _named(terms: Sequence[str], channels: StreamChannels) -> tuple[str, ...]:
     """Terms that a user names, by the names of the joint; refuse what it does not have."""
-    check_terms(terms, USABLE_TERMS | RIGID_TERMS)
+    check_names("terms", terms, USABLE_TERMS | RIGID_TERMS)
     kind = channels.kind
     known = _known_terms(kind, channels.joint_type)
     if kind == "link":

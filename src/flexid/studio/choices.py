@@ -9,11 +9,11 @@ Form and address have the same keys, so that a link shows what the form showed::
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-from flexid.errors import SettingError
+from flexid.errors import SettingError, one_of
 from flexid.models.flexible_joint import RIGID_TERMS, SHAPE_TERMS, TERMS
 from flexid.paper.loop import Multisine
 from flexid.recording.recording import SI_UNITS
@@ -48,14 +48,6 @@ def texts_of(values: object) -> dict[str, str]:
                 raise SettingError("address", f"a value has more than {LONGEST_VALUE} characters")
             texts[key] = value
     return texts
-
-
-def one_of(what: str, text: str, known: Iterable[str]) -> str:
-    """A text, if it is known; else a `SettingError`."""
-    known = list(known)
-    if text not in known:
-        raise SettingError(what, f"{text[:40]!r} is none of {', '.join(known)}")
-    return text
 
 
 MODELS = ("auto", "flexible", "link", "rigid")

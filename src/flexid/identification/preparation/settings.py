@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from math import isfinite, isnan
 from typing import Literal
 
-from flexid.errors import SettingError, did_you_mean
+from flexid.errors import SettingError, check_names, one_of
 from flexid.estimators.samples import FEWEST_SAMPLES
 from flexid.estimators.state_variable_filter import check_filter_rate
 from flexid.identification.preparation.joint import Joint, Kind
@@ -72,16 +72,14 @@ class Settings:
     validation_share: float = 1 / 3
 
     def __post_init__(self) -> None:
-        _check_choice("model", self.model, ("auto", *_SEEN))
+        one_of("model", self.model, ("auto", *_SEEN))
         if self.terms != "auto":
-            for term in self.terms:
-                if term not in _TERMS:
-                    raise SettingError("terms", f"{term!r} is unknown{did_you_mean(term, _TERMS)}")
+            check_names("terms", self.terms, _TERMS)
         for name, value in self.known.items():
             _check_known(name, value, self.known_deviations.get(name, 0.0))
         for name, (lower, upper) in self.bounds.items():
             _check_bounds(name, lower, upper)
-        _check_choice("hold", self.hold, ("auto", "zero", "linear", "cubic"))
+        one_of("hold", self.hold, ("auto", "zero", "linear", "cubic"))
         smooth = self.coulomb_velocity
         _check_positive("coulomb_velocity", smooth, "rad/s or m/s")
         if smooth != "auto" and not _SLOWEST <= smooth <= FASTEST_JOINT:
@@ -162,14 +160,9 @@ def check_against(
             )
 
 
-def _check_choice(setting: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise SettingError(setting, f"{value!r} is none of {', '.join(choices)}")
-
-
 def _check_positive(setting: str, value: float | str, unit: str) -> None:
     if isinstance(value, str):
-        _check_choice(setting, value, ("auto",))
+        one_of(setting, value, ("auto",))
     elif not (isfinite(value) and value > 0):
         raise SettingError(setting, f"must be a positive number in {unit} or auto, got {value}")
 
