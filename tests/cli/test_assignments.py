@@ -2,9 +2,11 @@
 
 from functools import partial
 from math import inf
+from typing import Any
 
 import pytest
 
+from flexid.cli.commands import command_line
 from flexid.cli.options import parse_bounds, parse_known, parse_number, parse_values
 
 SEED = 2**62 + 1
@@ -46,3 +48,12 @@ REFUSED = [
 def test_what_is_refused(refusals):
     """Assert that what is no assignment is refused in the words of the user."""
     refusals({str(given): partial(parse, "--option", given) for parse, given in REFUSED})
+
+
+def test_what_is_typed_is_what_the_library_gets():
+    """Assert that a value like the rounded default of the help is taken as it is typed."""
+    given = {}
+    command: Any = command_line("identify").commands["identify"]
+    command.run = lambda _command, options, _flags: given.update(options)
+    command.main(["a.csv", "--validation-share", "0.333"], standalone_mode=False)
+    assert given == {"logs": ("a.csv",), "validation_share": 0.333}

@@ -1,1 +1,1 @@
-"""Command line: one file per command, each parses, calls and prints."""
+"""Command line: commands made from the library's functions, and how their answers leave."""
