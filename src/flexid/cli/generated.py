@@ -264,11 +264,12 @@ def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]",
 @contextmanager
 def working(errors: "Console", doing: str) -> Iterator[Progress]:
     """Say on a terminal what goes on; gives what takes each step in words."""
-    if not doing:
-        yield lambda _step: None
-        return
-    with errors.status(doing) as status, noted():
-        yield lambda step: status.update(f"{doing}: {step}")
+    with noted() if doing else nullcontext():
+        if not (doing and errors.is_terminal):
+            yield lambda _step: None
+            return
+        with errors.status(doing) as status:
+            yield lambda step: status.update(f"{doing}: {step}")
 
 
 @contextmanager
