@@ -1,6 +1,6 @@
 """The fit with disturbances: what it finds, and what widens its intervals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -194,13 +194,13 @@ def unended(fitted: Fitted) -> Fitted:
     return replace(fitted, minimum=replace(minimum, reduced=reduced, last_step=20.0))
 
 
-def nth_fit(monkeypatch: pytest.MonkeyPatch, n: int, becomes: Any) -> None:
-    """Let the n-th fit that is made become another one."""
+def nth_fit(monkeypatch: pytest.MonkeyPatch, which: Collection[int], becomes: Any) -> None:
+    """Let the n-th fits that are made become others."""
     fit, made = disturbed.fit_in_band, []
 
     def counted(*given: Any, **how: Any) -> Any:
         made.append(fit(*given, **how))
-        return becomes(made[-1]) if len(made) == n else made[-1]
+        return becomes(made[-1]) if len(made) in which else made[-1]
 
     monkeypatch.setattr(disturbed, "fit_in_band", counted)
 
@@ -216,7 +216,7 @@ def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch, h
 
     monkeypatch.setattr(disturbed, "likely_play", likely_play)
     if not has_fit:
-        nth_fit(monkeypatch, 2, diverging)
+        nth_fit(monkeypatch, {2}, diverging)
     case = CASES["a spring that hardens"]
     own = case.structure, case.data
     fit = fit_disturbed(*own, (), (case.hold,), THRESHOLDS, with_play=True)
@@ -251,7 +251,7 @@ def test_likely_play_that_does_not_stay_is_a_doubt(monkeypatch: pytest.MonkeyPat
 def test_where_the_best_start_runs_away_another_leads(monkeypatch: pytest.MonkeyPatch):
     """Assert that the next start is tried where the first leads nowhere."""
     usual = fitted("a pushed link")[0].fitted
-    nth_fit(monkeypatch, 1, diverging)
+    nth_fit(monkeypatch, {1}, diverging)
     found = CASES["a pushed link"].fit().fitted
     assert found.values == pytest.approx(usual.values, rel=1e-3)
 
@@ -305,11 +305,16 @@ def less_likely(by: float) -> Callable[[FitInBand], FitInBand]:
     return far_off
 
 
-@pytest.mark.parametrize(("by", "stays"), [(1e4, True), (-1e4, False)])
+@pytest.mark.parametrize(
+    ("by", "fits", "stays"), [(1e4, {2, 3}, True), (1e4, {2}, False), (-1e4, {2}, False)]
+)
 def test_what_a_balance_cannot_do_without_stays(
-    monkeypatch: pytest.MonkeyPatch, by: float, stays: bool
+    monkeypatch: pytest.MonkeyPatch, by: float, fits: set[int], stays: bool
 ):
-    """Assert that a friction stays, though few blocks let chance explain it."""
+    """Assert that a friction stays, though few blocks let chance explain it.
+
+    Where all that chance explains at 0.005 leaves more, what it explains at 0.1 may go.
+    """
     eliminate = disturbed.eliminate
 
     def too_much(*asked: Any, **more: Any) -> Any:
@@ -317,14 +322,14 @@ def test_what_a_balance_cannot_do_without_stays(
         return leaner.without({"alpha_coulomb"}), evidence
 
     monkeypatch.setattr(disturbed, "eliminate", too_much)
-    nth_fit(monkeypatch, 2, less_likely(by))
+    nth_fit(monkeypatch, fits, less_likely(by))
     found = CASES["a drive that stops"].fit().fitted
     assert ("alpha_coulomb" in found.names) == stays
 
 
 def test_a_term_without_which_the_motion_runs_away_stays(monkeypatch: pytest.MonkeyPatch):
     """Assert that the fit before is kept where a leaner one leads nowhere."""
-    nth_fit(monkeypatch, 2, diverging)
+    nth_fit(monkeypatch, {2}, diverging)
     fit = CASES["a drive that stops"].fit()
     assert fit.fitted is fit.full
 
@@ -368,7 +373,7 @@ def test_fits_to_all_data_that_go_astray_are_made_up_for(monkeypatch: pytest.Mon
 
     def again(n: int, becomes: Any) -> Disturbed:
         with monkeypatch.context() as patched:
-            nth_fit(patched, n, becomes)
+            nth_fit(patched, {n}, becomes)
             return fit_disturbed_to(fit, own)
 
     likelier = again(1, less_likely(1e4)).sizes.disturbances
@@ -386,5 +391,5 @@ def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch
     wide = gap.as_wide(fit.fitted.structure, 0.015)
     begun = disturbed.fit_in_band(wide, log, fit.factor, fit.fitted.by_name, fit.sizes)
     assert not gap.is_dead_zone(begun.fitted)
-    nth_fit(monkeypatch, 1, diverging)
+    nth_fit(monkeypatch, {1}, diverging)
     assert disturbed._as_wide_as_its_gap(begun, log, fit.factor) is begun

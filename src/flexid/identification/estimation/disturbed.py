@@ -169,22 +169,29 @@ def _without_what_is_not_shown(
 ) -> tuple[FitInBand, tuple[TermEvidence, ...]]:
     """The fit of the terms that the log shows, and what it says of each."""
     best, evidence = full, ()
-    strict = replace(thresholds, friction_sign=np.inf)
-    for _ in range(_ROUNDS):
-        # Every drive has friction. Left out, disturbances and inertias take its part.
-        leaner, own = eliminate(best.fitted, kept, strict, likely=DISSIPATIVE)
-        evidence = latest(evidence, own)
-        before = best.fitted.structure
-        if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
-            break
-        try:
-            other = fit_in_band(leaner, data, factor, best.fitted.by_name, best.sizes)
-        except ConvergenceError:  # the motion runs away without them
-            break
-        if _is_known(best) and _leaves_more(other, best):
-            break
-        best = other
+    for chance in (thresholds.term_chance, thresholds.generous_chance):
+        asked = replace(thresholds, friction_sign=np.inf, term_chance=chance)
+        for _ in range(_ROUNDS):
+            # Every drive has friction. Left out, disturbances and inertias take its part.
+            leaner, own = eliminate(best.fitted, kept, asked, likely=DISSIPATIVE)
+            other = _leaner(leaner, best, data, factor)
+            if other is None:
+                evidence = latest(evidence, [replace(term, kept=True) for term in own])
+                break
+            best, evidence = other, latest(evidence, own)
     return best, evidence
+
+
+def _leaner(leaner: Structure, best: FitInBand, data: Data, factor: int) -> FitInBand | None:
+    """The fit of a leaner structure; None if it is none, runs away or leaves clearly more."""
+    before = best.fitted.structure
+    if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
+        return None
+    try:
+        other = fit_in_band(leaner, data, factor, best.fitted.by_name, best.sizes)
+    except ConvergenceError:
+        return None
+    return None if _is_known(best) and _leaves_more(other, best) else other
 
 
 def _with_play(
