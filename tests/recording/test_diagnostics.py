@@ -180,6 +180,12 @@ def test_an_input_that_is_far_off_in_time(torque: FloatArray, delay: str):
         assert rank_of(warning) == Rank.SCALE
 
 
+def test_an_input_that_steps_once_is_on_time():
+    """Assert that no delay is found that moves the step into what is compared."""
+    step = made(1, 4.0, noise=0.0, held=True, torque=lambda at: np.where(at > 0.2, 5.0, 0.0))
+    assert [*late_input(step)] == []
+
+
 def test_lost_samples_are_put_back():
     """Assert that they are where they were, found in positions alone or by the clock."""
     log = read_log(without_every(33))

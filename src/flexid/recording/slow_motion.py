@@ -41,6 +41,9 @@ _LATEST, _LATE_STEP = 0.25, 0.005  # s: delays of an input that are tried
 _FOUND_BY_A_FIT = 0.03  # s: delays up to there are sought with the parameters
 _FEWEST_REACHES = 8  # in a log whose input is tried at so large a delay to either side
 _FITS_LATER = 0.25  # of what is left, at another time: 0.5 or more where an input is on time
+_ON_TIME = (
+    0.01  # of an input's squares, left at most: 1e-5 in steps and a real arm, 0.09 if 50 ms late
+)
 _SMALLEST, _LARGEST = 0.003, 0.1
 """Errors of a scale that are named: smaller ones change next to nothing; larger ones are a soft
 joint, or one that is moved from outside, whose deflection the motion does not explain."""
@@ -116,19 +119,27 @@ def input_lateness(recording: Recording) -> float:
     basis = np.linalg.qr(matrix)[0]
     every = np.convolve(acts - acts.mean(), smoothed.kernels[0], mode="valid")
 
-    def left(delay: int) -> float:
+    def left(delay: int) -> tuple[float, float]:
+        """Squares of the input that the motion does not explain, and all of it."""
         own = every[reach - delay : len(every) - reach - delay : smoothed.step]
         shares = own @ basis  # the first one is of the constant
         size = own @ own
-        moved = size - shares[0] ** 2
-        return float((size - shares @ shares) / moved) if moved > 0.0 else 1.0
+        return float(size - shares @ shares), float(size - shares[0] ** 2)
+
+    def share(delay: int) -> float:
+        rest, moved = left(delay)
+        return rest / moved if moved > 0.0 else 1.0
 
     step = max(1, round(_LATE_STEP / recording.sample_time))
-    best = min(range(-step * (reach // step), reach + 1, step), key=left)
-    best = min(range(max(best - step, -reach), min(best + step, reach)), key=left)
+    best = min(range(-step * (reach // step), reach + 1, step), key=share)
+    best = min(range(max(best - step, -reach), min(best + step, reach)), key=share)
     # At the end of what was tried there may be less beyond: a motion that repeats itself, say.
     is_late = _FOUND_BY_A_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP
-    is_clear = left(best) < _FITS_LATER * left(0)
+    most = int(_FOUND_BY_A_FIT / recording.sample_time)
+    found = range(-most, most + 1)
+    is_clear = share(best) < _FITS_LATER * min(map(share, found))
+    # What a step or few turns of a square wave leave may be rounding, at any time.
+    is_clear &= min(left(delay)[0] for delay in found) > _ON_TIME * left(best)[1]
     return best * recording.sample_time if is_late and is_clear else 0.0
 
 
