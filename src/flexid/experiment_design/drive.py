@@ -369,7 +369,7 @@ def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
 
 
 def _check_experiment(wanted: Experiment, fastest: float, refuse: RefuseKey) -> None:
-    """RefuseKey what no experiment can be whose fastest tone has a frequency in rad/s."""
+    """Refuse what no experiment can be whose fastest tone has a frequency in rad/s."""
     samples = wanted.duration / wanted.sample_time
     if not _FEWEST_SAMPLES <= samples <= _MOST_SAMPLES:
         raise refuse(

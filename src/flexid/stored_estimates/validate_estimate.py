@@ -158,7 +158,7 @@ def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[
 
 
 def _check_made_of(name: str, stored: Identification, logs: Sequence[Log]) -> None:
-    """RefuseKey logs whose joint or input is another than that of the estimate."""
+    """Refuse logs whose joint or input is another than that of the estimate."""
     check_alike(logs)
     first = logs[0].recordings[0]
     # A link alone is driven by the motor's motion, whatever the logs have beside it.
