@@ -134,13 +134,15 @@ def input_lateness(recording: Recording) -> float:
     best = min(range(-step * (reach // step), reach + 1, step), key=share)
     best = min(range(max(best - step, -reach), min(best + step, reach)), key=share)
     # At the end of what was tried there may be less beyond: a motion that repeats itself, say.
-    is_late = _FOUND_BY_A_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP
+    if not _FOUND_BY_A_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP:
+        return 0.0
     most = int(_FOUND_BY_A_FIT / recording.sample_time)
     found = range(-most, most + 1)
-    is_clear = share(best) < _FITS_LATER * min(map(share, found))
     # What a step or few turns of a square wave leave may be rounding, at any time.
-    is_clear &= min(left(delay)[0] for delay in found) > _ON_TIME * left(best)[1]
-    return best * recording.sample_time if is_late and is_clear else 0.0
+    if min(left(delay)[0] for delay in found) <= _ON_TIME * left(best)[1]:
+        return 0.0
+    is_clear = share(best) < _FITS_LATER * min(map(share, found))
+    return best * recording.sample_time if is_clear else 0.0
 
 
 def scales_apart(recording: Recording) -> tuple[float, float]:

@@ -35,11 +35,13 @@ def once_per_channel(function: Callable[[FloatArray], R]) -> Callable[[FloatArra
     @wraps(function)
     def wrapper(values: FloatArray) -> R:
         key = hashlib.sha256(values.tobytes()).digest()
-        if key not in kept:
-            if len(kept) == _KEPT:
+        found = kept.get(key)  # once: another thread may clear what is kept
+        if found is None:
+            found = function(values)
+            if len(kept) >= _KEPT:
                 kept.clear()
-            kept[key] = function(values)
-        return kept[key]
+            kept[key] = found
+        return found
 
     return wrapper
 

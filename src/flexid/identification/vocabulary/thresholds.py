@@ -43,9 +43,9 @@ class Thresholds:
     generous_chance: float = _threshold(
         0.1,
         "1",
-        "the same for terms that have to pay on held-out data as well, and for frictions beside "
-        "disturbances: a short log of a drive that no model describes shows friction at 0.02 and "
-        "is predicted far better with it; without it inertias are 20 % too large",
+        "the same for terms that have to pay on held-out data as well, and for frictions next "
+        "to disturbances: a short log of a drive that no model describes shows friction at 0.02 "
+        "and is predicted far better with it; without it inertias are 20 % too large",
     )
     generous_gain: float = _threshold(
         0.05,
