@@ -40,10 +40,16 @@ from flexid.identification.full_model.fits_by_length import (
     may_stand,
     nearly_explains,
 )
-from flexid.identification.full_model.fitting import lengths, motion_at
+from flexid.identification.full_model.fitting import fit_like, lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import suited_rate
-from flexid.identification.structure.elimination import Choice, core_deviations
+from flexid.identification.structure.elimination import (
+    Choice,
+    core_deviations,
+    hardly_known,
+    latest,
+    one_by_one,
+)
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
 from flexid.identification.structure.link_delay import skew
 from flexid.identification.structure.validation import validate
@@ -153,6 +159,13 @@ def _exact(job: Job, chosen: tuple[Choice, Validation], *, anyhow: bool) -> Answ
     rate, thresholds = job.settings.filter_rate, job.thresholds
     rest = rate, thresholds
     fits = final_fits(choice, job.whole, job.recordings, *rest, anyhow=anyhow)
+    if hardly_known(fits.reported, thresholds):
+        job.progress("trying each term's absence")
+        leaner, gone = one_by_one(fits.reported, job.kept, thresholds)
+        if gone and (fitted := fit_like(leaner.structure, choice.fitted)):
+            terms = latest(choice.terms, gone)
+            choice = replace(choice, structure=leaner.structure, fitted=fitted, terms=terms)
+            fits = final_fits(choice, job.whole, job.recordings, *rest, anyhow=anyhow)
     job.progress("what the model does without")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")

@@ -227,6 +227,38 @@ def best_length(found: Sequence[Fitted]) -> Fitted:
 _ALIKE = 1.05  # ratio of widths that two lengths may differ by at random
 
 
+def hardly_known(fitted: Fitted, thresholds: Thresholds) -> bool:
+    """Whether inertias, stiffness or gravity are too uncertain to be determined."""
+    core = np.array([name in CORE for name in fitted.names], dtype=np.bool_)
+    wide = core_deviations(fitted.fit) > thresholds.determined_width
+    return bool(np.any(wide | fitted.minimum.reduced.free[core]))
+
+
+def one_by_one(
+    fitted: Fitted, kept: Collection[str], thresholds: Thresholds
+) -> tuple[Fitted, tuple[TermEvidence, ...]]:
+    """A fit without the terms that cost little, each tried by a fit, and evidence on these.
+
+    Along a direction that a log leaves open a fit may slide until a drive at rest would break
+    away, which a quadratic form takes for knowledge; or no fit follows it that far. Delays,
+    shapes and offsets go first: every drive has friction.
+    """
+    joint, timing = fitted.structure.joint, fitted.structure.timing
+    base = dict.fromkeys(name.partition("[")[0] for name in fitted.names)
+    may_go = [b for b in base if (b in joint.optional or b in timing.sought) and b not in kept]
+    may_go.sort(key=lambda b: (b in DISSIPATIVE, b not in timing.sought, b not in joint.shapes))
+    gone: list[TermEvidence] = []
+    for name in may_go:
+        leaner = fit_like(fitted.structure.without({name}), fitted, ROUGH)
+        if leaner is None:
+            continue
+        rise = leaner.minimum.equations.cost - fitted.minimum.equations.cost
+        if rise <= thresholds.exchange_fall * max(1.0, fitted.excess):
+            gone.append(TermEvidence(name, False, fitted.by_name.get(name, 0.0), np.inf, 1.0))
+            fitted = leaner
+    return fitted, tuple(gone)
+
+
 def _leanest(
     full: Fitted, kept: Collection[str], thresholds: Thresholds
 ) -> tuple[Structure, tuple[TermEvidence, ...]]:
