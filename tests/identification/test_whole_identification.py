@@ -197,3 +197,29 @@ def test_thresholds_and_long_segments(clean, alone):
     assert_true(result, {name: c.value for name, c in alone.coefficients.items()}, 1e-5)
     assert result.choices.segment_duration is not None
     assert 5.0 < result.choices.segment_duration <= 10.0
+
+
+@pytest.mark.parametrize(
+    ("torque", "more", "widest"),
+    [
+        (lambda at: 2.0 * at, {"duration": 6.0}, 1e-3),
+        (
+            lambda at: np.where(at > 0.5, 5.0, 0.0),
+            {"duration": 5.0, "held": True, "gravity_torque": 10.0},
+            0.25,
+        ),
+    ],
+    ids=["a ramp that turns it over", "a step from rest"],
+)
+def test_what_a_log_leaves_open_is_left_out(torque, more, widest):
+    """Assert that no offset that friction, delay or torque could be takes away what is known.
+
+    A quadratic form leads to where no fit follows, or takes the edge of stiction for knowledge.
+    """
+    dry = {"motor_coulomb_up": 0.3, "motor_coulomb_down": 0.3}
+    result = identify([log(made(1, torque=torque, noise=1e-4, **dry, **more))])
+    assert set(result.parameters) == {*TRUTH, "motor_coulomb_friction"}
+    for name in ("link_inertia", "motor_inertia", "joint_stiffness"):
+        low, high = result.parameters[name].interval
+        assert low < TRUTH[name] < high, name
+        assert high - low < 2.0 * widest * TRUTH[name], name

@@ -228,10 +228,9 @@ _ALIKE = 1.05  # ratio of widths that two lengths may differ by at random
 
 
 def hardly_known(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether inertias, stiffness or gravity are too uncertain to be determined."""
-    core = np.array([name in CORE for name in fitted.names], dtype=np.bool_)
+    """Whether inertias, stiffness or gravity are too uncertain to be determined, or a term open."""
     wide = core_deviations(fitted.fit) > thresholds.determined_width
-    return bool(np.any(wide | fitted.minimum.reduced.free[core]))
+    return bool(np.any(wide) or np.any(fitted.minimum.reduced.free))
 
 
 def one_by_one(
