@@ -13,6 +13,10 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import interval
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.flexible_joint import flexible_joint
+from flexid.recording.frame import table_of_arrays
+from flexid.recording.read import log_of_table
+from flexid.simulation.free_run import free_run
 
 TERMS = ("gravity", "motor_viscous")
 SETTINGS = Settings(terms=TERMS, input_delay=0.0, link_delay=0.0, segment_duration=1.0)
@@ -223,3 +227,23 @@ def test_what_a_log_leaves_open_is_left_out(torque, more, widest):
         low, high = result.parameters[name].interval
         assert low < TRUTH[name] < high, name
         assert high - low < 2.0 * widest * TRUTH[name], name
+
+
+@pytest.mark.parametrize("position", ["motor_position", ""], ids=["a link's", "both"])
+def test_speeds_will_do_where_no_position_was_measured(position):
+    """Assert that a drive of which speeds were logged, in whole mrad/s, is found all the same."""
+    times = SAMPLE_TIME * np.arange(6000)
+    tones = 2.0 * np.pi * np.geomspace(0.2, 4.0, 9)
+    torque = 4.0 * np.sin(np.outer(times, tones) + tones).sum(axis=1)
+    joint = flexible_joint(("motor_viscous",))
+    states = free_run(joint, COEFFICIENTS, np.zeros(4), torque[:, None], SAMPLE_TIME)
+    channels = {"time": times, "motor_torque": torque, "motor_position": states[:, 2]}
+    channels |= {f"{n}_velocity": states[:, k].round(3) for n, k in (("link", 1), ("motor", 3))}
+    if not position:
+        del channels["motor_position"]
+    result = identify([log_of_table(table_of_arrays(channels))])
+    assert any("was integrated" in warning for warning in result.warnings)
+    for name in ("link_inertia", "motor_inertia", "joint_stiffness"):
+        low, high = result.parameters[name].interval
+        assert low < TRUTH[name] < high, name
+        assert high - low < 0.02 * TRUTH[name], name

@@ -25,7 +25,14 @@ USUAL = {
         *("link position <deg>", "link_pos:deg", "link position, deg", "负载位置（度）"),
     ),
     "motor_position": ("q_m", "theta_m", "motor_pos", "qMotor", "pos_motor_deg", "rotor angle"),
-    "motor_velocity": ("qd_m", "motor_speed_rpm", "omega_m", "v_m [rad/s]"),
+    "motor_velocity": (
+        "qd_m",
+        "motor_speed_rpm",
+        "omega_m",
+        "v_m [rad/s]",
+        "n_motor [rpm]",
+        "w_m (rad/s)",
+    ),
     "motor_torque": (
         *("tau", "tau_m", "torque", "tau_Nm", "Drehmoment", "Couple moteur (N·m)"),
         *("motor-torque-nm", "MotorTorqueNm", "torque_pct", "Motordrehmoment [Nm]", "tau_inlb"),
@@ -45,7 +52,18 @@ STRANGE = (
     *("u", "temperature", "torque_cmd", "position_desired", "motor_link_angle", "q_dot_dot"),
     *("position[0]", "pot_V", "", "torque ²", "Winkel * 2", "q̇_m", "-tau", "T [°C]", "tau*1000"),
     *("last_position", "POS_A", "pos_V", "v", "u [rad]", "position error", "τ̇"),
-    *("tension", "spring_torque", "torsional torque", "link_deflection", "twist.linear.x", "input"),
+    *(
+        "n",
+        "w_m",
+        "n_m [N]",
+        "w [mm]",
+        "tension",
+        "spring_torque",
+        "torsional torque",
+        "link_deflection",
+        "twist.linear.x",
+        "input",
+    ),
 )
 
 

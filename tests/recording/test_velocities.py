@@ -8,7 +8,7 @@ from scipy.signal import lfilter, savgol_filter
 
 from flexid.arrays import FloatArray
 from flexid.recording import Recording, position_noise, velocities, with_velocities
-from flexid.recording.velocities import is_noise, velocity, while_moving
+from flexid.recording.velocities import integral, is_noise, velocity, while_moving
 
 FREQUENCIES = (2.0, 5.3, 11.0)  # rad/s
 
@@ -148,3 +148,15 @@ def test_a_faint_motion_is_taken_whole() -> None:
     noise = np.random.default_rng(3).standard_normal(5000)
     assert while_moving([slow + 1e-3 * noise]).start > 100
     assert while_moving([slow + 0.03 * noise]) == slice(0, 5000)
+
+
+def test_an_integral_is_of_second_order() -> None:
+    """Assert that a finer clock of uneven steps takes the square of its ratio off the error."""
+    errors = []
+    for count in (200, 400, 800):
+        even = np.linspace(0.0, 6.0, count + 1)
+        times = even + 0.1 * np.sin(even)
+        found = integral(np.cos(3.0 * times), times)
+        errors.append(np.abs(found - np.sin(3.0 * times) / 3.0).max())
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert ratios == pytest.approx([4.0, 4.0], abs=0.1)

@@ -32,6 +32,8 @@ KNOWN: dict[str, dict[str, Any]] = {
     "a play of no width": {"terms": ("backlash",)},
 }
 ALONE: Any = {"time": None, "motor_position": None}
+SPEEDS: Any = {"time": None, "motor_velocity": None, "motor_torque": None}
+FAST: Any = ALONE | {"link_velocity": None, "motor_torque": None}
 SETTINGS: dict[str, Callable[[], object]] = {
     **{name: partial(WatchOptions, **{"sample_time": H} | one) for name, one in CLOCKS.items()},
     **{name: partial(replace, OPTIONS, **one) for name, one in KNOWN.items()},
@@ -44,6 +46,8 @@ SETTINGS: dict[str, Callable[[], object]] = {
     "samples without a torque": lambda: Session(OPTIONS).feed(np.zeros((3, 3))),
     "a motor alone": lambda: chosen_channels("log", ALONE, ()),
     "a link that is not there": lambda: chosen_channels("log", ALONE, (), "link"),
+    "a motor's velocity": lambda: chosen_channels("log", SPEEDS, ()),
+    "a link's velocity": lambda: chosen_channels("log", FAST, ()),
     "an empty estimate": lambda: flexid.watch(sample_time=H, estimate={}),
 }
 HEADER = "time [ms],motor current [A],link_position [deg],motor_position [rad]"

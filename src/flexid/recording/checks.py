@@ -8,7 +8,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.names import first_times
 from flexid.recording.recording import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft, Rank
-from flexid.recording.velocities import is_noise, position_noise
+from flexid.recording.velocities import integral, is_noise, position_noise
 
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
 FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm; m/s, as no axis slides
@@ -95,8 +95,7 @@ def _dead(log: Draft, name: str, what: str) -> RecordingError:
 def check_copy(log: Draft, name: str) -> None:
     """Raise if an input is the same signal as another channel, or as a position's derivative."""
     values, clock = log[name] - log[name].mean(), log.time - log.time.mean()
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(clock)
-    total = np.concatenate(([0.0], np.cumsum(steps)))
+    total = integral(values, clock)
     for other in log.names:
         if other in INPUTS:
             continue

@@ -27,7 +27,14 @@ from flexid.recording.recipes import (
     read_map,
     recipe_of_column,
 )
-from flexid.recording.recording import INPUTS, POSITIONS, SI_UNITS, Channel, si_units
+from flexid.recording.recording import (
+    INPUTS,
+    POSITIONS,
+    SI_UNITS,
+    VELOCITIES,
+    Channel,
+    si_units,
+)
 from flexid.recording.table import Clock, Table, is_stamp
 from flexid.recording.units import is_relative
 
@@ -38,8 +45,8 @@ _LINK = "link_position (or deflection)"
 _INPUT = "motor_torque (or motor_current, or motor_voltage)"
 _NEEDED = {
     "time": ("time",),
-    "motor_position": ("motor_position",),
-    _LINK: ("link_position", "deflection"),
+    "motor_position": ("motor_position", "motor_velocity"),
+    _LINK: ("link_position", "deflection", "link_velocity"),
     _INPUT: INPUTS,
 }
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
@@ -92,8 +99,6 @@ class _Plan:
         if {"link_position", "deflection"} <= wanted:
             why = "the link position is there: remove the link position to use it"
             left_out = {"deflection": why, **left_out}
-        if "link_velocity" in wanted and not wanted & {"link_position", "deflection"}:
-            left_out = {"link_velocity": "there is no link position: log it", **left_out}
         self.warnings += [f"{name} is not used, since {why}" for name, why in left_out.items()]
         recipes = {
             name: self.map.recipe(self.table, name)
@@ -223,12 +228,20 @@ class _Plan:
         )
 
     def _require(self) -> None:
-        """Raise unless there are time, motor position, and link position or input; warn of both."""
-        missing = [label for label, names in _NEEDED.items() if not self.available & {*names}]
-        is_optional = missing in ([_LINK], [_INPUT])
+        """Raise unless there are time, motor position, and link position or input; warn of both.
+
+        A velocity will do for a position, but not beside one that is misspelt.
+        """
         recipes = (*self.found.values(), *self.map.recipes.values())
         taken = {split_header(column)[0] for recipe in recipes for column in recipe.weights}
         bare = {h: name for h in self.table.names if (name := split_header(h)[0]) not in taken}
+        missing = [
+            label
+            for label, names in _NEEDED.items()
+            if (there := self.available & {*names}) <= {*VELOCITIES}
+            and not (there and not nearest_name(names[0], bare.values()))
+        ]
+        is_optional = missing in ([_LINK], [_INPUT])
         is_meant = is_optional and self.map.unread & {*_NEEDED[missing[0]]}
         if not missing or is_meant or (missing == [_INPUT] and not bare):
             return

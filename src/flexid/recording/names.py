@@ -16,7 +16,7 @@ QUANTITIES = {  # in English, German, French, Italian, Spanish, Portuguese, Dutc
         "hoek positie jiaodu weizhi 角度 位置 displacement travel stroke weg"
     ),
     "velocity": (
-        "velocity vel speed omega qd dq qdot dtheta thetadot drehzahl geschwindigkeit vitesse "
+        "velocity vel speed omega w n qd dq qdot dtheta thetadot drehzahl geschwindigkeit vitesse "
         "velocita velocidad velocidade snelheid sudu zhuansu 速度 转速"
     ),
     "torque": (
@@ -52,8 +52,8 @@ _OTHERS = {
     "filler of time": "date stamp elapsed rel relative since start sim simulation ros abs system",
     "filler of deflection": "spring feder ressort molla muelle mola",
 }
-# A row's number, any input, a speed, a belt's tension.
-_NEED_UNIT = {"i", "u", "v", "tension", "par"}
+# A row's number, any input, a speed, a number, a belt's tension.
+_NEED_UNIT = {"i", "u", "v", "w", "n", "tension", "par"}
 _ENGLISH = {"position", "pos", "angle", "ang", "velocity", "vel", "speed", "torque", "current"}
 _BESIDE = r"[\s_.,:;/\\$|{}()\[\]<>'\"-]*"  # what may stand between words
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[A-Z]|\d+|[^\W\d_a-zA-Z]+")
@@ -159,7 +159,9 @@ _LAST_WORDS = re.compile(r"[\s_.\-/]+|(?<=[a-z])(?=[A-Z])")
 _PARTING = re.compile(r"[/.](?=[^\s\d])")  # of the parts of a path
 _MOST_PARTS = 8  # of a path that are looked at for its shortest end
 _INPUTS = ("torque", "force", "current", "voltage")
-_BY_UNIT = {"u": _INPUTS, "v": ("voltage", "velocity")}  # symbols of what their unit says
+_SPEED = ("velocity",)
+# Symbols of what their unit says.
+_BY_UNIT = {"u": _INPUTS, "v": ("voltage", "velocity"), "w": _SPEED, "n": _SPEED}
 _JOINT_NUMBER = re.compile(r"(?:(?:joint|jnt|j|axis|axe|achse|asse|gelenk|a) )?(\d{1,2})")
 
 

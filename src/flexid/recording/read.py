@@ -30,7 +30,7 @@ from flexid.recording.sampling import (
 from flexid.recording.slow_motion import check_motion
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
-from flexid.recording.velocities import is_used
+from flexid.recording.velocities import integral, is_used
 
 if TYPE_CHECKING:
     from flexid.recording.recipes import MapSource
@@ -89,8 +89,30 @@ def _drafted(table: Table, columns: MapSource | None) -> Draft:
     checks.check_magnitude(log)
     drop_repeats(log, table)
     drop_holes(log)
+    integrate_velocities(log)
     checks.drop_frozen(log)
     return log
+
+
+def integrate_velocities(log: Draft) -> None:
+    """Positions that were not measured, from velocities that were: from zero on."""
+    positions = {
+        "motor_position": ("motor_position",),
+        "link_position": ("link_position", "deflection"),
+    }
+    for position, measured in positions.items():
+        velocity = log.channels.get(name := position.replace("position", "velocity"))
+        if velocity is None or log.those_of(measured):
+            continue
+        values = integral(velocity.values, log.time)
+        origin = replace(velocity.origin, unit=velocity.unit.removesuffix("/s"))
+        log.channels[position] = replace(velocity, values=values, origin=origin)
+        log.warn(
+            position,
+            f"there is no {position}, so {name} was integrated from zero on: where the joint "
+            f"began, and so the direction of gravity, is not known",
+        )
+        del log.channels[name]
 
 
 def drop_holes(log: Draft) -> None:

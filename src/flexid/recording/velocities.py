@@ -224,6 +224,12 @@ _KNOWN = {
 }
 
 
+def integral(values: FloatArray, time: FloatArray) -> FloatArray:
+    """Integral of a signal on straight lines between its samples, zero at the first."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
 def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
     """Whether a measured velocity is the derivative of its position; a warning where it is not."""
     means = [found for one in recordings if (found := _means(one, name)) is not None]

@@ -64,8 +64,16 @@ def chosen_channels(
     """What is learnt from of a stream's channels: time, one or two positions, and the input."""
     drive = next((name for name in INPUTS if name in channels), None)
     link = next((name for name in ("deflection", "link_position") if name in channels), None)
+    if "motor_position" not in channels:
+        raise RecordingError(
+            source,
+            "motor position",
+            "is not among the columns, and no stream is integrated: send it",
+        )
     kind = model
-    if model == "auto":
+    if model == "auto" and link is None and "link_velocity" in channels:
+        kind = "flexible"
+    elif model == "auto":
         kind = "rigid" if link is None else "link" if drive is None else "flexible"
     if kind != "link" and drive is None:
         raise RecordingError(
