@@ -110,7 +110,8 @@ def integrate_velocities(log: Draft) -> None:
         log.warn(
             position,
             f"there is no {position}, so {name} was integrated from zero on: where the joint "
-            f"began, and so the direction of gravity, is not known",
+            f"began, and so the direction of gravity, is not known; subtract a bias, which would "
+            f"make it drift, by an offset in a column map",
         )
         del log.channels[name]
 
