@@ -95,23 +95,21 @@ def _drafted(table: Table, columns: MapSource | None) -> Draft:
 
 
 def integrate_velocities(log: Draft) -> None:
-    """Positions that were not measured, from velocities that were: from zero on."""
-    positions = {
-        "motor_position": ("motor_position",),
-        "link_position": ("link_position", "deflection"),
-    }
-    for position, measured in positions.items():
+    """Positions that were not measured, from velocities that were."""
+    for position, other in (ENCODERS, ENCODERS[::-1]):
         velocity = log.channels.get(name := position.replace("position", "velocity"))
-        if velocity is None or log.those_of(measured):
+        measured = {position} if position == "motor_position" else {position, "deflection"}
+        if velocity is None or measured & log.channels.keys():
             continue
-        values = integral(velocity.values, log.time)
+        known = log.those_of([other])
+        began, start = (f"the first {other}", log[other][0]) if known else ("zero", 0.0)
+        values = start + integral(velocity.values, log.time)
         origin = replace(velocity.origin, unit=velocity.unit.removesuffix("/s"))
         log.channels[position] = replace(velocity, values=values, origin=origin)
         log.warn(
             position,
-            f"there is no {position}, so {name} was integrated from zero on: where the joint "
-            f"began, and so the direction of gravity, is not known; subtract a bias, which would "
-            f"make it drift, by an offset in a column map",
+            f"there is no {position}, so {name} was integrated from {began} on: it is off by a "
+            f"constant, and drifts if it has a bias: subtract that by an offset in a column map",
         )
         del log.channels[name]
 
