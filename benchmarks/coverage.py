@@ -18,6 +18,7 @@ from scipy.signal import lfilter
 
 from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, merged, render
 from benchmarks.page_block import write_block
+from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
@@ -34,7 +35,7 @@ from flexid.simulation.free_run import free_run
 JOINT = flexible_joint()
 TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 VALUES = np.array(list(TRUTH.values()))
-DURATION, SAMPLE_TIME, FINER = 30.0, 1e-3, 4
+DURATION, SAMPLE_TIME, FINER = sized(30.0, 12.0), 1e-3, 4
 POSITION_NOISE = 1e-4
 ENCODER_STEP = 2 * np.pi / 2**14
 CORRELATION = 0.9

@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
+from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.samples import Samples
@@ -21,9 +22,9 @@ from flexid.simulation.free_run import free_run
 JOINT = flexible_joint()
 NAMES = JOINT.coefficients
 BEFORE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
-SAMPLE_TIME, DURATION, CHANGE = 1e-3, 40.0, 20.0
+SAMPLE_TIME, DURATION, CHANGE = 1e-3, *sized((40.0, 20.0), (4.0, 2.0))
 SLICE = 20  # samples over which an ageing joint keeps its coefficients
-AGEING, AGEING_DURATION = 0.10, 60.0  # part of the stiffness that is lost, over s
+AGEING, AGEING_DURATION = 0.10, sized(60.0, 21.0)  # part of the stiffness that is lost, over s
 MEMORY_TIMES = (0.5, 1.0, 2.0, 5.0, 10.0)
 NOISES = (1e-5, 1e-4, 1e-3)
 LEVELS = (0.05, 0.01)

@@ -10,6 +10,7 @@ import re
 import subprocess
 import tempfile
 from collections import Counter
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -85,7 +86,7 @@ def bound_of(program: Path) -> tuple[int, int]:
     current: Counter[int] | None = None
     with subprocess.Popen([*map(str, command)], stdout=subprocess.PIPE, text=True) as trace:
         assert trace.stdout is not None
-        for line in trace.stdout:
+        for line in islice(trace.stdout, sized(None, 200_000)):
             if not line.startswith("Trace"):
                 continue
             place = int(line.split("/")[1], 16)
@@ -96,7 +97,8 @@ def bound_of(program: Path) -> tuple[int, int]:
                 current = None
             if current is not None:
                 current[place] += 1
-    own = (functions[name] for name in functions if name in own_functions(program))
+        trace.kill()
+    own = [functions[name] for name in functions.keys() & own_functions(program)]
     unseen = sum(place not in most for places in own for place in places)
     return sum(most.values()), unseen
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from benchmarks.size import sized
 from benchmarks.table1 import Exponents, Table1
 
-DURATION = sized(30.0, 1.0)
+DURATION = sized(30.0, 0.2)
 MOST_STEPS = 10_000_000
 
 Solver = Callable[[], list[float]]

@@ -57,7 +57,7 @@ def of_log(task: Log) -> tuple[float, int, bool]:
         patch.object(joint_logs, "NOISE", noise),
         patch.object(final_fits, "unexcited", watched),
     ):
-        motion = joint_logs.steady_sine(amplitude, rate, 20.0, joint_logs.FINE)
+        motion = joint_logs.steady_sine(amplitude, rate, sized(20.0, 8.0), joint_logs.FINE)
         path = joint_logs.write_log(Path(folder) / "log.csv", *motion)
         found = identify([read_log(path)], thresholds=replace(THRESHOLDS, lost_share=0.0))
     core = {n: p for n, p in found.parameters.items() if n in truth and p.verdict == "determined"}

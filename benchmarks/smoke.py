@@ -22,7 +22,7 @@ from benchmarks.__main__ import NAMES
 from benchmarks.size import SMOKE
 
 _FOLDERS = ("benchmarks", "docs", "examples", "experiments", "tests")
-_ROWS = 4000  # of the example log
+_ROWS = 8000  # of the example log
 _SHOWN = 3000  # characters of what a failing one prints
 _MOST_SECONDS = 600  # of one benchmark
 
@@ -116,7 +116,7 @@ def _runs(job: Job, folder: Path) -> bool:
         done = subprocess.run(
             [sys.executable, "-m", *command],
             cwd=folder,
-            env=os.environ | {SMOKE: "yes", "PYTHONPATH": path},
+            env=os.environ | {SMOKE: "yes", "OMP_NUM_THREADS": "1", "PYTHONPATH": path},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             timeout=_MOST_SECONDS,

@@ -19,7 +19,7 @@ from benchmarks.trials.realistic.generate import make_realistic
 from flexid.arrays import FloatArray
 
 SEEDS = sized(range(20, 24), range(20, 21))
-FAMILIES = ("poor_logger", "disturbed_arm")
+FAMILIES = sized(("poor_logger", "disturbed_arm"), ("poor_logger",))
 _TIME = "time [s]"
 _LATE, _LATEST = 0.4, 3.0  # sample times: mean and most of an exponential delay
 _LOST = 0.15  # of the samples

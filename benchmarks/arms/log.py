@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.arms.arm import Arm, mjcf
+from benchmarks.size import sized
 
 Array = NDArray[np.float64]
 
@@ -15,7 +16,7 @@ Array = NDArray[np.float64]
 class Motion:
     """How an arm is moved and measured."""
 
-    duration: float = 20.0
+    duration: float = sized(20.0, 4.0)
     sample_time: float = 1e-3
     bits: int = 17
     noise: float = 1.0  # of an encoder, in its steps

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks.size import sized
 from benchmarks.trials.integrator import Drive
 
 
@@ -84,7 +85,7 @@ class Draft:
     controlled: bool = False
     motion: str = "sines"
     jolted: bool = False
-    durations: tuple[float, float] = (12.0, 30.0)
+    durations: tuple[float, float] = sized((12.0, 30.0), (6.0, 7.0))
     longest: float = 5e-5
     holds: tuple[str, ...] = ("zero", "smooth")
     bits: tuple[int, int] = (13, 18)

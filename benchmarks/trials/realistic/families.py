@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.size import sized
 from benchmarks.trials.realistic.drafts import Draft, Sensor
 from benchmarks.trials.realistic.drive import Plant
 
@@ -53,7 +54,7 @@ def _basic(
         plant,
         resonance,
         float(rng.choice(enough)),
-        duration=_log(rng, 10.0, 40.0),
+        duration=sized(1.0, 0.3) * _log(rng, 10.0, 40.0),
         motion=motion,
         target=_log(rng, 0.3, 1.6),
         dither=_log(rng, 0.15, 0.5) if _some(rng, 0.75) else 0.0,
