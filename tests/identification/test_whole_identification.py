@@ -247,3 +247,22 @@ def test_speeds_will_do_where_no_position_was_measured(position):
         low, high = result.parameters[name].interval
         assert low < TRUTH[name] < high, name
         assert high - low < 0.02 * TRUTH[name], name
+
+
+def test_a_clamped_link_leaves_the_motor_and_the_spring():
+    """Assert that all but the link, and the sum of what brakes, is found while it is held."""
+    times = SAMPLE_TIME * np.arange(6000)
+    tones = 2.0 * np.pi * np.geomspace(0.2, 6.0, 9)
+    torque = np.sin(np.outer(times, tones) + tones).sum(axis=1)
+    joint = flexible_joint(("motor_viscous",))
+    held = {**COEFFICIENTS, "theta2": 0.0}
+    states = free_run(joint, held, np.zeros(4), torque[:, None], SAMPLE_TIME)
+    noise = 1e-5 * np.random.default_rng(3).standard_normal(len(times))
+    channels = {"time": times, "motor_torque": torque, "motor_position": states[:, 2] + noise}
+    result = identify([log_of_table(table_of_arrays(channels), {"link_position": 0.0})])
+    assert not any("held-out" in warning for warning in result.warnings)
+    for name in ("motor_inertia", "joint_stiffness"):
+        low, high = result.parameters[name].interval
+        assert low < TRUTH[name] < high, name
+        assert high - low < 1e-3 * TRUTH[name], name
+    assert result.parameters["link_inertia"].verdict == "undetermined"

@@ -129,6 +129,9 @@ ORIGINS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
     "a torque twice, without a word": (TWICE, {"time": "time"}),
     "neither of both": (TWICE, {"motor_torque": False}),
     "a usual name beside a map": (renamed(motor_torque="tau"), {"time": "time"}),
+    "a clamped link": (without(COLUMNS, "link_position"), {"link_position": 0.1}),
+    "a clamped motor": (without(renamed(link_position="q_l"), "torque"), {"motor_position": 0}),
+    "a clamped deflection": (COLUMNS, {"deflection": 0}),
     "two in other letters": (IN_LETTERS | {"Q_M": TORQUE}, LETTERS),
     "one of two units": (IN_LETTERS | {"q_m [deg]": TORQUE}, LETTERS | {"motor_position": "q_m"}),
 }

@@ -131,7 +131,7 @@ def identify(
                 *model_warnings(
                     fits.error, job.joint.kind, numbers.widest, found.disturbances, thresholds
                 ),
-                *(validation_warnings(validation.fit_percent) if exact else ()),
+                *(validation_warnings(_of_what_moves(job, validation)) if exact else ()),
                 *(compliance_warnings(compliance) if exact else ()),
             )
         ),
@@ -139,6 +139,12 @@ def identify(
         recordings=recordings.whole,
         disturbances=found.disturbances,
     )
+
+
+def _of_what_moves(job: Job, validation: Validation) -> dict[str, float]:
+    """Fits in per cent of channels that are not clamped."""
+    clamped = job.recordings.recorded[0].clamped
+    return {name: fit for name, fit in validation.fit_percent.items() if name not in clamped}
 
 
 def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:

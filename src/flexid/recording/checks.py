@@ -89,6 +89,8 @@ def _is_constant(values: FloatArray, about: FloatArray) -> bool:
 def _dead(log: Draft, name: str, what: str) -> RecordingError:
     why = _DEAD.get(name, _DEAD_INPUT)
     reason = f"{name} is {what} and carries no information ({why}): record it while it moves"
+    if name in ENCODERS:
+        reason += f", or, if that side is clamped, write {name} = 0 in a column map"
     return log.refusal(name, reason)
 
 

@@ -83,7 +83,9 @@ class _Plan:
         self.table = table
         self.warnings: list[str] = []
         self.map = _NO_MAP if columns is None else read_map(columns)
-        self.is_mapped = bool(self.map.recipes or self.map.unread)
+        # A side that is clamped names no column.
+        named = [name for name, recipe in self.map.recipes.items() if recipe.weights]
+        self.is_mapped = bool(named or self.map.unread or "time" in self.map.recipes)
         self.found: dict[str, Recipe] = {}  # by the names of columns
         self._add_canonical()
         if not self.is_mapped:
@@ -99,6 +101,10 @@ class _Plan:
         if {"link_position", "deflection"} <= wanted:
             why = "the link position is there: remove the link position to use it"
             left_out = {"deflection": why, **left_out}
+        for name in VELOCITIES:
+            position = self.map.recipes.get(name.replace("velocity", "position"))
+            if name in wanted and position is not None and not position.weights:
+                left_out[name] = "that side is clamped: remove it"
         self.warnings += [f"{name} is not used, since {why}" for name, why in left_out.items()]
         recipes = {
             name: self.map.recipe(self.table, name)
@@ -143,7 +149,7 @@ class _Plan:
     def _add_usual(self) -> None:
         """Add columns that have usual names where no column has the channel's own."""
         candidates = self._candidates()
-        skipped = set(self.found)
+        skipped = {*self.found, *self.map.recipes}
         if skipped & set(INPUTS):
             skipped |= set(INPUTS)
         if "deflection" in skipped:

@@ -18,6 +18,7 @@ from flexid.files import parse_toml, read_small, shown
 from flexid.models.motion import JOINT_TYPES, JointType, unit_of
 from flexid.recording.names import cut, folded, nearest_name, quoted, split_header
 from flexid.recording.recording import (
+    ENCODERS,
     GEARED,
     LONGEST_SAMPLE_TIME,
     SHORTEST_SAMPLE_TIME,
@@ -143,7 +144,10 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
 
 
 def _entry(file: str, name: str, value: object, ratio: float | None) -> Recipe:
-    """The recipe in one entry of a column map."""
+    """The recipe in one entry of a column map; a number is where a clamped side stands."""
+    if name in ENCODERS and _is_number(value):
+        place = f"key '{name}'"
+        return Recipe({}, file, place, offset=float(_quotient(value)), is_mapped=True)
     entry = _checked(file, name, value, [*_MAY_BE])
     if ("column" in entry) == bool(entry.get("sum")):
         raise _bad(file, name, "exactly one of 'column' and 'sum' is needed")
@@ -312,6 +316,10 @@ def joint_of(recipes: Iterable[Recipe], usual: JointType = "revolute") -> JointT
 
 def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
     """A channel by its recipe; raise where a cell or a unit is bad."""
+    if not recipe.weights and name != "time":
+        values = np.full(table.frame.height, recipe.offset)
+        unit = si_units(name, recipe.joint)[0]
+        return Channel(values, name, True, Origin({}, 1.0, recipe.offset, unit, None))
     if not recipe.weights:
         values = recipe.scale * clock.counted(table.frame.height)
         return Channel(values, "sample_time", True, Origin({}, recipe.scale, 0.0, "s", None))

@@ -278,6 +278,12 @@ class Recording:
         )
 
     @property
+    def clamped(self) -> frozenset[str]:
+        """Positions that a column map holds still."""
+        positions = {name: getattr(self, name) for name in ENCODERS}
+        return frozenset(n for n, own in positions.items() if own is not None and not np.ptp(own))
+
+    @property
     def time(self) -> FloatArray:
         """Time of every sample on the file's clock, shape (n,), in s."""
         return self.start_time + self.sample_time * np.arange(len(self), dtype=np.float64)

@@ -27,6 +27,7 @@ _OFFSETS = (
 # 0.002 where it turns round so fast that the filter hardly ever forgets it.
 _MOSTLY = 0.5
 _SCATTER = 3.0  # standard deviations of a mean square, by which noise may exceed its own
+_NO_MOTION = 1e-100  # squares of an acceleration, summed: a row that is clamped has none
 _PART = 0.1  # of a direction, from which on a coefficient counts as part of it
 _LEAST_MOTION = (
     1e-9  # of a deflection's square, about its mean: 0.3 mrad where zeros are 10 rad apart
@@ -134,7 +135,7 @@ def directions(row: RowFit, values: Mapping[str, float]) -> tuple[FloatArray, li
     names = row.coefficients
     centred = _from_its_mean(names, row.gram)
     gram = centred.gram if centred.moves else row.gram
-    total = max(row.total_sum, np.finfo(float).tiny)
+    total = max(row.total_sum, _NO_MOTION)
     own = np.linalg.solve(centred.change.T, np.array([values.get(name, 0.0) for name in names]))
     reach = np.maximum(np.abs(own) * np.sqrt(np.diag(centred.gram).clip(0.0) / total), 1.0)
     norm = np.sqrt(np.diag(gram).clip(0.0))
@@ -149,7 +150,7 @@ def row_sizes(rows: Sequence[RowFit]) -> dict[str, float]:
     """Root mean square of each coefficient's regressor over that of its row's acceleration."""
     sizes = {}
     for row in rows:
-        total = max(row.total_sum, np.finfo(float).tiny)
+        total = max(row.total_sum, _NO_MOTION)
         for name, square in zip(row.coefficients, np.diag(row.gram).tolist(), strict=True):
             sizes[name] = (square / total) ** 0.5
     return sizes

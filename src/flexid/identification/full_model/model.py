@@ -124,6 +124,7 @@ def encoder_noise(samples: Sequence[Samples]) -> FloatArray:
     longest = max(samples, key=len)
     largest = max(float(np.abs(own.positions).max()) for own in samples)
     noise = np.array([position_noise(position) for position in longest.positions.T])
+    noise = np.where(np.ptp(longest.positions, axis=0) > 0.0, noise, noise.max())  # of clamped ones
     return np.maximum(noise, _FINEST * largest)
 
 

@@ -50,6 +50,7 @@ FIRST_ITERATIONS = 8
 """Steps that a fit from afar may take, those that halve the sum of squares not counted."""
 _HALVINGS = 2  # of the shortest segments, if these are too long to begin with
 _FEWEST_HALVED = 10  # samples of what only leads to a start: twice its initial state
+_CLAMPED = 1e-3  # of the motor's inertia over that of a link that does not move, to begin with
 _STARTS = 3  # that are tried
 _SHORT = 0.5  # s
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
@@ -172,6 +173,9 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
             found[name] = abs(value)
         else:
             found[name] = value
+    link, motor = declared.SPRING
+    if found.get(link) == 0.0:  # a clamped one, as if it were heavy
+        found[link] = _CLAMPED * found.get(motor, 0.0)
     # One spring acts on both rows, and the link's, of positions alone, knows its shape best.
     for name in declared.HARDENING & declared.TIES.keys() & found.keys():
         motor, by_link, by_motor = declared.TIES[name]
