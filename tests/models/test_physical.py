@@ -15,7 +15,13 @@ from flexid.models.flexible_joint import (
     flexible_joint,
     rigid_joint,
 )
-from flexid.models.physical import Quotient, joint_coefficients, physical_parameters
+from flexid.models.motion import unit_of
+from flexid.models.physical import (
+    Quotient,
+    difference,
+    joint_coefficients,
+    physical_parameters,
+)
 
 TRUTH = {
     "gravity_torque": 5.0,
@@ -132,3 +138,17 @@ def test_friction_by_direction():
         braking = 0.1 * v + 0.02 * abs(v) + 0.4 * v - 0.05
         assert v * (viscous + coulomb) == pytest.approx(braking, rel=1e-13)
     assert "coulomb_friction_forwards" not in {p.name for p in rigid(RIGID, True)}
+
+
+def test_an_angle_differs_by_the_shorter_way_round():
+    """Assert that angles differ by at most half a turn, and other parameters by their values."""
+    assert difference("gravity_angle", 3.1, -3.1) == pytest.approx(2.0 * np.pi - 6.2)
+    assert difference("gravity_torque", 3.0, -3.0) == -6.0
+
+
+def test_a_prismatic_joint_has_newtons_kilograms_and_metres():
+    """Assert that declared units hold for a revolute joint and have counterparts for the other."""
+    assert unit_of("N m s/rad", "revolute") == "N m s/rad"
+    assert unit_of("N m s/rad", "prismatic") == "N s/m"
+    assert unit_of("kg m^2", "prismatic") == "kg"
+    assert unit_of("rad/rad", "revolute") == "1"

@@ -9,6 +9,7 @@ from matplotlib.colors import to_hex
 
 from flexid.report.chart import Axis, Band, Chart, Level, Line, Panel, kept_samples, whole_decades
 from flexid.report.figure import COLOURS, chart_html, draw, drawn_once
+from flexid.report.response_charts import autocorrelation
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([2.0, np.nan, 4.0])
@@ -154,3 +155,11 @@ def test_a_figure_of_a_page_has_its_words_colours_and_no_style():
     assert "style" not in html
     assert not re.search("#[0-9a-f]{6}\\b", html)
     assert chart_html(chart(panel(*marks), title='<b> & "c"')) == html
+
+
+def test_autocorrelation_of_an_alternation():
+    """Assert that it changes its sign with the lag, and that what does not vary has 1 at lag 0."""
+    np.testing.assert_allclose(
+        autocorrelation(np.array([1.0, -1.0, 1.0, -1.0])), [1, -0.75, 0.5, -0.25]
+    )
+    assert autocorrelation(np.zeros(3)).tolist() == [1.0, 0.0, 0.0]

@@ -1,7 +1,4 @@
-"""All commands: what each does besides calling the library, its words, and how it ends.
-
-Their words stand in ``commands.toml``. Errors become one sentence and an exit status.
-"""
+"""All commands but for their words, which stand in ``commands.toml``."""
 
 import os
 import shlex

@@ -1,8 +1,4 @@
-"""Commands made from functions of the library, and how their answers leave.
-
-Signature, defaults and docstring become options; an answer leaves on standard output, as files, and
-as an exit status.
-"""
+"""Commands made from functions of the library: their signatures and docstrings become options."""
 
 import inspect
 import io
@@ -73,11 +69,7 @@ def output(out: Path | None) -> AbstractContextManager[Path | None]:
 def hand_over(
     answer: "Answer", flags: Mapping[str, Any], files: Path | None, errors: "Console", rest: str
 ) -> None:
-    """Print an answer and write its files: a full disk must not lose what is printed.
-
-    The `OSError` that came first is raised when all has been tried; `rest` shows the warnings that
-    are not printed.
-    """
+    """Print an answer and write its files, then raise the `OSError` that came first."""
 
     def write() -> None:
         if files is not None:
@@ -134,10 +126,7 @@ def print_warnings(warnings: Sequence[str], errors: "Console", rest: str = "") -
 
 
 def open_what_is_closed() -> None:
-    """Open standard streams that were closed (``>&-``) on the null device.
-
-    Without it the first file that is opened takes their number, and what is printed lands in it.
-    """
+    """Open closed standard streams on the null device, else the first file gets their number."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # the lowest that is free
         pass
     os.close(number)

@@ -1,8 +1,4 @@
-"""The ``flexid`` command: what a process needs before anything is loaded.
-
-Nothing else is imported here, so that an interruption is answered from the first moments on, while
-the commands are still being loaded.
-"""
+"""The ``flexid`` command: it answers an interruption before anything else is imported."""
 
 import gc
 import os

@@ -1,7 +1,4 @@
-"""Options of the command line: how their values are written, and what the library makes of them.
-
-Names, defaults and words of the help are those of the library's functions; see `generated`.
-"""
+"""Options of the command line: how their values are written, and what the library makes of them."""
 
 import inspect
 import re

@@ -1,9 +1,4 @@
-"""A model's functions in C99: for an estimator on a drive, in one number type, and as a plant.
-
-Every literal stands in ``REAL(...)`` and every function behind a macro (``SIN``), so that one
-definition makes all of it float or double. The operations are those of the compiled Python, in the
-same order, so that both agree to rounding.
-"""
+"""A model's functions in C99: for an estimator on a drive, in one number type, and as a plant."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -81,6 +76,8 @@ def plant_functions(system: ParametricSystem) -> CFunctions:
     return CFunctions(source, frozenset(printer.calls), {})
 
 
+# Literals stand in REAL(...) and functions behind macros (SIN), so that one definition makes all of
+# it float or double. The operations and their order are those of the compiled Python.
 class _Printer(ScalarPrinter):
     """The arithmetic of the compiled Python, in C and in one number type."""
 

@@ -1,10 +1,4 @@
-"""Source of a model's functions: regressors, right-hand side and its linearisation, signals.
-
-For a filter a regressor is split into three parts, r = g(q, u) + Σ a_j v_j + n(q, v, u). The first
-is a function of measured positions and inputs and is filtered as it stands; the second is the
-derivative of the positions, which the filter itself takes; only the third, nonlinear in velocities,
-needs an estimate of them.
-"""
+"""Source of a model's functions: regressors, right-hand side and its linearisation, signals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -56,12 +50,7 @@ def compiled_rates(system: ParametricSystem) -> str:
 
 
 def plain_model(system: ParametricSystem) -> str:
-    """Source of a model's equations and their linearisation as Python, for arrays of numbers.
-
-    ``right_hand_side(x, u, p, c, dx)``, ``slopes(x, u, p, c, a, b)``, which fills a = ∂x'/∂x and
-    b = ∂x'/∂u, and ``jumps(x, u, p, c, a)``: half the jump of each row's acceleration where its
-    velocity changes its sign.
-    """
+    """Source of ``right_hand_side``, ``slopes`` and ``jumps`` as Python, for arrays of numbers."""
     symbolic = symbolic_system(system)
     derivatives = {
         f"_{array}[{i}, {j}]": derivative(rate, by)
@@ -129,6 +118,8 @@ def _jump(row: SymbolicRow) -> sp.Expr:
     return cast(sp.Expr, factor.subs(mode, 0).subs(row.velocity, 0))
 
 
+# r = g(q, u) + Σ a_j v_j + n(q, v, u): g is filtered as it stands, v_j are derivatives that the
+# filter itself takes; only n needs an estimate of the velocities.
 @dataclass(frozen=True)
 class RegressorParts:
     """The three parts of a regressor, or of a known part."""
@@ -168,13 +159,7 @@ def split_regressor(expression: sp.Expr, symbolic: SymbolicSystem) -> RegressorP
 
 
 def signal_module(system: ParametricSystem) -> str:
-    """Source of a model's *signals* for whole recordings: functions of arrays, not compiled.
-
-    Signals are its regressors, row by row, then the known part of each row.
-    ``sampled_parts(x, u, c, g)`` fills g with their parts without the linear velocity terms,
-    ``velocity_factors(c, a)`` a with the factors a_j of those. ``HELD`` says which signals depend
-    on an input, ``VELOCITY_NEEDED`` which coefficients (or rows, for known parts) need velocities.
-    """
+    """Source of a model's signals for whole recordings: regressors row by row, then known parts."""
     symbolic = symbolic_system(system)
     names = [*system.coefficients, *(f"known part of {row.name}" for row in system.rows)]
     parts = signal_parts(symbolic)

@@ -1,34 +1,4 @@
-"""Source of a model's motion together with its exact derivatives: the variational equations.
-
-With x' = f(x, u, p), the derivatives of x with respect to the state s at the start of a segment
-and to the coefficients p obey
-
-    (∂x/∂s)' = (∂f/∂x) ∂x/∂s,    (∂x/∂p)' = (∂f/∂x) ∂x/∂p + ∂f/∂p.
-
-All of them are the columns of one matrix: first x, then ∂x/∂s, then ∂x/∂p. Coefficients that
-are not sought need no column. One more column may hold the derivative by the delay of the inputs,
-whose source is (∂f/∂u) du, with du the derivative of the inputs by that delay.
-
-A step of Runge-Kutta 4 takes the state first. Its derivatives then follow along the same four
-stages, each column for itself: it is linear in the column, so that what costs (∂f/∂x, ∂f/∂p) is
-computed once for all columns, and the columns are worked on side by side by one instruction.
-
-The sign of a row's own velocity is the row's *mode*, which the kernel sets: a dry friction is
-smooth while the joint slides to one side.
-
-What is costly, as tanh or exp, and stands in terms that are off, is not computed.
-
-Where the magnitude of what depends on positions alone stands in the equations, as in play, their
-right-hand side has a *corner*: it is continuous, its slope is not. The kernel ends a step there,
-since within one that has a corner in it no formula is of its order.
-
-A memory follows the direction of its path. While the path q does not turn it is a function of it,
-
-    h = d + (h0 - d) exp(-s |q - q0|),    d the direction,
-
-whatever the velocity. So a step of the integrator takes it from the path, and no reach however
-short makes the equations stiff.
-"""
+"""Source of a model's motion together with its exact derivatives: the variational equations."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -46,6 +16,14 @@ from flexid.derivation.symbolic import (
 )
 from flexid.models.parametric_system import ParametricSystem
 
+# With x' = f(x, u, p), the derivatives by the state s at the start of a segment and by p obey
+#     (∂x/∂s)' = (∂f/∂x) ∂x/∂s,    (∂x/∂p)' = (∂f/∂x) ∂x/∂p + ∂f/∂p.
+# They are columns of one matrix: x, ∂x/∂s, ∂x/∂p of what is sought, and perhaps the derivative by
+# the delay of the inputs, whose source is (∂f/∂u) du. A Runge-Kutta step takes the state first; the
+# columns then follow side by side along the same four stages.
+#
+# The sign of a row's own velocity is its *mode*, which the kernel sets. Where the magnitude of what
+# depends on positions stands in the equations they have a *corner*: the kernel ends a step.
 KNOWN = -1
 """Stands in ``DRY`` for a known part with dry friction, which has no coefficient."""
 
@@ -54,15 +32,7 @@ _CHEAP = (sp.sin, sp.cos, sp.Abs, sp.sign)  # functions that are no calls
 
 
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
-    """Header, ``WIDTH``, ``DRY`` and the functions of the state and of its derivatives.
-
-    ``DRY[j]`` holds the places of the coefficients of row j that multiply its mode, and `KNOWN` if
-    its known part does. ``corners`` fills _k with 1 where the term of a corner is off.
-    _at[i] is the column of coefficient i, or 0 if it has none: nothing is read there; _delay is
-    that of the inputs' delay. ``vary`` takes _a and _r of each of the four stages, _b and _q of the
-    memories at the three later stages and at the end. All arrays of columns have `WIDTH` of them
-    and are flat, so that where a row of them begins is known when it is compiled.
-    """
+    """Header, ``WIDTH``, ``DRY`` and the functions of the state and of its derivatives."""
     symbolic = _with_modes(symbolic_system(system))
     parts = (
         _sizes(symbolic),
@@ -166,11 +136,7 @@ def _corners(symbolic: SymbolicSystem) -> str:
 def _where_needed(
     symbolic: SymbolicSystem, expressions: Sequence[sp.Expr], needed: str
 ) -> tuple[str, list[sp.Expr]]:
-    """Lines that compute each costly function if it is needed, and expressions with its name.
-
-    `needed` is the condition for one coefficient, with its place for ``{0}``; the function is that
-    of all that multiply it, or its derivatives.
-    """
+    """Lines that compute each costly function under a condition, and expressions with its name."""
     found = {f for e in expressions for f in e.atoms(sp.Function) if not isinstance(f, _CHEAP)}
     names = {
         f: sp.Symbol(f"_f{i}", real=True)
@@ -214,6 +180,8 @@ def _path(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
     }
 
 
+# While the path q does not turn, a memory h = d + (h0 - d) exp(-s |q - q0|), d the direction,
+# whatever the velocity: no reach however short makes the equations stiff.
 def _along_path(symbolic: SymbolicSystem, m: int) -> str:
     """Lines that find where the path of a memory leads, and what is left of where it began."""
     place, grip = _places_of(symbolic, m)
@@ -320,11 +288,7 @@ def _vary(symbolic: SymbolicSystem) -> str:
 
 
 def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] = ()) -> str:
-    """Source of ``vary``: four stages of one column, so that a loop has nothing inside.
-
-    The acceleration of each row depends on the states at the places of its pattern, and on its
-    disturbance if it is free; the path of each memory goes with the positions at its places.
-    """
+    """Source of ``vary``: four stages of one column, so that a loop has nothing inside."""
     rows, memories = len(patterns), len(paths)
     size = 2 * rows + memories
     ahead: list[str] = []

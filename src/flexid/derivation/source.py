@@ -109,10 +109,7 @@ def function(
     *body: str,
     decorator: str = 'njit(cache=True, error_model="numpy")',
 ) -> str:
-    """A function from its signature, its docstring and blocks of indented lines.
-
-    It is compiled, unless the decorator is empty.
-    """
+    """A function from its signature, its docstring and blocks of indented lines."""
     blocks = "\n".join(block for block in body if block)
     head = f"@{decorator}\n" * bool(decorator)
     return f'{head}def {signature}:\n    """{docstring}"""\n{blocks}\n'

@@ -1,15 +1,4 @@
-"""Source of the motion of a torque balance with its exact derivatives.
-
-With Σ_k π_k φ_k(q, v, a, u) = 0, the mass matrix M = ∂/∂a is linear in π, and at the acceleration a
-that solves the balances
-
-    ∂a/∂π_k = -M⁻¹ φ_k,        ∂a/∂x = -M⁻¹ ∂(Σ_k π_k φ_k)/∂x at fixed a.
-
-The functions have the arguments of those of `flexid.derivation.sensitivities`, so that the same
-templates run them. What sticks has no acceleration: its row and column leave the mass matrix.
-M is factorised by L D Lᵀ, written out without what is zero: motors first, which are coupled to no
-other motor.
-"""
+"""Source of the motion of a torque balance with its exact derivatives."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -28,6 +17,10 @@ from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 _INLINED = 2  # joints up to which functions are inlined where they are called
 
 
+# With Σ_k π_k φ_k(q, v, a, u) = 0 the mass matrix M = ∂/∂a is linear in π, and at its solution a
+#     ∂a/∂π_k = -M⁻¹ φ_k,        ∂a/∂x = -M⁻¹ ∂(Σ_k π_k φ_k)/∂x at fixed a.
+# What sticks leaves M, which is factorised by L D Lᵀ without its zeros: motors first, which are
+# coupled to no other motor. The functions have the arguments of those of `sensitivities`.
 @dataclass(frozen=True)
 class SymbolicBalance:
     """A torque balance in symbols."""
@@ -198,11 +191,7 @@ def _of_body(term: BodyTerm, balance: TorqueBalance) -> dict[int, sp.Expr]:
 
 
 def balance_functions(balance: TorqueBalance) -> str:
-    """Header and functions of a torque balance, for the templates of the prediction error.
-
-    Beside those of `sensitivity_functions` there is ``columns(x, u, m, c, a, f)``, which fills
-    f[sample, row, k] = φ_k at the accelerations a.
-    """
+    """Source for templates: `sensitivity_functions`, and ``columns`` f[sample, row, k] = φ_k."""
     symbolic = symbolic_balance(balance)
     parts = (
         module_header(cast(ParametricSystem, balance), "Segmented prediction error"),

@@ -1,16 +1,4 @@
-"""How channels lie in time: inputs run on between their samples, and positions are read late.
-
-What a joint does within one sampling interval depends on the input's mean and first moment there;
-how the input is distributed beyond that changes its position by less than (ωh)² of what a single
-sample of input does. So whatever the input does between samples, and however late it acts, each
-interval gets the straight line that has the same mean and moment. Both depend smoothly on the
-delay, which can therefore be sought like any coefficient.
-
-A position is shifted in phase alone. Interpolation averages neighbouring samples: half-way between
-two samples it takes the fast half of the noise away, and whatever judges residuals by the noise of
-the encoder is misled. A shift of the phase delays without attenuating anything: a joint's motion by
-just what is wanted, and white noise stays white. It too depends smoothly on the delay.
-"""
+"""How channels lie in time: inputs run on between their samples, and positions are read late."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -31,6 +19,8 @@ _SIZES = (8, 9, 10, 12, 15)  # times a power of two: lengths that are transforme
 _EDGE = 16  # samples at either end in which what was turned round about it shows
 
 
+# A shift of the phase delays without attenuating, so white noise stays white; interpolation would
+# take its fast half away half-way between two samples.
 def later(values: FloatArray, samples: float) -> FloatArray:
     """A channel later by so many samples of either sign, shape (n,); see `spoilt`."""
     if samples == 0.0 or len(values) < 2:
@@ -89,16 +79,15 @@ _WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
 _INSIDE = 1e-9  # of an interval: a held input jumps at its ends
 
 
+# Within an interval the motion depends on the input's mean and first moment, beyond that by less
+# than (ωh)². So each interval gets the line that has both, which depends smoothly on the delay.
 def held_input(
     inputs: FloatArray,  # (n, n_inputs)
     sample_time: float,  # in s
     hold: Hold,
     delay: float,
 ) -> FloatArray:
-    """Straight lines that act like a sampled input over each interval, shape (n, n_inputs, 4).
-
-    Value at its start, change over it, and the derivatives of both by the delay in 1/s.
-    """
+    """Lines like a sampled input, (n, n_inputs, 4): value, change, derivatives by the delay."""
     # A fit that diverges may ask for any delay: beyond the samples all of it is alike.
     reach = sample_time * (len(inputs) + len(_OFFSETS))
     delay = float(np.fmax(np.fmin(delay, reach), -reach))
@@ -209,10 +198,7 @@ class ChannelTiming:
         return drives
 
     def on_time(self, delays: Mapping[str, float]) -> FloatArray:
-        """Outputs moved by any part of a sample to when they were true.
-
-        White noise stays white, so that no delay makes residuals smaller than another.
-        """
+        """Outputs moved by any part of a sample to when they were true; white noise stays white."""
         outputs = self.segments.outputs.copy()
         for a, name in enumerate(self.output_delays):
             if delays[name] == 0.0:

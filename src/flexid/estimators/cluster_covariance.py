@@ -1,31 +1,4 @@
-"""Covariance of least squares with correlated residuals, unbiased although blocks are few.
-
-The scores, derivatives times residuals, are summed over blocks long enough to be independent of one
-another, and the spread of these sums gives the covariance (cluster sandwich). Two things are amiss
-with it as it stands: the fit has pulled the residuals towards zero, most where a block decides most
-(its leverage), and a few blocks may carry nearly all of the spread, which then has fewer degrees of
-freedom than there are blocks. Both have an answer that is exact for white noise and good for others
-(Bell and McCaffrey, Survey Methodology 28, 2002; Pustejovsky and Tipton, J. Business and Economic
-Statistics 36, 2018). With J_b the derivatives in a block, N_b = J_bᵀJ_b, and G the covariance for
-white noise of unit variance,
-
-    u_b = G J_bᵀ (I - J_b G J_bᵀ)^(-1/2) r_b,        V = Σ u_b u_bᵀ,
-
-and (Σ λ)² / Σ λ² degrees of freedom for each coefficient, λ being the eigenvalues of its variance
-as a quadratic form in white noise (Satterthwaite). Only N_b and the scores J_bᵀ r_b are needed,
-since J_bᵀ (I - J_b G J_bᵀ)^(-1/2) = (I - N_b G)^(-1/2) J_bᵀ.
-
-Some of the unknowns may belong to a segment of the record only: an initial state. They are fitted
-like the rest, and a block's residuals are corrected for them too.
-
-Few blocks show a covariance with few degrees of freedom: intervals from it are long, for Student's
-t, and those where blocks agree by chance are short nevertheless. Most residuals are nearly white,
-and of white noise the covariance G is known up to a factor φ that all directions show together. In
-coordinates in which G is the identity the blocks' covariance S is therefore drawn towards φ I:
-altogether where directions differ by no more than chance, hardly where they do. By how much follows
-from the traces of S and S² (Chen, Wiesel, Eldar and Hero, IEEE Trans. Signal Processing 58, 2010,
-eq. 23, the oracle approximating shrinkage).
-"""
+"""Covariance of least squares with correlated residuals, unbiased although blocks are few."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -58,12 +31,17 @@ class Clusters:
     inverse: FloatArray
 
 
+# The scores are summed over blocks long enough to be independent; the spread of the sums gives the
+# covariance (cluster sandwich). The fit has pulled the residuals towards zero, and few blocks may
+# carry the spread. Bell and McCaffrey (Survey Methodology 28, 2002) and Pustejovsky and Tipton
+# (J. Business and Economic Statistics 36, 2018) correct both exactly for white noise. With J_b the
+# derivatives in a block, N_b = J_bᵀJ_b, G the covariance for white noise of unit variance,
+#     u_b = G J_bᵀ (I - J_b G J_bᵀ)^(-1/2) r_b,        V = Σ u_b u_bᵀ,
+# and (Σ λ)² / Σ λ² degrees of freedom, λ the eigenvalues of each variance as a quadratic form in
+# white noise (Satterthwaite). N_b and the scores J_bᵀ r_b are enough, since
+# J_bᵀ (I - J_b G J_bᵀ)^(-1/2) = (I - N_b G)^(-1/2) J_bᵀ. A segment's initial state is fitted, too.
 def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
-    """How far each block's residuals move the common unknowns, and degrees of freedom, shape (k,).
-
-    With U these influences, shape (k, n_blocks), U Uᵀ is the covariance, freed of the fit's bias.
-    Both are 0 for an unknown of which the blocks show nothing.
-    """
+    """Influences U, (k, n_blocks), on common unknowns (covariance U Uᵀ), and degrees of freedom."""
     k = len(clusters.inverse)
     influences = np.zeros((k, len(clusters.normal)))
     if k == 0:
@@ -112,10 +90,7 @@ def unbiased(
 
 
 def covariance_root(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Matrices H and O with H Hᵀ the covariance and Oᵀ H = I, zero along what it leaves out.
-
-    Of one covariance, shape (n, n), or of several, shape (..., n, n).
-    """
+    """Matrices H and O with H Hᵀ the covariance, (..., n, n), and Oᵀ H = I on its range."""
     scale = np.sqrt(np.einsum("...ii->...i", covariance))
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = scale[..., :, None] * scale[..., None, :]
@@ -135,12 +110,7 @@ def _unbiasing(leverages: FloatArray) -> FloatArray:
 def _adjusted(
     normal: FloatArray, own: FloatArray, borders: FloatArray, inverse: FloatArray
 ) -> FloatArray:
-    """Matrices, shape (n_segments, n_blocks, k, n), by which scores become influences.
-
-    The covariance of all unknowns of a segment for white noise is `own` + `borders` `inverse`
-    `borders`ᵀ: what is left to the segment's own unknowns if the common ones were known, and what
-    they add.
-    """
+    """Matrices, (n_segments, n_blocks, k, n), by which scores become influences."""
     across = borders.transpose(0, 2, 1)
     half, other = covariance_root(own + borders @ inverse @ across)
     half, other, turned = half[:, None], other[:, None], half.transpose(0, 2, 1)[:, None]
@@ -154,11 +124,7 @@ def _own_unknowns(
     total: FloatArray,  # (n_segments, n, n)
     k: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariance of segments' own unknowns, the common ones known, and how these enter.
-
-    Returns the covariance, shape (n_segments, n, n), zero for the common ones; and minus this times
-    the border of the normal matrix, shape (n_segments, n, k), the identity for the common ones.
-    """
+    """Segments' own covariance, (n_segments, n, n), and how common unknowns enter, (..., n, k)."""
     count, n, _ = total.shape
     first = n - k
     scale = np.sqrt(np.einsum("sii->si", total)[:, :first])
@@ -185,6 +151,10 @@ def _alike(segments: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
             yield chosen[first : first + at_once, None] + np.arange(count)
 
 
+# Few blocks give few degrees of freedom, and short intervals where they agree by chance. Where G is
+# the identity, the blocks' covariance S is drawn towards φ I, by how much the traces of S and S²
+# say: oracle approximating shrinkage (Chen, Wiesel, Eldar and Hero, IEEE Trans. Signal Processing
+# 58, 2010, eq. 23).
 def shrunken(
     spread: FloatArray,  # (k, k)
     white: FloatArray,  # (k, k)
@@ -290,11 +260,7 @@ def kept_covariance(
     rows: Sequence[slice],  # of the values; a row may have fewer than k
     values: FloatArray,  # (n_coefficients,)
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariance of an estimate from normal equations that were kept block by block.
-
-    And degrees of freedom for Student's t, 0 where unknown. Infinite variance where there are no
-    more blocks than coefficients, or where the data leave a coefficient open.
-    """
+    """Covariance from normal equations of blocks, and degrees of freedom, 0 where unknown."""
     count = len(weights)
     influences = np.zeros((len(values), count))
     freedom = np.zeros(len(values))
@@ -317,10 +283,6 @@ def kept_covariance(
 
 
 def _fading(w: FloatArray, n: FloatArray) -> float:
-    """Degrees of freedom in fading weights over those in weights of blocks that count alike.
-
-    A block of weight w adds w² to the variance but w to the information; blocks whose weights fade
-    like an exponential tell half as much of the spread as the information suggests.
-    """
+    """Degrees of freedom in fading weights over those in weights of blocks that count alike."""
     alike = np.sum(w * n) ** 2 / np.sum(w**2 * n**2)
     return float(np.sum(w**2 * n) ** 2 / np.sum(w**4 * n**2) / alike)

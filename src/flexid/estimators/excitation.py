@@ -1,11 +1,4 @@
-"""Excitation: what a motion tells about coefficients.
-
-Assumption (A4) of Huang (2003) is measured here instead of ticked off.
-
-(A4) asks that the basis functions be linearly independent along the motion. Independence is a
-matter of degree: the normalised Gram matrix of the regressors has a condition number, and its
-smallest singular value says how nearly some combination of them vanishes.
-"""
+"""Assumption (A4) of Huang (2003) as a degree: the condition number of the regressors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -135,24 +128,12 @@ class Information:
 
     @property
     def relative(self) -> FloatArray:
-        """Information about the coefficients' logarithms, shape (k, k).
-
-        Its inverse is the covariance of relative errors, so that coefficients of different units
-        compare.
-        """
+        """Information about the coefficients' logarithms, (k, k): that of relative errors."""
         return self.matrix * np.outer(self.values, self.values)
 
 
 def information_at(problem: SegmentedMotion, point: Point) -> Information:
-    """Information of the model's own motion from the states of a point under the inputs.
-
-    The record is cut into segments as segmented prediction error does, each with an unknown
-    initial state. Of the derivatives of the positions by the coefficients, only the part counts
-    that no change of those initial states explains; the inverse of what is left is the Cramér-
-    Rao bound, which that estimator reaches. Short segments also keep the bound honest where a
-    motion is chaotic: over a long one the derivatives grow without bound, and no estimator
-    could use them.
-    """
+    """Information of a point's motion, its initial states unknown: the inverse Cramér-Rao bound."""
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise SimulationError(
@@ -167,12 +148,7 @@ def information_at(problem: SegmentedMotion, point: Point) -> Information:
 
 
 def decay_rate(time: FloatArray, errors: FloatArray, window: float, floor: float) -> float:
-    """Exponential rate in 1/s at which a row's errors, shape (n, m), have decayed.
-
-    It is minus the slope of the logarithm of the envelope, the largest |p̃| in each window of some
-    seconds, over the later half of the windows, where the slowest direction is left. Windows below
-    the floor, where the integrator's error takes over, do not count. NaN with fewer than three.
-    """
+    """Exponential rate in 1/s at which errors, (n, m), decay; NaN with fewer than three windows."""
     norm = np.linalg.norm(errors, axis=1)
     place = np.floor((time - time[0]) / window * (1 + 1e-12)).astype(int)
     starts = np.flatnonzero(np.diff(place, prepend=-1))

@@ -1,15 +1,4 @@
-"""Innovations: the motion of a disturbed model, predicted sample by sample.
-
-A model never describes a drive exactly. What it lacks acts like a torque that comes and goes, so
-each row may have a disturbance e, an acceleration with a size σ and a rate κ of its own,
-
-    e' = -κ e + white noise,    mean square σ²
-
-and each sensor white noise. An observer with the gain of Kalman's filter follows both; what it
-cannot foresee, the innovations, is white if sizes and rates are right. They are where the
-likelihood of the innovations is greatest. With no disturbance this is the prediction error over
-the whole log. The idea is that of the innovations form in Ljung, System Identification, ch. 4.
-"""
+"""Innovations: the motion of a disturbed model, predicted sample by sample."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -52,6 +41,9 @@ class Innovations:
     cost: float  # twice the negative logarithm of the likelihood, but for a constant
 
 
+# What a model lacks acts like a disturbance e of each row, e' = -κ e + white noise of mean square
+# σ², and sensors have white noise. Kalman's observer follows; its innovations are white if sizes
+# and rates are right, which are those of greatest likelihood (Ljung, System Identification, ch. 4).
 def fit_innovations(
     problem: SegmentedMotion,
     point: Point,
@@ -60,11 +52,7 @@ def fit_innovations(
     sizes: Sizes | None = None,
     steps: tuple[int, int] = STEPS,
 ) -> Innovations:
-    """Fit coefficients, and sizes of noise and disturbances, in turn.
-
-    While the coefficients take their steps the gains are held; the sizes are sought with the
-    coefficients held.
-    """
+    """Fit coefficients, with gains held, and sizes of noise and disturbances in turn."""
     first = _first_sizes(problem, slowest)
     bounds = _bounds(first, float(problem.segments.sample_times.max()), slowest)
     near = sizes is not None

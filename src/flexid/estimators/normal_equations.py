@@ -1,16 +1,4 @@
-"""Normal equations, solved on what the data determine; those of segments have the form of an arrow.
-
-The initial state s of a segment touches that segment only. So the normal matrix is block-diagonal
-but for a border,
-
-    [ A_1           B_1 ] [ds_1]   [a_1]
-    [      ...      ... ] [ ...] = [ ...]
-    [ B_1ᵀ ...    Σ C_j ] [ dp ]   [Σ b_j]
-
-and eliminating the initial states leaves (Σ C_j - B_jᵀ A_j⁻¹ B_j) dp = Σ b_j - B_jᵀ A_j⁻¹ a_j: as
-many equations as there are coefficients, at a cost that grows with the number of segments only.
-Symmetric matrices are inverted whatever LAPACK makes of one.
-"""
+"""Normal equations, solved on what the data determine; those of segments are arrows."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,28 +10,9 @@ from scipy import linalg
 from flexid.arrays import FloatArray
 
 
+# Divide and conquer, NumPy's, does not converge for some good matrix in a million.
 def eigen(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues, in ascending order, and eigenvectors of symmetric matrices.
-
-    Divide and conquer, which NumPy calls, does not converge for some matrix in a million, although
-    nothing is wrong with it; these are left to another of LAPACK's algorithms.
-
-    Parameters
-    ----------
-    matrices : array, shape (..., n, n)
-        Symmetric but for rounding.
-
-    Returns
-    -------
-    eigenvalues : array, shape (..., n)
-    vectors : array, shape (..., n, n)
-        A vector in each column.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If LAPACK gives up a matrix that is not finite.
-    """
+    """Ascending eigenvalues, (..., n), and vectors, in columns, of symmetric matrices."""
     try:
         eigenvalues, vectors = np.linalg.eigh(matrices)
     except np.linalg.LinAlgError:
@@ -56,24 +25,7 @@ def eigen(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
-    """Pseudo-inverses of symmetric matrices.
-
-    Parameters
-    ----------
-    matrices : array, shape (..., n, n)
-        Symmetric but for rounding.
-    null : float
-        Size of an eigenvalue over that of the largest, up to which it counts as zero.
-
-    Returns
-    -------
-    array, shape (..., n, n)
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If LAPACK gives up a matrix that is not finite.
-    """
+    """Pseudo-inverses of symmetric matrices; eigenvalues to `null` times the largest are zero."""
     eigenvalues, vectors = eigen(matrices)
     sizes = np.abs(eigenvalues)
     kept = sizes > null * sizes.max(axis=-1, keepdims=True, initial=0.0)
@@ -91,11 +43,7 @@ def scaled_inverse(
     matrix: FloatArray,  # (k, k)
     scale: FloatArray,  # (k,)
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Invert a symmetric matrix on the directions that are not lost in rounding.
-
-    Returns the inverse, shape (k, k), zero along open directions; and which coefficients have a
-    part in an open direction, shape (k,).
-    """
+    """Inverse, (k, k), on directions not lost in rounding, and which coefficients are open."""
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = scale[:, None] * scale
     eigenvalues, vectors = eigen(matrix / scales)
@@ -143,6 +91,9 @@ class Reduced:
     by_states: FloatArray
 
 
+# The initial state s of a segment touches that segment only: the matrix is block-diagonal, A_j, but
+# for a border B_j. Eliminating the initial states leaves as many equations as coefficients,
+#     (Σ C_j - B_jᵀ A_j⁻¹ B_j) dp = Σ b_j - B_jᵀ A_j⁻¹ a_j.
 def solve_arrow(
     normal: FloatArray,  # (n_segments, n, n)
     gradient: FloatArray,  # (n_segments, n)

@@ -1,10 +1,4 @@
-"""What all online estimators have in common: init, step, replay, and what they say of a sample.
-
-A state is one flat array. A step returns a new state and
-leaves the old one alone; a replay is the same step in a compiled loop, equal to it bit for bit. A
-sample that holds a number that is not finite is rejected: the coefficients stay, and the next
-sample begins a new recording, since an interval without its end teaches nothing.
-"""
+"""What online estimators share: init, step, and replay, which equals steps bit for bit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,15 +1,4 @@
-"""Segmented prediction error: the model's own motion, fitted to the measured one.
-
-The record is cut into segments. Each starts from an initial state of its own, which is unknown;
-from there the model runs freely under the recorded input, and coefficients and initial states are
-sought for which all the motions come closest to the measured positions. With white noise this is
-maximum likelihood. It needs starting values, which least squares gives, and is checked against it.
-
-The steps are Gauss and Newton's, damped after Levenberg and Marquardt where a full one fails. The
-integration steps of `SegmentedMotion.at` follow from the model's poles alone. Long records of fine
-encoders tell more: there the error of the integration moves the values by more than noise does, and
-no residual shows it. So a minimum is asked whether its steps are short enough.
-"""
+"""Segmented prediction error: the model's own motion, fitted to the measured one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -53,11 +42,7 @@ _FINEST = 1e-9  # noise over the largest output that is distinguished from none:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the iteration ended.
-
-    `minimise` raises where it has not converged, unless it does not insist on that, or what is left
-    is good enough.
-    """
+    """Where the iteration ended."""
 
     point: Point  # the unknowns
     equations: Equations  # normal equations there
@@ -199,10 +184,7 @@ _ORDER = 4  # of Runge and Kutta's method
 
 
 def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
-    """How far the integration moves the combination of values that it moves most, in deviations.
-
-    Steps of half the length show it: they leave a sixteenth of the error.
-    """
+    """How far steps of half the length move the combination that moves most, in deviations."""
     halved = replace(problem, substeps=2 * problem.substeps)
     equations = halved.equations(found.point)
     variance = found.variance(problem)
@@ -248,6 +230,9 @@ class PredictionErrorFit:
         return np.sqrt(np.diag(self.covariance))
 
 
+# Each segment runs freely from an unknown initial state under the recorded input; with white noise
+# the best fit is maximum likelihood. Integration steps follow from the poles alone, so a minimum is
+# asked whether they are short enough: no residual shows that.
 def prediction_error(
     recordings: Sequence[Samples],
     system: ParametricSystem,
@@ -256,37 +241,7 @@ def prediction_error(
     hold: Hold = "linear",
     unknowns: Unknowns | None = None,
 ) -> PredictionErrorFit:
-    """Fit the model's free motion over segments to measured positions.
-
-    Parameters
-    ----------
-    recordings : sequence of Samples
-        One or more contiguous recordings of motion.
-    system : ParametricSystem
-        The model; its constants have the values declared in it.
-    start : LeastSquaresFit
-        Least squares of the same record: where to start, and what to end near.
-    segment_duration : float, optional
-        Wanted length of a segment in s. Longer segments hold more information and forgive
-        less: what the model leaves out adds up over a segment.
-    hold : {"linear", "zero", "cubic"}, optional
-        Whether the inputs run linearly between samples, are constant until the next one, or smooth.
-    unknowns : Unknowns, optional
-        What is sought, if not every coefficient of the system from all recordings together.
-
-    Returns
-    -------
-    PredictionErrorFit
-        Coefficients that the data leave free have infinite variance.
-
-    Raises
-    ------
-    SettingError
-        If the segment duration, the start, the unknowns or the samples cannot be used.
-    ConvergenceError
-        If the iteration does not converge, or converges to values that least squares contradicts:
-        there are local minima, and a value from one is worth nothing.
-    """
+    """Fit the model's free motion over segments to positions, or raise `ConvergenceError`."""
     unknowns = unknowns_of(system, len(recordings), unknowns)
     if start.names != unknowns.names:
         raise SettingError(

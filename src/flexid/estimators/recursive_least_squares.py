@@ -1,13 +1,4 @@
-"""Recursive least squares: a value, its standard deviation and whether it is determined, any time.
-
-Each sample gives one equation per row, y = rᵀp, from positions through the state-variable filter.
-With weights that fade by μ per sample,
-
-    A <- μ A + r rᵀ + (1 - μ) F,    b <- μ b + r y + (1 - μ) F p,    p <- p + A⁻¹ (b - A p).
-
-F is a small part of the largest information that each coefficient has had. It is never forgotten,
-so that the gain A⁻¹ stays bounded when excitation ends; it draws the estimate to where it is.
-"""
+"""Recursive least squares: values, standard deviations and what is determined, at any time."""
 
 from dataclasses import dataclass
 from types import ModuleType
@@ -50,12 +41,13 @@ class Law:
     half_window: int
 
 
+# Each sample gives one equation per row, y = rᵀp. With weights that fade by μ per sample,
+#     A <- μ A + r rᵀ + (1 - μ) F,    b <- μ b + r y + (1 - μ) F p,    p <- p + A⁻¹ (b - A p).
+# F is a small part of the largest information that each coefficient has had. It is never forgotten,
+# so that the gain A⁻¹ stays bounded when excitation ends.
 @dataclass(frozen=True, eq=False)
 class RecursiveLeastSquares(OnlineEstimator):
-    """Recursive least squares of a model; made by `recursive_least_squares`.
-
-    The innovations are in the unit of the row's left-hand side, an acceleration.
-    """
+    """Recursive least squares of a model; innovations have the unit of an acceleration."""
 
     _sizes: Any  # of the model, and the places in a state: see the template ``least_squares``
 
@@ -80,13 +72,9 @@ class RecursiveLeastSquares(OnlineEstimator):
         """Standard deviation of each estimate, shape (n_coefficients,); see `covariance`."""
         return np.sqrt(np.diag(self.covariance(state)[0]))
 
+    # Scores are summed over blocks that grow with the record: 20 to 40, or eight per memory.
     def covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Covariance of the estimates from the spread of the blocks' scores.
-
-        The residuals are filtered noise, and correlated. So the scores are summed over blocks that
-        are long enough to be independent of one another; blocks grow with the record, so that there
-        are always between 20 and 40, or eight per memory.
-        """
+        """Covariance of the estimates from the spread of the blocks' scores."""
         at = self._sizes
         kept, clock, _, span, _, past_gone = state[at.counts : at.power]
         n, size = int(kept), at.own - at.equations

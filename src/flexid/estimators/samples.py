@@ -1,7 +1,4 @@
-"""Measured samples as plain arrays for any parametric system, and the segments they are cut into.
-
-Each segment has a state of its own to start from; threads share them.
-"""
+"""Measured samples as plain arrays for any parametric system, and their segments."""
 
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -73,10 +70,7 @@ class Samples:
 def samples_of_recording(
     recording: Recording, kind: Literal["flexible", "rigid", "link"] = "flexible"
 ) -> Samples:
-    """Arrays of a recording for the rows of a joint: link and motor, the motor's or the link's.
-
-    The link's row alone has the motor's motion as its inputs.
-    """
+    """Arrays of a recording for rows of a joint; the link alone has the motor's motion as input."""
     link, motor = recording.link_velocity, recording.motor_velocity
     positions, velocities = [recording.motor_position], [motor]
     if kind == "flexible":
@@ -261,12 +255,7 @@ def divide(
 
 
 def first_states(segments: Segments) -> FloatArray:
-    """Initial state of every segment from cubics through its first positions.
-
-    Shape (n_segments, n_states), coordinate and velocity of each row in turn. Each cubic goes
-    through as many positions as it follows within their noise: a stiff drive may turn round within
-    some samples where it vibrates, and rests elsewhere.
-    """
+    """Initial states, (n_segments, n_states), from cubics through the first positions."""
     positions = segments.outputs
     own = [positions[part] for part, _ in segments.by_recording()]
     noises = [[position_noise(column) for column in columns.T] for columns in own]

@@ -1,8 +1,4 @@
-"""A model's motion over segments beside the measured one, and the normal equations of their fit.
-
-What is sought is common to all segments (coefficients, and delays of the channels) or belongs to
-one (its initial state). Dry friction is set-valued: see the kernel.
-"""
+"""A model's motion over segments beside the measured one, and the normal equations of their fit."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -141,10 +137,7 @@ class SegmentedMotion:
         return max(1, measured - sought)
 
     def at(self, point: Point, weights: FloatArray, refinement: int = 1) -> "SegmentedMotion":
-        """The same with weights, and with steps short enough for the motion about a point.
-
-        `flexid.estimators.prediction_error` says how many times as many its data want.
-        """
+        """The same with weights, and with steps short enough for the motion about a point."""
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
         coefficients = self._coefficients(point.values)
@@ -196,10 +189,7 @@ class SegmentedMotion:
         )
 
     def linearised(self, point: Point, recording: int) -> FloatArray:
-        """Derivatives of the rates of positions and velocities by these, at some coefficients.
-
-        Returns shape (2 n_rows, 2 n_rows).
-        """
+        """Derivatives of the rates by positions and velocities, (2 n_rows, 2 n_rows)."""
         segments = self.segments
         own = np.flatnonzero(segments.recordings == recording)
         first, last = segments.starts[own[0]], segments.starts[own[-1]] + segments.lengths[own[-1]]
@@ -343,10 +333,7 @@ class SegmentedMotion:
     def _columns(
         self, wanted: NDArray[np.int64], by: By
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-        """Which columns of derivatives the kernel uses, and for what; and the equations' size.
-
-        The second says which is that of each output's delay.
-        """
+        """The kernel's columns, that of each output's delay, and the equations' size."""
         places, states = segments_kernel(), self._kernel.N_STATES
         sought = self.timing.sought if by == "everything" else ()
         carried = 0 if by == "nothing" else states + len(wanted) + (INPUT in sought)
@@ -434,10 +421,7 @@ MOTION = ("sin_cos", "model")
 
 
 def motion_kernel(system: "ParametricSystem | TorqueBalance") -> ModuleType:
-    """The compiled motion of a model, for the kernel of the segments to call.
-
-    Arms of as many joints have the same, whatever their lengths.
-    """
+    """The compiled motion of a model, for the kernel of the segments to call."""
 
     def build() -> str:
         if isinstance(system, ParametricSystem):

@@ -1,11 +1,4 @@
-"""Least squares on positions through a state-variable filter: no accelerations, no velocities.
-
-Every row v' = rᵀp + k is integrated twice over two sampling intervals, which turns v' into a second
-difference of the position, and both sides are smoothed by the filter λ²/(s + λ)². What the filter
-remembers from before the record is a combination of two known sequences, z^i and i z^i with its
-pole z; both sides are projected on what these cannot explain, and p follows by least squares, row
-by row, with a covariance that runs across the rows.
-"""
+"""Least squares on positions through a state-variable filter: no accelerations, no velocities."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -76,11 +69,7 @@ class LeastSquaresFit:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the values, shape (n, n).
-
-        Rows correlate, since they share the noise of the positions. Infinite variance marks what
-        the data leave free.
-        """
+        """Covariance, (n, n); infinite for what the data leave free."""
         return self._uncertainty[0]
 
     @property
@@ -186,6 +175,9 @@ _MEMORY = 40.0  # time constants of the filter after which its past has vanished
 _TILE = 8192  # samples that are filtered together: they stay in the caches
 
 
+# Every row v' = rᵀp + k is integrated twice over two intervals, which turns v' into a second
+# difference, and is smoothed by λ²/(s + λ)². What the filter remembers from before the record is a
+# combination of z^i and i z^i with its pole z; both sides are projected on what these leave.
 def filtered_least_squares(
     recordings: Sequence[Samples],
     system: ParametricSystem,
@@ -193,33 +185,7 @@ def filtered_least_squares(
     hold: Hold = "linear",
     unknowns: Unknowns | None = None,
 ) -> LeastSquaresFit:
-    """Estimate coefficients from contiguous recordings of motion.
-
-    Parameters
-    ----------
-    recordings : sequence of Samples
-        One or more. Velocities are used only where a regressor is nonlinear in them.
-    system : ParametricSystem
-        The model; its constants have the values declared in it.
-    filter_rate : float, optional
-        λ in 1/s.
-    hold : {"linear", "zero"}, optional
-        Whether the inputs run linearly between samples or are constant until the next one.
-    unknowns : Unknowns, optional
-        What is sought, if not every coefficient of the system from all recordings together.
-
-    Returns
-    -------
-    LeastSquaresFit
-        A coefficient that the data leave free has infinite variance and belongs to the solution
-        of minimum norm (of the coefficients times their regressors' norms).
-
-    Raises
-    ------
-    SettingError
-        If the filter rate is not positive, the unknowns are of another model, or a regressor that
-        is nonlinear in velocities meets a recording without velocities and is not fixed at 0.
-    """
+    """Estimate coefficients of contiguous recordings; of what they leave free, the least norm's."""
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
         raise SettingError("filter_rate", f"must be above 0 1/s, got {filter_rate}")
     unknowns = unknowns_of(system, len(recordings), unknowns)
@@ -244,12 +210,7 @@ def filtered_signals(
     hold: Hold,
     wanted: NDArray[np.int64] | None = None,
 ) -> FloatArray:
-    """Filtered regressors and left-hand sides, the filter's initial conditions projected out.
-
-    Parameters are those of `filtered_least_squares`, and the places of the signals that are wanted
-    if not all are: the others are zero. Every recording has at least three samples. Velocities are
-    taken as zero where there are none.
-    """
+    """Filtered regressors and left-hand sides, the filter's initial conditions projected out."""
     equations = [len(recording) - 2 for recording in recordings]
     n_signals = len(system.coefficients) + len(system.rows)
     places = range(n_signals) if wanted is None else wanted.tolist()
@@ -315,13 +276,7 @@ class _SampledModel:
     def second_integrals(
         self, start: int, stop: int, zero_order: bool, wanted: Iterable[int]
     ) -> Iterator[tuple[int, FloatArray]]:
-        """Double integrals of signals over two sampling intervals, and the place of each.
-
-        The second difference of a position is the integral of its acceleration over two intervals,
-        weighted by a triangle. That integral is taken by a three-sample rule: held inputs jump at
-        the samples and are taken as linear in between; whatever has no input is smooth, and
-        Numerov's rule is of fourth order for it. Of a left-hand side its known part is subtracted.
-        """
+        """Double integrals of signals over two sampling intervals, and the place of each."""
         positions = self.states[::2, start : stop + 2]
         slopes = 0.5 * self._rate * (positions[:, 2:] - positions[:, :-2])
         after = self.parts(start, stop + 2)

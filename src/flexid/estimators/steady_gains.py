@@ -1,12 +1,4 @@
-"""The steady observer of a disturbed motion: Kalman's gains for sizes of noise and disturbances.
-
-The innovations e of one observer of a linear model are those of another after a filter. With the
-transition F and the gain K of each, both have the same outputs about a motion without an observer,
-
-    y = (I + C (z I - F)⁻¹ F K) e,
-
-so the spectrum of e in some hundred bands of frequency tells what any gain would make of it.
-"""
+"""The steady observer of a disturbed motion: Kalman's gains for sizes of noise and disturbances."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,10 +35,7 @@ class Sizes:
 
 
 def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
-    """What one interval makes of states and of disturbances that are constant over it.
-
-    Returns shape (n_states + n_rows, n_states + n_rows).
-    """
+    """Transition of states and constant disturbances, square of n_states + n_rows."""
     n, rows = len(jacobian), len(jacobian) // 2
     forced = np.zeros((n + rows, n + rows))
     forced[:n, :n] = jacobian
@@ -59,16 +48,11 @@ def sensors_of(rows: int, states: int) -> FloatArray:
     return np.eye(2 * rows, states)[::2]
 
 
+# A disturbance is constant over an interval: d <- decay d + G e.
 def steady_gains(
     problem: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Kalman's gains of states and disturbances, the decay, the whitening, and log det S.
-
-    The last is in parts, one for each output, shape (n_outputs,).
-
-    A disturbance is constant over an interval, which it enters with what the one before left of it
-    and what the sample at its start has taught: d <- decay d + G e.
-    """
+    """Kalman's gains, the disturbances' decay, the whitening, and log det S by outputs."""
     rows = len(sizes.rates)
     n = len(transition) - rows
     step, decay = transition.copy(), np.exp(-sizes.rates * sample_time)
@@ -89,10 +73,7 @@ def steady_gains(
 def steady_covariance(
     step: FloatArray, noise: FloatArray, sees: FloatArray, sensors: FloatArray
 ) -> FloatArray:
-    """Covariance of a predicted state that a sample no longer changes, by doubling the time.
-
-    Anderson and Moore, Optimal Filtering (1979), sec. 6.7.
-    """
+    """Steady covariance by doubling (Anderson and Moore, Optimal Filtering, 1979, sec. 6.7)."""
     forward = step.T
     information = sees.T @ np.linalg.solve(sensors, sees)
     covariance = noise

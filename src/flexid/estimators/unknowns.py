@@ -1,15 +1,4 @@
-"""What is sought and what is not: coefficients fixed, shared, one for each group, within bounds.
-
-The coefficients of recording j are p_j = b_j + S_j θ, with θ sought, b_j the values of what is
-fixed, and a selection S_j with at most one 1 in each row. A term that is switched off is a
-coefficient fixed at 0; a sensor's offset that differs from run to run is sought once per run.
-
-Bounds: no negative friction, no stiffness beyond the catalogue's. A sum of squares is a quadratic
-form about its minimum, (p - p̂)ᵀ M (p - p̂) with the information M. Its minimum within bounds is a
-small quadratic programme; the coefficients that end at their bound there are fixed, and the
-estimator runs again for the others. Their values and intervals are then what they are given those
-bounds, and a coefficient at its bound has no interval of its own.
-"""
+"""What is sought and what is not: coefficients fixed, shared, one for each group, within bounds."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,40 +19,7 @@ FIXED = -1
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Which coefficients of a system are sought, from which recordings.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model with all its terms.
-    fixed : mapping of str to float, optional
-        Coefficients that keep a value. ``"offset[2]"`` fixes a coefficient in the second group
-        only.
-    per_group : tuple of str, optional
-        Coefficients that are sought separately for each group of recordings.
-    groups : tuple of int, optional
-        Group of each recording, counted from 0: the run that it belongs to. Empty: all are of one.
-    tied : mapping of str to tuple of str, optional
-        Coefficients that follow from three others, ``"c": ("a", "b", "d")`` meaning c = a b / d.
-        They are not linear in what is sought, so only the prediction error heeds them.
-
-    Raises
-    ------
-    SettingError
-        If a coefficient does not exist, a fixed value is not finite, a group is negative, or
-        nothing is left to seek.
-
-    Examples
-    --------
-    >>> cart = ParametricSystem(
-    ...     "cart", (Row("cart", "q", "v", {"gain": "u", "drag": "-v", "offset": "1"}),)
-    ... )
-    >>> unknowns = Unknowns(cart, fixed={"drag": 0.0}, per_group=("offset",), groups=(0, 1, 1))
-    >>> unknowns.names
-    ('gain', 'offset[1]', 'offset[2]')
-    >>> unknowns.coefficients([2.0, 0.3, 0.4], recording_index=2)
-    array([2. , 0. , 0.4])
-    """
+    """Which coefficients of a system are sought, from which recordings: p_j = b_j + S_j θ."""
 
     system: ParametricSystem
     fixed: Mapping[str, float] = field(default_factory=dict)
@@ -223,10 +179,7 @@ def _check_known(setting: str, names: Iterable[str], known: Sequence[str]) -> No
 def unknowns_of(
     system: ParametricSystem, n_recordings: int, unknowns: Unknowns | None = None
 ) -> Unknowns:
-    """The unknowns that an estimator's arguments mean: all of the system's coefficients if none.
-
-    With this system's values of the constants.
-    """
+    """The unknowns that an estimator's arguments mean, with this system's constants."""
     if unknowns is None:
         return Unknowns(system)
     if unknowns.system.digest != system.digest:
@@ -264,36 +217,12 @@ class Fit(Protocol):
 AnyFit = TypeVar("AnyFit", bound=Fit)
 
 
+# About its minimum a sum of squares is (p - p̂)ᵀ M (p - p̂) with the information M, a quadratic
+# programme within bounds. What ends at its bound there is fixed, and the estimator runs again.
 def bounded_fit(
     fit_with: Callable[[Unknowns], AnyFit], unknowns: Unknowns, bounds: Bounds
 ) -> tuple[AnyFit, dict[str, float]]:
-    """Fit within bounds.
-
-    Parameters
-    ----------
-    fit_with : callable
-        Runs an estimator for given unknowns.
-    unknowns : Unknowns
-        What is sought.
-    bounds : mapping of str to (lower, upper)
-        By name; infinite where there is no bound. The bounds of a coefficient that is sought for
-        each group hold in all of them; those of a fixed one are of no account.
-
-    Returns
-    -------
-    fit : as `fit_with` returns it
-        Of the coefficients that are within their bounds. Least squares: the minimum within the
-        bounds. Prediction error: so too, if the coefficients at their bounds are those of the
-        quadratic form about the minimum without bounds.
-    at_bound : dict of str to float
-        The others, each with the bound at which it was fixed.
-
-    Raises
-    ------
-    SettingError
-        If a bound is of no coefficient of the system, its lower end is not below its upper, or
-        every coefficient ends at one.
-    """
+    """Fit within bounds, and the bound at which each other coefficient was fixed."""
     _check(unknowns, bounds)
     at_bound: dict[str, float] = {}
     fit = fit_with(unknowns)

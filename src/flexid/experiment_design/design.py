@@ -1,14 +1,4 @@
-"""The work of ``flexid design``: search, check on drives that are wrong, scale.
-
-The input is a sum of tones whose motion determines the most within limits.
-
-The weights of the tones are sought by a quasi-Newton method (SciPy's L-BFGS-B) from several random
-starts. Small for it is log(σ U), with σ the criterion as a standard deviation and U the largest use
-of a limit: for small motions a larger amplitude changes neither, so that shapes compete and not
-sizes; (log U)² keeps U near 1. Once that has settled, drives whose parameters are wrong
-play what was found, and those that come furthest beyond a limit have a say in U in a second search
-from there. Both sample more coarsely than the experiment, just finely enough for the joint.
-"""
+"""The work of ``flexid design``: search, check on drives that are wrong, scale."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -46,15 +36,11 @@ _SHARPNESS = 4.0  # of the smooth stand-in for the smallest eigenvalue
 _FLOOR = 1e-14  # of an eigenvalue, over the largest one
 
 
+# s(t) = w(t) Σ_k [a_k cos(ω_k t) + b_k sin(ω_k t)], ω_k = 2π n_k / T, with whole numbers n_k spread
+# evenly on a logarithmic scale, and a window w that rises from 0 and falls along half a cosine.
 @dataclass(frozen=True, eq=False)
 class Waveform:
-    """Sums of tones at the samples of an experiment that begin and end at rest.
-
-        s(t) = w(t) Σ_k [a_k cos(ω_k t) + b_k sin(ω_k t)],    ω_k = 2π n_k / T,
-
-    with whole numbers n_k spread evenly on a logarithmic scale, and a window w that rises from 0
-    to 1 and falls back along half a cosine: signal and its rate are zero at both ends.
-    """
+    """Sums of tones at the samples of an experiment that begin and end at rest."""
 
     angular_frequencies: FloatArray  # (m,): rad/s
     time: FloatArray  # (n,): s
@@ -80,6 +66,9 @@ def waveform(
     return Waveform(rates, time, window[:, None] * np.hstack((np.cos(phase), np.sin(phase))))
 
 
+# The cost is log(σ U), with σ the criterion as a standard deviation and U the largest use of a
+# limit: for small motions a larger amplitude changes neither, so shapes compete. (log U)² keeps U
+# near 1. In a second search the wrong drives that came furthest beyond a limit have a say in U.
 class Search:
     """The search for the weights of the tones."""
 
@@ -179,11 +168,7 @@ class Search:
 
 
 def deviation(relative_information: FloatArray) -> float:
-    """What optimal design calls E, as a relative standard deviation; smaller is better.
-
-    With M the information about the coefficients' logarithms, 1/√λ is the relative standard
-    deviation along an eigenvector of eigenvalue λ, and 1/√(min λ) that of the worst direction.
-    """
+    """The criterion E as the relative standard deviation 1/√(min λ) of the worst direction."""
     lowest = float(np.linalg.eigvalsh(relative_information)[0])
     return lowest**-0.5 if lowest > 0.0 else float("inf")
 

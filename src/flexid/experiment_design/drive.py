@@ -66,10 +66,7 @@ class Parameters(_Table):
 
 
 class Limits(_Table):
-    """Largest magnitudes, of which velocity and position hold for link and motor.
-
-    Torque in N m, velocity in rad/s, position and deflection in rad; of a prismatic joint in N, m.
-    """
+    """Largest magnitudes, of which velocity and position hold for link and motor."""
 
     torque: Positive
     velocity: Positive
@@ -180,10 +177,7 @@ class Drive(_Table):
         return self.case(self.values)
 
     def cases(self, seed: int) -> Iterator["Case"]:
-        """Drives whose parameters are wrong: each alone both ways, all at once at random corners.
-
-        What is known exactly stays.
-        """
+        """Drives with wrong parameters: each alone both ways, all at once at random corners."""
         values = self.values
         doubtful = [name for name in values if name not in self.known]
         for name, sign in product(doubtful, (-1.0, 1.0)):

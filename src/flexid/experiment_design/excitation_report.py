@@ -1,9 +1,4 @@
-"""From logs to what they determine: the work of ``flexid excitation``.
-
-The question is that of `identify`, and so is the answer: the logs are identified, with the terms,
-delays and noise that they show. What comes on top is what confuses the coefficients, and where the
-next motion should have more.
-"""
+"""What confuses the coefficients of an identification, and what the next motion needs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

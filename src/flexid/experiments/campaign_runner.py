@@ -42,11 +42,7 @@ def run_campaign(
     scheduler: str | None = None,  # address
     progress: Progress | None = None,
 ) -> None:
-    """Run a campaign, or what is missing of it, here or on the workers of a Dask scheduler.
-
-    Rows are kept part by part. After an interrupt the same call goes on with the campaign; every
-    row is the same as without the interrupt, on any machine.
-    """
+    """Run what is missing of a campaign, here or on the workers of a Dask scheduler."""
     if workers is not None and workers < 1:
         raise SettingError("workers", f"must be at least 1, got {workers}")
     variation = experiment.variation
@@ -91,10 +87,7 @@ def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manif
 
 
 def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Iterator[Part]:
-    """Run parts on threads of this process, and yield each when it is done.
-
-    Compiled code lets other threads run, so that these use all cores.
-    """
+    """Run parts on threads of this process, and yield each when it is done."""
     stop = threading.Event()
     with ThreadPoolExecutor(workers) as pool:
         jobs = (pool.submit(_rows_of, experiment, part, stop.is_set) for part in parts)

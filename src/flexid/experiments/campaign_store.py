@@ -1,7 +1,4 @@
-"""The rows of a campaign on disk, and what they show.
-
-A campaign is a directory of Parquet files that are complete or not there.
-"""
+"""The rows of a campaign, as Parquet files that are complete or not there, and what they show."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -131,10 +131,7 @@ def read_experiment(path: str | Path) -> Experiment:
 def declared_experiment(
     path: str, content: Mapping[str, Any], like: Experiment | None = None
 ) -> Experiment:
-    """The experiment of a file's tables but the campaign's.
-
-    With another one of the same file it shares model and declaration, which only names decide.
-    """
+    """The experiment of a file's tables, with the declaration of another one of the same file."""
     refuse = partial(ExperimentError, path)
     tables = _checked(content, refuse)
     system = tables.model.system(Path(path).parent, refuse) if like is None else like.system

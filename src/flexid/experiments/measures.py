@@ -47,16 +47,7 @@ def measure(run: Run) -> Measures:
 def settling_times(
     time: NDArray[np.float64], errors: NDArray[np.float64], true: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Last times at which each of m errors, shape (n, m), was beyond `SETTLED` of the true value.
-
-    0 where an error never was beyond, NaN where it is at the end.
-
-    Examples
-    --------
-    >>> errors = np.array([[1.0, 0.01, 1.0], [0.2, 0.01, 1.0], [0.01, 0.01, 1.0]])
-    >>> settling_times(np.array([0.0, 0.5, 1.0]), errors, np.ones(3)).tolist()
-    [0.5, 0.0, nan]
-    """
+    """Last times of each error, (n, m), beyond `SETTLED`: 0 if it never was, NaN at the end."""
     beyond = np.abs(errors) > SETTLED * np.abs(true)
     last = len(time) - 1 - np.argmax(beyond[::-1], axis=0)
     settled = np.where(beyond.any(axis=0), time[last], 0.0)

@@ -1,7 +1,4 @@
-"""What varies over the runs of a campaign: the table ``[campaign]``, tried out when it is read.
-
-The table alone decides which values every run has, before anything runs.
-"""
+"""What varies over the runs of a campaign: the table ``[campaign]``, tried out when it is read."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -40,13 +37,7 @@ _Listed = Annotated[Number, BeforeValidator(_kept)]
 
 
 class Distribution(Table):
-    """What one number may be: one kind, with its numbers.
-
-    Examples
-    --------
-    >>> Distribution(uniform=[10.0, 50.0]).quantile([0.0, 0.5]).tolist()
-    [10.0, 30.0]
-    """
+    """What one number may be: one kind, with its numbers."""
 
     values: Annotated[list[_Listed], Field(min_length=1, max_length=10_000)] | None = None
     uniform: _Pair[Number] | None = None  # ends

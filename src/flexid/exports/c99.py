@@ -122,11 +122,7 @@ _SHORTEST_LOG = 100  # samples
 
 
 def made_samples(drive: DriveSource) -> FloatArray:
-    """Samples without a log: the model's motion under sums of sines.
-
-    A coefficient without a value has 1. Where it diverges, positions are sums of sines, too; they
-    are no motion of the model, and least squares has an answer all the same.
-    """
+    """Samples without a log: the model's motion under sums of sines."""
     h, rate = drive.settings.sample_time, drive.settings.filter_rate
     n = min(int(np.ceil(_SPAN / (rate * h))) + _AFTER_MEMORY, _MOST_SAMPLES)
     time = h * np.arange(n, dtype=np.float64)

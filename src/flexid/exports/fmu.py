@@ -1,8 +1,4 @@
-"""The target ``fmu``: the plant for simulators, as FMUs of FMI 2.0 and 3.0.
-
-An FMU has its C sources inside, so that any importer with a compiler can use it; where there is a
-compiler here, it holds a library for this machine as well.
-"""
+"""The target ``fmu``: the plant with its C sources and a library, as FMUs of FMI 2.0 and 3.0."""
 
 import hashlib
 import io

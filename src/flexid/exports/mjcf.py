@@ -1,11 +1,4 @@
-"""An identified joint as a MuJoCo scene.
-
-Link and motor are two hinges about one axis, or two slides along one that is level, and a fixed
-tendon between them is the spring. The link hangs under gravity at a lever that, with its mass,
-gives the identified torque; the motor's inertia is its hinge's armature. What MuJoCo has no word
-for is left out, and named. A scene is bodies on hinges, springs between them, actuators and
-sensors; that of an arm is made of the same.
-"""
+"""An identified joint as a MuJoCo scene: two hinges or slides, and a fixed tendon as the spring."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,10 +1,4 @@
-"""An identified arm as a MuJoCo scene.
-
-Links turn in the plane of x and z, from x towards z. Of their masses a log shows base parameters
-alone; every choice of masses with these moves alike. Taken are nearly the least that a body can
-have. A rotor with a coupling is carried by the link before it: with inertia A of its body and
-armature B, it has the coupling A and the motor's inertia A + B.
-"""
+"""An identified arm as a MuJoCo scene: links turn in the plane of x and z, from x towards z."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,6 +31,8 @@ _HEADING = (
 )
 
 
+# Of the masses a log shows base parameters alone, and all choices with these move alike: nearly the
+# least that a body can have are taken.
 def write(result: ArmIdentification, directory: Path) -> tuple[str, ...]:
     """Write ``arm.xml``, the scene of an arm's estimate."""
     made = arm_scene(result)

@@ -59,12 +59,7 @@ def doubts_of(values: Mapping[str, "ValueEstimate"]) -> tuple[str, ...]:
 def request_of_identification(
     result: "Identification", *, with_memory: bool = False
 ) -> ExportRequest:
-    """The model of an identification with the terms that were kept, and its values.
-
-    Offsets that differ from log to log have the value of the first one. A coefficient that the log
-    does not show has no value. A friction that remembers its path is refused, or left out of the
-    system where it is represented otherwise (`with_memory`).
-    """
+    """The identified model with its kept terms and values; offsets are those of the first log."""
     from flexid.identification.preparation.joint import joint_of
     from flexid.stored_estimates.structure import values_of
 

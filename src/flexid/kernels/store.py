@@ -1,14 +1,4 @@
-"""Generated modules on disk: built once, found again by a hash of what is in them.
-
-A kernel is ONE self-contained Python file of generated functions followed by templates. numba's
-disk cache does not notice a change in a function called from another file, so nothing is imported
-from elsewhere and the file's name is a hash of its text.
-
-What is generated for the usual drive is part of the package. Other generated parts lie beside the
-kernel, in the folder ``derived``, under a hash of the declarations and of the code that generates.
-A change of that code costs another derivation, of some seconds; what comes out of it as it was, is
-not compiled again.
-"""
+"""Generated modules on disk: built once, found again by a hash of what is in them."""
 
 import errno
 import hashlib
@@ -41,19 +31,16 @@ CACHE_VARIABLE = "FLEXID_CACHE_DIR"
 """Environment variable that moves the cache of kernels."""
 
 
+# A kernel is ONE self-contained Python file: numba's disk cache does not notice a change in a
+# function called from another file. Generated parts have a file of their own, so that a change of
+# the generator costs another derivation but compiles again only what comes out differently.
 def load_kernel(
     task: str,
     declarations: Sequence[str],
     build: Callable[[], str] | None,
     templates: Sequence[str] = (),
 ) -> ModuleType:
-    """Import a kernel with compiled functions, building its source first if it is not on disk yet.
-
-    The declarations are digests of what it is generated from. Symbolic algebra costs nothing in
-    later processes: `build` is called only when its text is missing. The templates follow that in
-    order, each after those that it imports. Any number of processes may load and compile the same
-    kernel at once.
-    """
+    """Import a kernel; `build` is called for a generated part that is not on disk yet."""
     asked = (_generator_digest(), task, *declarations, "", *templates)
     with _LOADING:
         if asked not in _LOADED:
@@ -155,13 +142,7 @@ def _lock(path: Path) -> Any:
 
 
 class _OneCompiles:
-    """Loads a function's compiled code, or lets one process at a time compile and save it.
-
-    To save, numba reads the function's index, adds a signature and writes it back. Of two
-    processes that do so at once one signature is lost, or gets the code of the other. An index may
-    also name a type of another kernel, if both were at work in one process; where that kernel is
-    not loaded, all is compiled again.
-    """
+    """Loads a function's compiled code, or lets one process at a time compile and save it."""
 
     def __init__(self, cache: Any, path: Path) -> None:
         self._path = path
@@ -173,6 +154,7 @@ class _OneCompiles:
         """The compiled code; None, after which it is compiled and saved, if there is none."""
         found = self._loaded(*arguments)
         if found is None:
+            # numba reads the index, adds a signature, writes it back: two at once lose one.
             self._compiling.enter_context(_lock(self._path))
             found = self._loaded(*arguments)  # unless another process has just saved it
             if found is not None:
@@ -184,6 +166,7 @@ class _OneCompiles:
     def _loaded(self, *arguments: object) -> Any:
         try:
             return self._load(*arguments)
+        # The index names a type of another kernel that this process has not loaded.
         except ImportError:
             with _lock(self._path):
                 _discard_compiled(self._path)

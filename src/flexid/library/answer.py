@@ -28,11 +28,7 @@ if TYPE_CHECKING:
 
 
 class Answer:
-    """What a function of flexid returns.
-
-    In a notebook it shows itself as tables and a figure; `print` of its `summary` is what the
-    command of the same name prints. What a class declares and does not define is the result's.
-    """
+    """What a function of flexid returns: tables and a figure in a notebook, text in `summary`."""
 
     _report = ""  # the module of `flexid.report` that presents it
     _file = "result.json"  # among what the command writes

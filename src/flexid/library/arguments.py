@@ -1,7 +1,4 @@
-"""Arguments of the library's functions: refused in a sentence, or converted; and one thread.
-
-An annotation says what an argument may be: `entrance` checks each by the name of its type.
-"""
+"""Arguments of the library's functions: refused in a sentence, or converted; and one thread."""
 
 from __future__ import annotations
 
@@ -111,14 +108,11 @@ _active = 0
 _limits: threadpool_limits | None = None
 
 
+# Small matrices: threads that share them wait longer than they compute. The limit holds for the
+# process: of several calls at once the first sets it and the last takes it back.
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread, in a ``with`` or as a decorator of a function.
-
-    Our matrices are small: threads that share them wait for each other longer than they compute.
-    The limit holds for the process, so of several calls at once the first sets it and the last one
-    takes it back; no call finds what another has set and takes it for the user's.
-    """
+    """Keep linear algebra to one thread, in a ``with`` or as a decorator of a function."""
     global _active, _limits
     with _LOCK:
         if not _active:
@@ -154,10 +148,7 @@ def described(function: Callable[..., object]) -> dict[str, tuple[str, str]]:
 def options_of(
     other: Callable[P, object], *left_out: str
 ) -> Callable[[Callable[..., R]], Callable[P, R]]:
-    """A decorator that spells out ``**options`` with the parameters of another function.
-
-    Type checkers see those that are left out as well.
-    """
+    """A decorator that spells out ``**options`` with the parameters of another function."""
     shared = inspect.signature(other).parameters
     names = [name for name in shared if name not in left_out]
 

@@ -1,10 +1,4 @@
-"""Text expressions, read by walking Python's syntax tree over a whitelist.
-
-Python never evaluates it: the text is parsed to a tree, every node is checked against the few
-kinds allowed here, and the tree is folded over an *algebra*, which says what a number, a name, an
-operator and a function mean. The derivation folds over SymPy, `evaluate` over numbers, and a check
-over nothing at all.
-"""
+"""Text expressions, read by folding Python's syntax tree over a whitelist, never evaluated."""
 
 import ast
 import math

@@ -1,29 +1,4 @@
-"""The single-link flexible joint of Huang (2003), eq. (4), with terms that can be switched on.
-
-    x1' = x2
-    x2' = -theta1 sin x1 - theta2 (x1 - x3)
-    x3' = x4
-    x4' = alpha1 (x1 - x3) - alpha2 x4 + beta1 u
-
-x1, x2 are position and velocity of the link, x3, x4 those of the motor at the link side of the
-gear, u is the motor torque (or the voltage or current that causes it).
-
-For a stiffness without bound it is the rigid joint: link and motor turn as one, and one encoder
-shows all there is to see.
-
-    x1' = x2
-    x2' = -gamma1 sin x1 - gamma_viscous x2 - gamma_coulomb tanh(x2/w) + gamma_offset + beta1 u
-          - gamma_asymmetry |x2|
-
-beta1 is then the inverse of the inertia of motor and link *together*, not of the motor alone.
-Viscous friction is gamma_viscous + gamma_asymmetry forwards and gamma_viscous - gamma_asymmetry
-backwards.
-
-A row of a joint may stand alone, too, driven by the measured motion of the other side. The spring
-couples the two rows. Where the other side's position and velocity are measured, they are inputs
-like any other, and one row needs nothing of the other row's friction, inertia or input: the link
-is the first two equations, with the motor's position x3 as its input.
-"""
+"""The single-link flexible joint of Huang (2003), eq. (4), with terms that can be switched on."""
 
 import re
 import tomllib
@@ -60,11 +35,7 @@ SMOOTHING = "coulomb_velocity"
 
 @dataclass(frozen=True)
 class Term:
-    """A term of the flexible joint: the coefficients it adds to each row, with their regressors.
-
-    A regressor may use the state of a memory, which the term then brings with it, or a constant
-    that is sought with them.
-    """
+    """A term of the flexible joint: its coefficients in each row, with their regressors."""
 
     description: str
     link: Mapping[str, str]
@@ -123,11 +94,7 @@ def model_constants(
 
 
 def with_dry_friction(system: ParametricSystem) -> ParametricSystem:
-    """The same system with Coulomb friction that is set-valued instead of smoothed.
-
-    The sign of a velocity takes the place of its hyperbolic tangent. The prediction error locates
-    the instants at which such a friction reverses, sticks and lets go; nothing is left to choose.
-    """
+    """The same system with Coulomb friction that is set-valued instead of smoothed by tanh."""
     constants = {name: value for name, value in system.constants.items() if name != SMOOTHING}
     name, rows = f"{system.name}, dry friction", _rewritten(system, _SMOOTHED, "sign({v})")
     return replace(system, name=name, rows=rows, constants=constants)
@@ -293,7 +260,8 @@ def flexible_joint(
     -------
     ParametricSystem
         Rows ``link`` and ``motor``, states x1 to x4, input u. The model of the paper is
-        ``flexible_joint(known={"beta1": 1 / motor_inertia})``.
+        ``flexible_joint(known={"beta1": 1 / motor_inertia})``:
+        x2' = -theta1 sin x1 - theta2 (x1 - x3), x4' = alpha1 (x1 - x3) - alpha2 x4 + beta1 u.
 
     Raises
     ------
@@ -355,7 +323,9 @@ def rigid_joint(
     Returns
     -------
     ParametricSystem
-        One row ``rigid``, states x1 and x2, input u.
+        One row ``rigid``, states x1 and x2, input u; beta1 is the inverse of the inertia of motor
+        and link together. With all terms x2' = -gamma1 sin x1 - gamma_viscous x2
+        - gamma_coulomb tanh(x2/w) + gamma_offset + beta1 u - gamma_asymmetry abs(x2).
 
     Raises
     ------
@@ -374,23 +344,13 @@ def rigid_joint(
 
 
 def rigid_terms(flexible_terms: Collection[str]) -> tuple[str, ...]:
-    """Terms of the rigid joint that a flexible joint with the given terms has in common with it.
-
-    >>> rigid_terms(("gravity", "motor_viscous", "link_viscous", "joint_damping"))
-    ('gravity', 'viscous')
-    """
+    """Terms of the rigid joint that a flexible joint with the given terms has in common with it."""
     found = {DECLARED["terms"].get(term, {}).get("rigid") for term in flexible_terms}
     return tuple(term for term in RIGID_TERMS if term in found)
 
 
 def row_alone(system: ParametricSystem, name: str) -> ParametricSystem:
-    """One row of a system, with the states of the other rows as inputs.
-
-    >>> row_alone(flexible_joint(), "link").inputs
-    ('x3', 'x4')
-    >>> row_alone(flexible_joint(), "motor").inputs
-    ('x1', 'x2', 'u')
-    """
+    """One row of a system, with the states of the other rows as inputs."""
     row = next(row for row in system.rows if row.name == name)
     others = [state for state in system.states if state not in (row.coordinate, row.velocity)]
     used = {*re.findall(r"[^\W\d]\w*", " ".join([*row.regressors.values(), row.known]))}

@@ -1,8 +1,4 @@
-"""Model files: a `ParametricSystem`, or an arm, written down in TOML.
-
-The file holds names and text expressions only; expressions are read over a whitelist and never
-evaluated.
-"""
+"""Model files: a `ParametricSystem`, or an arm, written down in TOML."""
 
 from functools import partial
 from math import isfinite

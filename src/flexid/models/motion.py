@@ -1,9 +1,4 @@
-"""How a joint moves, and the units that follow.
-
-Everything is declared of a revolute joint. A prismatic joint obeys the same equations with a metre
-in place of a radian, a newton in place of a newton metre and a kilogram in place of a kilogram
-square metre. Only what repeats with the angle of the link is absent.
-"""
+"""How a joint moves, and the units that follow: all is declared of a revolute joint."""
 
 import re
 from collections.abc import Mapping
@@ -21,13 +16,7 @@ _UNITS: Mapping[JointType, Mapping[str, str]] = {
 
 
 def unit_of(declared: str, joint: JointType) -> str:
-    """The unit that a joint has in place of a declared one; ``rad/rad`` stands for periods in 2π.
-
-    >>> unit_of("N m s/rad", "revolute"), unit_of("N m s/rad", "prismatic")
-    ('N m s/rad', 'N s/m')
-    >>> unit_of("kg m^2", "prismatic"), unit_of("rad/rad", "revolute")
-    ('kg', '1')
-    """
+    """The unit of a joint in place of a declared one; ``rad/rad`` stands for periods in 2π."""
     units = _UNITS[joint]
     return re.sub("|".join(map(re.escape, units)), lambda found: units[found[0]], declared)
 

@@ -1,12 +1,4 @@
-"""The paper's class of systems, in general form.
-
-Each row is a second-order equation that is linear in its unknown coefficients p,
-
-    q' = v,    v' = r(x, u)ᵀ p + k(x, u),
-
-with regressor r and known part k. Huang (2003), eq. (1) is the case of two rows whose known parts
-are 0 and βᵀψ(x) u.
-"""
+"""The class of systems of Huang (2003), eq. (1): rows q' = v, v' = r(x, u)ᵀ p + k(x, u)."""
 
 import hashlib
 import json
@@ -60,16 +52,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Memory:
-    """A state h between -1 and 1 that follows the direction of a path (Dahl, 1968).
-
-        h' = s (w - |w| h),    w the rate of the path,
-
-    with the unknown grip s: after a reversal h turns from one sign to the other over a distance of
-    about 1/s, however fast. As s grows it becomes the sign of w. A friction F h is passive for
-    positive F and s, since of its power F h w it stores and loses
-
-        F h w = d/dt (F h²/(2 s)) + F |w| h².
-    """
+    """A state h in [-1, 1] along a path of rate w, h' = s (w - |w| h) with grip s (Dahl, 1968)."""
 
     name: str  # name of h in expressions
     path: str  # coordinates of rows, or a difference of two

@@ -1,14 +1,4 @@
-"""Physical parameters of a joint from its lumped coefficients and back, with their derivatives.
-
-Nearly every physical parameter is a product of powers of the coefficients, for example
-
-    joint_stiffness ke = alpha1 / beta1,    link_inertia Jl = ke / theta2,
-
-so that the map, its inverse and its derivative all follow from a table of exponents. The tables
-stand in ``joint.toml``, by kind of joint; where the input is no torque, only ratios are known.
-`Huang (2003)`, section 3, with the motor inertia 1/beta1 known; here beta1 may be unknown too.
-Gravity that has a sine and a cosine is the exception: an amplitude and an angle.
-"""
+"""Physical parameters of a joint from its lumped coefficients and back, with their derivatives."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -102,11 +92,7 @@ class Amplitude(Pair):
 
 @dataclass(frozen=True)
 class ZeroAngle(Pair):
-    """The angle in rad at which ``first sin x + second cos x`` passes zero, rising.
-
-    It lies within (-pi, pi]. For gravity it is the encoder's reading where the link hangs straight
-    down.
-    """
+    """The angle within (-pi, pi] at which ``first sin x + second cos x`` passes zero, rising."""
 
     def _function(self, first: float, second: float) -> tuple[float, float, float]:
         square = first**2 + second**2
@@ -116,10 +102,7 @@ class ZeroAngle(Pair):
 
 @dataclass(frozen=True)
 class Directional(Pair):
-    """A friction in one direction: first + sign second, times a product.
-
-    The force of the first changes its sign with the direction.
-    """
+    """A friction in one direction, (first + sign second) times a product."""
 
     sign: float = 1.0
     # coefficients without which a model does not distinguish the directions
@@ -184,6 +167,8 @@ def _declared(kind: str = "product", **content: Any) -> PhysicalParameter:
     return _KINDS[kind](**content)
 
 
+# Nearly all are products of powers, such as ke = alpha1 / beta1 and Jl = ke / theta2 of Huang
+# (2003), section 3. Where the input is no torque, only ratios are known.
 _TABLES: Mapping[str, tuple[PhysicalParameter, ...]] = {
     name: tuple(_declared(**content) for content in table)
     for name, table in DECLARED["parameters"].items()
@@ -201,13 +186,7 @@ def physical_parameters(
     input_is_torque: bool,
     kind: Literal["flexible", "rigid", "link"] = "flexible",
 ) -> tuple[PhysicalParameter, ...]:
-    """Physical parameters of a joint that a set of coefficients determines.
-
-    If the input is no torque in N m, only ratios are known; those of the link alone are relative to
-    its inertia. The inertia of a rigid joint is that of motor and link together. With
-    ``gravity_cosine`` among the terms, gravity is the amplitude of both its parts, and
-    ``gravity_angle`` the link encoder's reading where the link hangs straight down.
-    """
+    """Physical parameters that coefficients determine; ratios where the input is no torque."""
     known = "with_torque" if input_is_torque and kind != "link" else "ratios"
     table = _TABLES[known if kind == "flexible" else f"{kind}_{known}"]
     # Of two entries with one name the later one heeds more coefficients, and takes the place.
@@ -216,15 +195,7 @@ def physical_parameters(
 
 
 def difference(name: str, a: float, b: float) -> float:
-    """B's value minus A's, of an angle the shorter way round.
-
-    Examples
-    --------
-    >>> round(difference("gravity_angle", 3.1, -3.1), 3)
-    0.083
-    >>> difference("gravity_torque", 3.0, -3.0)
-    -6.0
-    """
+    """B's value minus A's, of an angle the shorter way round."""
     value = b - a
     return (value + pi) % (2.0 * pi) - pi if name in ANGLES else value
 
@@ -249,14 +220,7 @@ _LINK, _MOTOR = (
 
 
 def joint_coefficients(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Coefficients of a flexible joint from physical parameters, both inertias among them.
-
-    >>> table1 = joint_coefficients(
-    ...     {"gravity_torque": 5, "link_inertia": 1, "joint_stiffness": 100, "motor_inertia": 0.25}
-    ... )
-    >>> table1["theta1"], table1["alpha1"], table1["beta1"]
-    (5.0, 400.0, 4.0)
-    """  # Huang (2003), below eq. (4)
+    """Coefficients of a flexible joint from physical parameters, both inertias among them."""
     link = {
         c: parameters[n] / parameters["link_inertia"] for c, n in _LINK.items() if n in parameters
     }

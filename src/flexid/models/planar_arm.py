@@ -30,17 +30,7 @@ class PlanarArm:
 
 
 def planar_arm(arm: PlanarArm) -> TorqueBalance:
-    """The torque balance of an arm.
-
-    The inertias are base parameters: with m the mass of a link, c the distance from its joint to
-    its centre of mass, I its inertia about its joint and m' the mass of all links beyond it,
-
-        link_inertia    I + m' l²          link_moment    m c + m' l
-
-    where the moment has a part along the link and one across it. A rotor that is carried by the
-    link before it couples the motor with that: ``rotor_coupling`` is its inertia times the gear
-    ratio; it is next to none at a high ratio, and the motor's inertia without a gear.
-    """
+    """The torque balance of an arm in base parameters."""
     n = arm.joints
     body: list[BodyTerm] = []
     for k in range(1, n + 1):
@@ -66,6 +56,8 @@ def planar_arm(arm: PlanarArm) -> TorqueBalance:
             body.append(BodyTerm(f"rotor_coupling_{k}", k, coupling, "0", "kg m^2", 1))
     constants = {f"l{i}": length for i, length in enumerate(arm.lengths, 1)}
     constants |= {"gx": arm.gravity[0], "gy": arm.gravity[1]}
+    # With m a link's mass, c the distance from joint to centre of mass, I its inertia about
+    # its joint and m' the mass of all beyond it: link_inertia I + m' l², link_moment m c + m' l.
     return TorqueBalance(f"planar arm of {n}", n, JOINT_TERMS, tuple(body), constants)
 
 

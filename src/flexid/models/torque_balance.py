@@ -1,11 +1,4 @@
-"""A torque balance, linear in physical parameters and affine in accelerations.
-
-    Σ_k π_k φ_k(q, v, a, u) = 0
-
-Each joint has two coordinates, its link and its motor, joined by a spring. A *joint term* is one
-expression that every joint has; a *body term* is an energy, from which Lagrange's equations follow.
-Nothing else in the source lists terms by name.
-"""
+"""A torque balance Σ_k π_k φ_k(q, v, a, u) = 0: linear in π and affine in accelerations."""
 
 import hashlib
 import json

@@ -1,15 +1,4 @@
-"""Closed loops in their controller's coordinates: system, controller, reference and observer.
-
-States of the composed loop are the coordinates z and the estimation errors p̃, with
-
-    z_i = x_i + g_i(z_1 … z_{i-1}, t)              the controller's triangular map,
-    p̃' = -c r (rᵀ p̃)                               Huang (2003), eq. (7), row by row.
-
-In plain coordinates (x, y, z) a high-gain loop hides small errors behind large terms; here those
-terms cancel while they are still symbols.
-
-Of a composed loop is printed: rates with their exact Jacobian, outputs, and starting values.
-"""
+"""Closed loops in their controller's coordinates: system, controller, reference and observer."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,12 +23,13 @@ def insert(values: Mapping[sp.Symbol, sp.Expr], expression: sp.Expr) -> sp.Expr:
     return result
 
 
+# The states of the composed loop are the coordinates z and the estimation errors p̃, with
+#     z_i = x_i + g_i(z_1 … z_{i-1}, t)              the controller's triangular map,
+#     p̃' = -c r (rᵀ p̃)                               Huang (2003), eq. (7), row by row.
+# In plain coordinates a high-gain loop hides small errors behind large terms; here those cancel
+# while they are still symbols. So does one signal's derivative that is another (w2N = w1N').
 class Signals:
-    """The reference, its derivatives, and named functions of them, each kept as one symbol.
-
-    As symbols they cancel against each other before anything large is computed; for that, the
-    derivative of one signal is recognised where it is another (w2N = w1N' in the paper).
-    """
+    """The reference, its derivatives, and named functions of them, each kept as one symbol."""
 
     def __init__(self, reference: Multisine) -> None:
         names = {"t", *reference.parameters}

@@ -1,18 +1,4 @@
-"""Controllers as declarations, and laws for the flexible joint.
-
-A controller is text expressions in states, reference and parameters. The reference and its
-derivatives are called ``qd``, ``qd_1``, ``qd_2`` and so on.
-
-Robust backstepping is Huang (2003), eq. (11). The feedback gains are ambiguous as printed. Here
-gain1 = k^a JlM/kem, gain2 = k^b, gain3 = k^c JrM with exponents (a, b, c); M marks the largest, m
-the smallest admissible value. Exponents (1, 2, 3) make each inner loop k times faster than the next
-outer one, which is what lets the tracking error become arbitrarily small for large k.
-
-PD control on the motor with gravity compensation: P. Tomei, "A simple PD controller for robots with
-elastic joints", IEEE Transactions on Automatic Control 36 (1991) 1208. For a constant reference the
-equilibrium is the reference, globally so if joint and motor-side stiffness exceed the gravity's.
-Along a moving reference the damping acts on the motor's speed relative to that of its reference.
-"""
+"""Controllers as declarations, and laws for the flexible joint."""
 
 import hashlib
 import json
@@ -98,6 +84,9 @@ SMALLEST_JOINT_STIFFNESS = 60.0
 _DECLARED = tomllib.loads(Path(__file__).with_name("laws.toml").read_text("utf-8"))
 
 
+# Huang (2003), eq. (11), whose feedback gains are ambiguous as printed. Here gain1 = k^a JlM/kem,
+# gain2 = k^b, gain3 = k^c JrM; M marks the largest, m the smallest value. (1, 2, 3) makes
+# each inner loop k times faster than the next outer one.
 def robust_law(
     k: float = 50.0,  # gain in 1/s
     exponents: tuple[float, float, float] = (1.0, 2.0, 3.0),  # of k in the three feedback gains
@@ -125,6 +114,8 @@ def robust_law(
     )
 
 
+# P. Tomei, IEEE Transactions on Automatic Control 36 (1991) 1208. A constant reference is globally
+# stable if joint and motor-side stiffness exceed the gravity's.
 def pd_gravity(
     proportional: float = 50.0,  # stiffness of the motor's position loop in N m/rad
     derivative: float = 10.0,  # its damping in N m s/rad

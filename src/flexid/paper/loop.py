@@ -1,7 +1,4 @@
-"""The declaration of a closed loop: what a derivation needs to know; and references of a loop.
-
-A reference q_d(t) has exact derivatives of every order.
-"""
+"""The declaration of a closed loop, and references with exact derivatives of every order."""
 
 import hashlib
 from collections.abc import Sequence
@@ -18,14 +15,7 @@ from flexid.paper.laws import REFERENCE_NAMES, Controller
 
 @dataclass(frozen=True)
 class Multisine:
-    """q_d(t) = offset + Σ amplitude_i sin(angular_frequency_i t + phase_i).
-
-    Examples
-    --------
-    >>> paper = Multisine([3.0], [5.0])
-    >>> float(paper.evaluate(0.0, order=1))
-    15.0
-    """
+    """q_d(t) = offset + Σ amplitude_i sin(angular_frequency_i t + phase_i)."""
 
     amplitudes: Sequence[float]  # in rad (or the unit of the coordinate that follows)
     angular_frequencies: Sequence[float]  # in rad/s, one per amplitude

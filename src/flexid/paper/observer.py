@@ -1,17 +1,4 @@
-"""The parametric observer of Huang (2003), eqs. (2)-(3), derived for every row of a model.
-
-For a row v' = rᵀp + k with gain c,
-
-    p̂ = y + c b,                        b = ∫₀^v r dξ        (2)
-    y' = -c [ r (rᵀp̂ + k) + C ],        C = Σ xᵢ' ∂b/∂xᵢ  over all xᵢ but v, and the inputs  (3)
-
-so that p̂' = y' + c (r v' + C) = -c r (rᵀp̂ + k - v') = -c r rᵀ(p̂ - p), which is eq. (7).
-
-The immersion b has a closed form where that is plain: of polynomials in the velocity, its magnitude
-and its sign, and of tanh of a straight line in it. Of anything else generated code takes the
-integral by a fixed rule: an antiderivative that is right on paper may return -inf or lose all
-digits.
-"""
+"""The parametric observer of Huang (2003), eqs. (2)-(3), derived for every row of a model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -95,12 +82,12 @@ class SymbolicObserver:
         return tuple(row.gain for row in self.rows)
 
 
+# For a row v' = rᵀp + k with gain c,
+#     p̂ = y + c b,                        b = ∫₀^v r dξ        (2)
+#     y' = -c [ r (rᵀp̂ + k) + C ],        C = Σ xᵢ' ∂b/∂xᵢ  over all xᵢ but v, and the inputs  (3)
+# so that p̂' = y' + c (r v' + C) = -c r rᵀ(p̂ - p), which is eq. (7).
 def derive_observer(system: ParametricSystem) -> SymbolicObserver:
-    """Derive the observer of Huang (2003), eqs. (2)-(3), for a model.
-
-    Gains are named c1, c2, ... and states y1, y2, ... for the first row, z1, ... for the second,
-    w1, ... for the third; an underscore is appended where the model uses such a name itself.
-    """
+    """Derive the observer of Huang (2003), eqs. (2)-(3), with gains c1, ... and states y1, ..."""
     symbolic = symbolic_system(system)
     names = FreshNames([*system.variables, *system.coefficients])
     rates = tuple(names.take(f"{name}_rate") for name in system.inputs)
@@ -119,10 +106,7 @@ def check_acceleration_free(symbolic: SymbolicSystem) -> None:
 
 
 def error_dynamics(observer: SymbolicObserver) -> tuple[tuple[sp.Expr, ...], ...]:
-    """Differentiate the estimates along the model, eq. (1), and insert the update laws.
-
-    Nothing of the design is presupposed: b is differentiated again, by every state and input.
-    """
+    """Differentiate the estimates along the model, eq. (1), and insert the update laws."""
     symbolic = observer.symbolic
     moving = [*symbolic.states, *symbolic.inputs]
     rates = [*symbolic.right_hand_side, *observer.rates]
@@ -239,13 +223,12 @@ VARIABLE = sp.Symbol("_xi", real=True)
 """The variable of integration."""
 
 
+# Closed where that is plain: polynomials in v, |v| and sign v, tanh of a straight line in v. Of
+# anything else an antiderivative may return -inf or lose all digits.
 def immersion(
     regressor: sp.Expr, velocity: sp.Symbol, constants: Sequence[sp.Symbol] = ()
 ) -> sp.Expr:
-    """b = ∫₀^v r dξ, Huang (2003), eq. (2): a closed form, or an unevaluated integral.
-
-    The constants stand for fixed numbers and may be taken to differ from zero.
-    """
+    """b = ∫₀^v r dξ, Huang (2003), eq. (2): a closed form, or an unevaluated integral."""
     # Between 0 and v the variable keeps the sign of v, so |ξ| = sign(v) ξ.
     side = sp.Dummy("side", nonzero=True, real=True)
     smooth = regressor.subs({sp.Abs(velocity): side * velocity, sp.sign(velocity): side})

@@ -1,10 +1,4 @@
-"""The parametric observer of Huang (2003), sampled, as an estimator.
-
-In continuous time the estimates obey p' = G r (v' - rᵀp - k) exactly, without v' being known
-(eqs. (2)-(3)). Over a sampling interval the integral of r v' is r̄ Δv with the regressor r̄ at its
-middle, so the sampled form needs neither accelerations nor the closed-form immersion. It is stable
-at any gain; a gain that is too high still turns velocity noise into noise of the estimates.
-"""
+"""The parametric observer of Huang (2003), sampled, as an estimator."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,15 +17,12 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
 
+# The estimates obey p' = G r (v' - rᵀp - k), eqs. (2)-(3). Over an interval the integral of r v' is
+# r̄ Δv with r̄ at its middle: neither accelerations nor the closed-form immersion is needed. The
+# status is never `USED`: a constant gain cannot know what the motion determines.
 @dataclass(frozen=True, eq=False)
 class ParametricObserver(OnlineEstimator):
-    """The observer with its gains; made by `parametric_observer`.
-
-    The innovation of a row is the change of its velocity over the interval less its prediction, in
-    rad/s; NaN for a recording's first sample, which has no interval before it. The status is never
-    `USED`: a constant gain cannot know whether the motion determines the coefficients, so compare
-    with least squares.
-    """
+    """The observer with its gains; made by `parametric_observer`."""
 
     # (n_coefficients,): diagonal of G; in the paper c1 for each coefficient of the link, c2
     # for each of the motor
@@ -79,12 +70,8 @@ def parametric_observer(
 def suggest_gains(
     samples: Samples, system: ParametricSystem, convergence_rate: float = 1.0
 ) -> dict[str, float]:
-    """Gains under which each row's error decays at about a given rate, were all else known.
-
-    Each coefficient gets rate / (k mean r²), k the number of coefficients in its row, so that all
-    weigh alike in r̄ᵀG r̄ whatever their units. Directions that the motion excites less decay more
-    slowly, and may not decay within the record at all: see the condition number of the excitation.
-    """
+    """Gains rate / (k mean r²) under which each row's error decays at about a given rate."""
+    # With k coefficients in a row, all weigh alike in r̄ᵀG r̄ whatever their units.
     squares = [np.mean(signal**2) for signal in regressors(samples, system)]
     counts = [len(row.coefficients) for row in system.rows for _ in row.coefficients]
     return {

@@ -1,8 +1,4 @@
-"""The observer's equations grouped as in the paper: in LaTeX, in plain Python, in C99.
-
-Each row has one abbreviation for the predicted acceleration, as s and r in Huang (2003), eq. (6);
-where every term of it is negative, the abbreviation is its opposite, as s is there.
-"""
+"""The observer's equations grouped as in the paper: in LaTeX, in plain Python, in C99."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence

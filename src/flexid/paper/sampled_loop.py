@@ -1,16 +1,4 @@
-"""Source of a sampled-data loop: sensors, control law, observer and plant, sample by sample.
-
-The observer is that of the estimators' own kernel. Everything is a tuple of scalars: compiled, the
-tuples dissolve into registers, where arrays would be stored and loaded again at every sample (28
-against 84 ns, measured on the observer of the flexible joint). The observer has
-
-    state     started (0 or 1), coefficients, then of the last sample: regressors, known parts,
-              velocities, inputs
-    sample    coordinate and velocity of each row in turn, inputs
-    settings  sample time, whether inputs are held (0 or 1), gains, constants
-
-The plant moves by the classical Runge-Kutta method under a constant input.
-"""
+"""Source of a sampled-data loop: sensors, control law, observer and plant, sample by sample."""
 
 from collections.abc import Sequence
 
@@ -111,6 +99,7 @@ def sampled_observer_functions(system: ParametricSystem, purpose: str) -> str:
     )
 
 
+# Tuples of scalars dissolve into registers when compiled; arrays took 84 ns per sample, not 28.
 def _layout(symbolic: SymbolicSystem) -> tuple[list[str], list[str], list[str]]:
     """Local names of the state, the sample and the settings, in order."""
     coefficients, rows = _r(symbolic.coefficients), _r(symbolic.rows)
@@ -155,12 +144,7 @@ def _advance_function(symbolic: SymbolicSystem) -> str:
 
 
 def _row_update(symbolic: SymbolicSystem, place: int) -> str:
-    """Lines that bring one row's coefficients over the interval.
-
-    p' = G r (v' - rᵀp - k), Huang (2003), eqs. (2)-(3), with the regressor r̄ of the middle of the
-    interval. Along G r̄ the error decays by exp(-s), s = h r̄ᵀG r̄; that is replaced by
-    1/(1 + s + s²/2), which agrees to second order and stays between 0 and 1 for any s.
-    """
+    """Lines that bring one row's coefficients over the interval, Huang (2003), eqs. (2)-(3)."""
     rows = symbolic.rows
     row = rows[place]
     start = sum(len(before.coefficients) for before in rows[:place])
@@ -168,6 +152,8 @@ def _row_update(symbolic: SymbolicSystem, place: int) -> str:
     names = [str(name) for name in row.coefficients]
     predicted = [f"_m{i} * {name}" for i, name in zip(places, names, strict=True)]
     squares = [f"_g{i} * _m{i} * _m{i}" for i in places]
+    # The error along G r̄ decays by exp(-s), s = h r̄ᵀG r̄. 1/(1 + s + s²/2) agrees with it to second
+    # order and stays between 0 and 1 for any s.
     lines = [f"_m{i} = 0.5 * (_r{i} + _a{i})" for i in places]
     lines += [
         f"_s = _h * ({' + '.join(squares)})",

@@ -1,8 +1,4 @@
-"""What a figure shows: a chart is a grid of panels, and a panel a stack of marks over two axes.
-
-`flexid.report.figure` draws a chart. A line of a million samples has no more pixels than others, so
-marks are thinned to fewer samples with the same look.
-"""
+"""What a figure shows: a chart is a grid of panels, and a panel a stack of marks over two axes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -120,11 +116,7 @@ def peaks(time: FloatArray, values: FloatArray, width: int) -> tuple[FloatArray,
 
 
 def kept_samples(curves: Sequence[FloatArray], most: int) -> NDArray[np.intp]:
-    """Places, ascending, of the samples without which curves over one axis would look different.
-
-    Of each of many short stretches these are the smallest and the largest value of every curve, and
-    a gap; and the first and the last sample of all.
-    """
+    """Places of each short stretch's smallest and largest values and gaps, and of both ends."""
     n = len(curves[0])
     if n <= most:
         return np.arange(n)

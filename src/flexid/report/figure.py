@@ -1,9 +1,4 @@
-"""A chart drawn with Matplotlib, in one look for all figures: as a file, or as SVG in a page.
-
-A drawing in a page has the page's colours, by day and by night. A page with a strict policy allows
-no style of an element, so that what Matplotlib writes there becomes attributes; numbers lose digits
-that nobody could see.
-"""
+"""A chart drawn with Matplotlib, in one look for all figures: as a file, or as SVG in a page."""
 
 from __future__ import annotations
 
@@ -104,11 +99,7 @@ _DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
 
 
 def draw(chart: Chart, ax: Axes | None = None) -> Figure:
-    """A drawing: the title above, a legend of all panels below; or in the place of an axes.
-
-    Panels of one column share their x axis. The only mark of a panel needs
-    no entry in the legend.
-    """
+    """A drawing: the title above, a legend of all panels below; or in the place of an axes."""
     if ax is not None:
         return _draw_in_place(ax, chart)
     title, labels = fill(chart.title, round(0.8 * _LETTERS)), _labels(chart)

@@ -1,7 +1,4 @@
-"""A page: what a terminal prints, with figures; one HTML file in which nothing is fetched.
-
-Everything from outside is text.
-"""
+"""A page: what a terminal prints, with figures; one HTML file in which nothing is fetched."""
 
 from __future__ import annotations
 
@@ -140,10 +137,7 @@ _TONES = {"green": "good", "yellow": "fair", "red": "bad"}
 
 
 def page_html(page: Page) -> str:
-    """A whole document, with style and figures inside.
-
-    Its Content-Security-Policy allows no request, no script, and no style but its own.
-    """
+    """A whole document with style and figures inside; it allows no request and no script."""
     from markupsafe import Markup
 
     own = (_HERE / "page.css").read_text(encoding="utf-8")

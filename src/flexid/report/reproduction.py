@@ -148,10 +148,7 @@ def charts(result: Reproduction) -> tuple[Chart, ...]:
 
 
 def tracking_chart(runs: Mapping[str, SteadyRun]) -> Chart:
-    """Figure 1: the tracking error over time and over its last half second.
-
-    One row of panels per reading, for the two differ 300-fold.
-    """
+    """Figure 1: the tracking error over time and over its last half second."""
     panels = []
     for name, run in runs.items():
         time, error = run.run.time, run.run.tracking_error

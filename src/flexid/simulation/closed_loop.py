@@ -54,11 +54,7 @@ class ClosedLoop:
         return LoopDeclaration(self.system, self.controller, self.reference)
 
     def with_values(self, **values: Any) -> "ClosedLoop":
-        """Return the same loop with other values of some fields; the two share one declaration.
-
-        What only the names decide is not checked again, so that a loop costs some microseconds
-        where thousands differ in their values alone.
-        """
+        """The same loop with other values; it shares the declaration and its checks."""
         changed = copy(self)  # with its declaration
         for name, value in values.items():
             object.__setattr__(changed, name, value)
@@ -183,11 +179,7 @@ class Run:
         return float(np.max(np.abs(self.tracking_error[self.between(start, stop)])))
 
     def log(self) -> dict[str, FloatArray]:
-        """Columns of a log: time, position and velocity of every row, inputs.
-
-        Measured values where there are any. A single input is called ``motor_torque``, several
-        have the system's names.
-        """
+        """Columns of a log: time, positions and velocities (measured if they are), and inputs."""
         columns = {"time": self.time}
         values = self.states if self.measured is None else self.measured
         for place, row in enumerate(self.loop.system.rows):
@@ -312,11 +304,7 @@ def integrate_loops(
 
 
 def loop_kernel(declaration: LoopDeclaration, stiff: bool = True) -> ModuleType:
-    """Compiled functions of a closed loop with its integrator.
-
-    Where it is not stiff, that is an explicit one of many runs side by side, which keeps no
-    samples: several times faster as under PD control, and hopeless at high gain.
-    """
+    """Compiled functions of a closed loop with its integrator."""
 
     def build() -> str:
         from flexid.paper.closed_loop import compose_loop, lane_loop_source, stiff_loop_source

@@ -1,9 +1,4 @@
-"""Many runs of one closed loop in compiled code, each boiled down to a few numbers.
-
-The runs differ in their values alone: coefficients, constants, gains, reference, starting values,
-noise. Nothing is kept of a run but its end and its measures, which are added up while it goes. What
-comes out of a run does not depend on the others.
-"""
+"""Many runs of one closed loop in compiled code; of each its end and its measures are kept."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,10 +29,7 @@ that the equations have no value where the run ended.
 
 @dataclass(frozen=True)
 class Ensemble:
-    """The ends and measures of n runs; all quantities in SI units.
-
-    A run that did not finish has the values it had when it was given up.
-    """
+    """The ends and measures of n runs, in SI units, where they finished or were given up."""
 
     # gives the order of states, inputs, coefficients and rows; one of the runs'
     system: ParametricSystem
@@ -66,12 +58,7 @@ def simulate_ensemble(
     maximum_steps: int = 1_000_000,
     stiff: bool = True,
 ) -> Ensemble:
-    """Simulate many closed loops in continuous time, each to the tolerance of `simulate`.
-
-    Measures are taken at the integrator's accepted steps, where they are most accurate: means over
-    time by the trapezoidal rule, peaks and settling times to within a step. Other threads can run
-    meanwhile.
-    """
+    """Simulate many closed loops in continuous time; measures are taken at the accepted steps."""
     _check(loops)
     chosen = Integration(
         duration, sample_time, relative_tolerance, absolute_tolerance, maximum_steps
@@ -91,11 +78,7 @@ def simulate_sampled_ensemble(
     duration: float,
     samplings: Sequence[Sampling],
 ) -> Ensemble:
-    """Simulate many sampled loops, each as `simulate_sampled` does.
-
-    Measures are taken at the samples: means over all of them, peaks and settling times among them.
-    States and tracking error are the true ones, the inputs those that the plant received.
-    """
+    """Simulate many sampled loops as `simulate_sampled` does, with measures at the samples."""
     _check(loops)
     if len(samplings) != len(loops):
         raise SettingError("samplings", f"there are {len(samplings)} for {len(loops)} loops")

@@ -1,10 +1,4 @@
-"""Theorem 1 of Huang (2003), watched along a run.
-
-The theorem bounds the parameter errors, makes their rates vanish, and makes the errors themselves
-vanish where they settle and (A4) holds. All of it can be read from a run, of which each row has a
-history of regressors and errors: V of eq. (8) must never rise, the squared mismatches must have a
-finite integral, errors and their rates have limits.
-"""
+"""Theorem 1 of Huang (2003), watched along a run: V of eq. (8), mismatches, errors and rates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -116,6 +110,8 @@ def monitor_run(run: Run, window: float) -> LyapunovMonitor:
     return monitor(run.time, row_histories(run), window, relative, absolute)
 
 
+# V of eq. (8) never rises, mismatches have a finite integral, errors and rates have limits: zero
+# for the errors where they settle and (A4) holds.
 def monitor(
     time: FloatArray,  # (n,), in s
     rows: Sequence[RowHistory],

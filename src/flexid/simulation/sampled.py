@@ -1,8 +1,4 @@
-"""Sampled-data closed loops: what a real drive does.
-
-Controller and observer see the sensors once per sample time; the input is limited and held until
-the next sample, while the plant moves on continuously.
-"""
+"""Sampled-data closed loops: sensors and input once per sample time, a plant that moves on."""
 
 from dataclasses import asdict, dataclass
 from types import ModuleType
@@ -37,21 +33,14 @@ class Sampling:
                 raise SettingError(name, f"{getattr(self, name)!r} must be zero or positive")
 
     def noise(self, count: int, states: int) -> FloatArray:
-        """Standard normal numbers behind the noise, (count, states), or no rows without noise.
-
-        Drawing them takes about a third of the time of a run.
-        """
+        """Standard normal numbers behind the noise, (count, states), or no rows without noise."""
         if self.position_noise == self.velocity_noise == 0.0:
             return np.empty((0, states))
         return np.random.default_rng(self.seed).standard_normal((count, states))
 
 
 def simulate_sampled(loop: ClosedLoop, duration: float, sampling: Sampling | None = None) -> Run:
-    """Simulate a closed loop with a sampled controller and a sampled observer.
-
-    The run has the true and the measured states; its statistics count the samples at which the
-    input was limited.
-    """
+    """Simulate a closed loop with a sampled controller and a sampled observer."""
     sampling = sampling or Sampling()
     chosen = Integration(duration, sampling.sample_time)
     kernel = sampled_kernel(loop.declaration)

@@ -1,16 +1,4 @@
-"""Two estimates side by side: what differs, and whether chance explains it.
-
-The difference d = b - a has the variance s² = s_a² + s_b² where the logs are different ones, with
-
-    1/ν = (s_a²/s²)²/ν_a + (s_b²/s²)²/ν_b
-
-degrees of freedom (Welch and Satterthwaite). Where both intervals are symmetrical on the logarithm,
-so is that of the difference. Estimates of one and the same log have errors in common, of which
-nothing is stored; whatever these are, the deviation of d is s_a + s_b at most, and that is taken.
-
-Each difference has its own interval at 95 %. What is *changed* has to be so beside all others that
-are compared (Holm): where nothing has changed, one comparison in twenty names anything at all.
-"""
+"""Two estimates side by side: what differs, and whether chance explains it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -276,6 +264,9 @@ def _by_ratio(blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Shari
     )
 
 
+# The difference of estimates from different logs has the variance s² = s_a² + s_b², with
+# 1/ν = (s_a²/s²)²/ν_a + (s_b²/s²)²/ν_b (Welch and Satterthwaite). Those of one log share errors of
+# which nothing is stored: their deviation is s_a + s_b at most.
 def _spread(
     value: float, std_a: float, std_b: float, a: ValueEstimate, b: ValueEstimate, logs: Sharing
 ) -> tuple[float, float]:

@@ -1,9 +1,4 @@
-"""Files that hold an identification: written, read, checked, made a result once more.
-
-What a file holds is an `Identification` without its time series, or an `ArmIdentification`: the
-dataclasses are its schema. A digest of all of it stands in the file, since its parts follow from
-each other: coefficients make the parameters, and the covariance the intervals.
-"""
+"""Files that hold an identification without its time series: the dataclasses are the schema."""
 
 import hashlib
 import json
@@ -53,6 +48,7 @@ def estimate_document(result: "Identification | ArmIdentification") -> dict[str,
     return sealed({"format_version": FORMAT_VERSION, **made, "excitation": excitation})
 
 
+# The digest refuses edited files: coefficients make the parameters, the covariance the intervals.
 def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
     """A document with the digest of all else in it."""
     return {**document, "sha256": _digest(to_json(document))}
@@ -94,10 +90,7 @@ class StoredEstimate(NamedTuple):
 
 
 def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
-    """A stored estimate: a file, the folder that holds it, or its content.
-
-    A `SettingError` if it cannot be read, is no estimate, is of a newer version, or was changed.
-    """
+    """A stored estimate from a file, the folder that holds it, or its content."""
     if isinstance(estimate, Mapping):
         file = ""
         try:

@@ -1,18 +1,4 @@
-"""The frequency response of an identified joint for small motions: linearised, with its band.
-
-With positions q of the rows and the input u,
-
-    (-ω² - jω D - K) q = B u,    K = K₀ + Σ cᵢ Kᵢ,    D and B likewise,
-
-since every row is linear in its coefficients c. A dry friction is constant while its side slides,
-and so has no part in it.
-
-Near a resonance the logarithm of a response is anything but linear in the coefficients, and the
-delta method gives bands that are too narrow below the peak and too wide above. So a band is
-computed from coefficients c + r S w, with S Sᵀ their covariance, r the quantile of Student's t and
-|w| ≤ 1. Among all w those count that lie in the plane of the two directions in which, at that
-frequency, magnitude and phase change: to all others the response is, to first order, indifferent.
-"""
+"""The frequency response of an identified joint for small motions: linearised, with its band."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -62,6 +48,7 @@ SHOWN: Mapping[Kind, Shown] = {
 }
 
 
+# (-ω² - jω D - K) q = B u,    K = K₀ + Σ cᵢ Kᵢ,    D and B likewise. Dry friction is constant.
 @dataclass(frozen=True, eq=False)
 class LinearJoint:
     """A joint about a place of rest; `linear_joint` makes one."""
@@ -184,11 +171,7 @@ _TURN = 2.0  # rad between neighbours, from which on the response vanishes, or p
 
 
 def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> FloatArray:
-    """Ends of the interval of each position, shape (4, n, n_rows).
-
-    Least and largest magnitude over the estimate, least and largest phase in rad less the estimate;
-    infinite where the log leaves something free.
-    """
+    """Ends of positions' intervals, (4, n, n_rows): magnitude ratios, then phase differences."""
     # Of a response that is zero: nothing is known of its logarithm.
     nothing = np.repeat([[0.0], [np.inf], [-np.inf], [np.inf]], len(omega), axis=1)
     if joint.unknown:
@@ -203,6 +186,9 @@ def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> FloatA
     return np.stack(bands, axis=2)
 
 
+# Near a resonance the delta method is too narrow below the peak and too wide above. So the response
+# is computed at c + r S w, with S Sᵀ the covariance, r the quantile of Student's t, |w| ≤ 1, in the
+# plane of the two directions in which magnitude and phase change.
 def _of_row(
     joint: LinearJoint,
     omega: FloatArray,
@@ -315,11 +301,7 @@ def frequency_response(
     position: float | None = None,
     level: float = CONFIDENCE,
 ) -> FrequencyResponse:
-    """Frequency responses of an identified joint for small motions, with confidence bands.
-
-    They are those of the joint itself, without hold and delays. A friction that slides is constant,
-    and has no part in them.
-    """
+    """Frequency responses of the joint itself, without hold and delays, with confidence bands."""
     joint = linear_joint(result, position)
     characteristic = _characteristic(joint, checked_level(level))
     chosen = _chosen(characteristic) if frequency is None else frequency

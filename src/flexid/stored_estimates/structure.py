@@ -16,10 +16,7 @@ _SAME = 1e-6  # relative difference of a tied coefficient to what it follows fro
 
 
 def values_of(result: Identification, group: int | None = None) -> dict[str, float]:
-    """A value for each coefficient, for one of the logs, counted from 0, or for all.
-
-    Offsets that were found log by log have nothing to say of another log; their mean is taken.
-    """
+    """A value for each coefficient, for one log (from 0) or for all: the mean of its offsets."""
     found: dict[str, list[float]] = {}
     for name, coefficient in result.coefficients.items():
         bare, label, _ = name.partition("[")
@@ -37,11 +34,7 @@ def delays_of(result: Identification) -> dict[str, float]:
 def structure_of(
     result: Identification, values: Mapping[str, float], *, smooth: bool = True
 ) -> Structure:
-    """The joint with some coefficients.
-
-    A `SettingError` if none can be made of them. Friction may be taken as dry where the estimate
-    smooths it.
-    """
+    """The joint with some coefficients, perhaps with dry friction; else a `SettingError`."""
     joint = joint_of(result.model, result.joint)
     unknown = [name for name in values if name not in joint.units]
     if unknown:

@@ -55,11 +55,7 @@ class EstimateValidation(Validation):
 
 
 def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> EstimateValidation:
-    """Predict logs with an estimate as it is: nothing is fitted but the state at each start.
-
-    What is tested is all but the first half second of each recording. A `SettingError` if the
-    estimate cannot be read or run, a `RecordingError` if the logs do not suit it.
-    """
+    """Predict logs with an estimate as it is: nothing is fitted but the state at each start."""
     stored = estimate.of_joint
     values = values_of(stored)
     structure = _structure(stored, values, estimate.refuse)

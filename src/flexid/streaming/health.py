@@ -1,8 +1,4 @@
-"""How well an estimation next to a drive is: five states, each with its reason.
-
-The rules stand here alone, as a function of a few numbers, so that other languages can have the
-same; the values of `Health` are those of ``flexid_health`` in the exported C.
-"""
+"""How well an estimation next to a drive is; `Health` has the values of ``flexid_health`` in C."""
 
 from collections.abc import Sequence
 from enum import IntEnum

@@ -1,9 +1,4 @@
-"""Samples as they come, in SI units: from lines of text, or from a whole log.
-
-Lines of numbers have columns as in a log: header, units, separators and column maps are those of a
-log's text; the stream's first lines decide on them, and on the sample time. A cell that is no
-number makes a sample without that number, which is counted.
-"""
+"""Samples as they come, in SI units: from lines of text in the columns of a log, or a whole log."""
 
 from __future__ import annotations
 

@@ -1,13 +1,4 @@
-"""Least squares at several filter rates side by side, and what their agreement is worth.
-
-The intervals of one filter cover correlated noise and nothing else. A model that leaves something
-out gives another answer to another filter, since each sees another part of the motion. So a slow
-and a fast filter run beside the one that is asked, where the hold of the input is not known also
-one with the other hold, and twice the largest difference counts as a standard deviation.
-
-What the estimators say at a moment are findings: values, intervals, and what contradicts them.
-Whether a drive has changed since an estimate was made is a comparison of both with each other.
-"""
+"""Least squares at several filter rates side by side, and what their agreement is worth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,6 +33,9 @@ describes, 93 and 87 %."""
 States = tuple[FloatArray, ...]
 
 
+# A model that leaves something out gives another answer to another filter. So a slow and a fast
+# filter run next to the one asked, perhaps one with the other hold; twice the largest difference
+# counts as a standard deviation.
 class Learner:
     """Estimators of one model; their states are arrays that are never changed in place."""
 

@@ -1,9 +1,4 @@
-"""What an estimation next to a drive is given: its channels, model, clock, filter and memory.
-
-A stream that is held against an identification has the model of that: terms, what was given, hold
-and filter. Its values are not used: the estimates follow from the stream alone, since a drive that
-has changed since would be drawn to what it was.
-"""
+"""What an estimation next to a drive is given: its channels, model, clock, filter and memory."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields

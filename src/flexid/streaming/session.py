@@ -1,8 +1,4 @@
-"""A stream that is watched: fed sample by sample or in blocks, and read at any time.
-
-Nothing depends on how a stream is cut into blocks: whatever is done now and then is done after a
-number of samples that came, and every sum runs from sample to sample.
-"""
+"""A stream that is watched, fed in blocks that change nothing however they are cut."""
 
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,4 @@
-"""Where a stream comes from: a file that grows, or standard input.
-
-A source gives bytes in turns of a tenth of a second: those that have come, none if nothing has.
-"""
+"""Where a stream comes from, a growing file or standard input: its bytes each tenth of a second."""
 
 import io
 import os

@@ -1,10 +1,4 @@
-"""A log of any length: a stream with an end, watched with what its head shows.
-
-The head, in memory, is identified as any log is. Its terms, hold and filter rate hold for the
-rest, and the whole log is fed to a session of `flexid watch`, in bounded memory. Friction that
-is dry, and what else least squares does not account for, makes the session's values differ from
-those of the head: what noise does not explain of that counts as a standard deviation.
-"""
+"""A log of any length in bounded memory: identified by its head, then fed to a watched session."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import closing

@@ -1,7 +1,4 @@
-"""The reproduction of Huang (2003): all runs in order, and the claims that they decide.
-
-`claims.toml` lists the claims, each with the numbers that decide it.
-"""
+"""The reproduction of Huang (2003): all runs in order, and the claims of ``claims.toml``."""
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence

@@ -1,13 +1,4 @@
-"""All runs of the study of Huang (2003): Table I, readings, a sweep, and Theorem 1 in three cases.
-
-The print leaves open how the factor k enters the three gains of eq. (11). Four readings make sense;
-two of them give an unstable loop at once, the other two each support some of the paper's claims.
-
-The cases of the theorem: (A4) holds, fails altogether, nearly fails. In each the observer runs in
-the closed loop of the paper under gains (1,2,3); only the reference differs. Where (A4) fails, the
-errors must settle on the directions that the motion does not excite: the part of p̃(0) orthogonal
-to the regressors.
-"""
+"""The runs of the study of Huang (2003): Table I, readings, a sweep, Theorem 1 in three cases."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -95,6 +86,8 @@ _EARLY = 0.3  # s; later an unstable reading leaves what an integrator can follo
 _SETTLING = 5.0  # s, four periods of the reference
 
 
+# (A4) holds, fails altogether, nearly fails; only the reference differs. Where (A4) fails, the
+# errors must settle on the part of p̃(0) orthogonal to the regressors.
 @dataclass(frozen=True, eq=False)
 class SteadyRun:
     """A reading simulated with Table I over 30 s."""
@@ -244,10 +237,7 @@ def peak_torque(exponents: Exponents, k: float) -> float:
 
 
 def steady_condition(amplitude: float = AMPLITUDE) -> float:
-    """Condition number of the normalised Gram matrix of f along a small or large sinusoid.
-
-    Exact tracking is assumed: x1 = A sin ωt, and the deflection follows from the link's row.
-    """
+    """Condition number of the Gram matrix of f along a sinusoid that is tracked exactly."""
     time = np.linspace(0.0, 2 * HALF_PERIOD, 4000, endpoint=False)
     reference = sine(amplitude)
     position, acceleration = reference.evaluate(time), reference.evaluate(time, 2)

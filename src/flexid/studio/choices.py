@@ -1,9 +1,6 @@
-"""What a window has chosen: read from its form or its address, never believed.
+"""What a window has chosen, in its form or its address (the same keys).
 
-Form and address have the same keys, so that a link shows what the form showed::
-
-    room=identify  hold=zero  terms=gravity,motor_viscous  gear_ratio=101
-    column.motor_position=enc_2  unit.motor_position=deg  scale.motor_position=0.5
+``room=identify  hold=zero  terms=gravity,motor_viscous  unit.motor_position=deg``
 """
 
 from __future__ import annotations
@@ -86,10 +83,7 @@ class Choices:
 
     @property
     def column_map(self) -> dict[str, Any] | None:
-        """The choices as a column map; None where the names of the columns decide.
-
-        A channel that was not chosen is not read, whatever names there are.
-        """
+        """The choices as a column map; None where the names of the columns decide."""
         if not self.sources:
             return None
         entries: dict[str, Any] = dict.fromkeys(SI_UNITS, False)
@@ -108,10 +102,7 @@ class Choices:
 
 
 def read_choices(values: object) -> Choices:
-    """Choices from what a form or an address holds.
-
-    Keys that are not known are left out; so is ``log``, which some would like to be a path.
-    """
+    """Choices from a form or an address, without unknown keys and ``log``, which is no path."""
     texts = texts_of(values)
     sources = {}
     for channel in SI_UNITS:

@@ -1,9 +1,4 @@
-"""Who is let in, before any part of the studio sees a request; and which logs.
-
-A page of another origin can make a browser send requests to the loopback, and with a name of its
-own that it lets resolve to 127.0.0.1 it could read the answers. So the name by which the studio is
-called has to be one of its own, and a request that says where it comes from has to come from here.
-"""
+"""Who is let in, before any part of the studio sees a request; and which logs."""
 
 from __future__ import annotations
 
@@ -44,6 +39,8 @@ _HEADERS = {
 }
 
 
+# A page of another origin can send requests to the loopback, and with a name that resolves to
+# 127.0.0.1 read the answers. So name and origin of a request have to be the studio's own.
 class Guard:
     """An ASGI application that lets through to another what may pass."""
 

@@ -1,10 +1,4 @@
-"""Work that takes long, in processes of its own, so that it can be waited for and cancelled.
-
-A compiled kernel cannot be interrupted. Whoever cancels ends the process in which it runs, and the
-next job starts a new one. A job is a function of plain arguments and results, which travel between
-processes. A log is named relative to the working directory, so that no message and no file names a
-folder of the studio.
-"""
+"""Work that takes long, in processes of its own: compiled code ends only with its process."""
 
 from __future__ import annotations
 
@@ -42,10 +36,7 @@ class Workers:
         self._free = asyncio.Semaphore(most)  # lets in one after the other
 
     async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path) -> Any:
-        """Do a job, and return what it returns.
-
-        Cancel the coroutine to cancel the job, whether it waits or runs.
-        """
+        """Do a job and return what it returns; cancel the coroutine to cancel the job."""
         async with self._free:
             try:
                 return await to_process.run_sync(
