@@ -240,13 +240,16 @@ def named_channel(header: str, ignored: frozenset[str] = frozenset()) -> Usual |
 def common_words(headers: Iterable[str]) -> frozenset[str]:
     """Unknown words that stand in the names of all quantities but the time, so say nothing.
 
-    >>> [*common_words(["time", "rig_q_m", "rig_q_l", "rig_tau"])], [*common_words(["a_q", "q_l"])]
+    >>> [*common_words(["n", "rig_q_m", "rig_q_l", "rig_tau"])], [*common_words(["a_q", "q_l"])]
     (['rig'], [])
     """
     found = []
     for header in headers:
-        words = words_of(split_header(header)[0])
-        if words is not None and {*words.quantities} - {"time"}:
+        stem, unit = split_header(header)
+        words = words_of(stem)
+        if words is None or (words.needs_unit and unit is None):  # as n, which numbers the rows
+            continue
+        if {*words.quantities} - {"time"}:
             found.append({word for word in words.others if not word.isdigit()})
     return frozenset(set.intersection(*found)) if len(found) >= _FEWEST_NAMES else frozenset()
 
