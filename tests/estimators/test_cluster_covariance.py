@@ -13,6 +13,7 @@ from flexid.estimators.cluster_covariance import (
     block_lengths,
     cluster_influences,
     covariance_root,
+    kept_covariance,
     shrunken,
     unbiased,
 )
@@ -178,6 +179,33 @@ def test_what_says_nothing():
     assert not freedom.any()
     influences, freedom = block_influences(np.zeros((0, 9)), np.ones(9), np.zeros((0, 0)), [4, 5])
     assert (influences.shape, freedom.shape) == ((0, 2), (0,))
+    none = Clusters(np.ones((1, 2, 2)), np.ones((1, 2)), np.zeros(1, int), np.zeros((0, 0)))
+    assert [found.shape for found in cluster_influences(none)] == [(0, 1), (0,)]
+
+
+def test_a_row_that_lacks_blocks_leaves_the_next_as_it_is():
+    """Assert that two blocks tell nothing of two coefficients, and of one what they tell alone."""
+    generator = np.random.default_rng(4)
+    regressors, noise = generator.normal(size=(2, 2, 2, 50)), generator.normal(size=(2, 2, 50))
+    matrices = regressors @ regressors.swapaxes(2, 3)
+    vectors = np.einsum("brkn,brn->brk", regressors, noise)
+    value = vectors[:, 1, 0].sum() / matrices[:, 1, 0, 0].sum()
+    covariance, freedom = kept_covariance(
+        (matrices, vectors),
+        np.full(2, 50.0),
+        np.ones(2),
+        [slice(0, 2), slice(2, 3)],
+        np.array([0.0, 0.0, value]),
+    )
+    assert np.isinf(np.diag(covariance)[:2]).all()
+    assert freedom[:2].tolist() == [0.0, 0.0]
+    parts = [regressors[b, 1, :1] for b in range(2)]
+    residual = np.concatenate([noise[b, 1] - value * parts[b][0] for b in range(2)])
+    inverse = np.array([[1.0 / matrices[:, 1, 0, 0].sum()]])
+    influences, alone = block_influences(np.hstack(parts), residual, inverse, [50, 50])
+    assert covariance[2, 2] == pytest.approx((influences @ influences.T).item())
+    assert covariance[2, 2] > 0.0
+    assert freedom[2] == pytest.approx(alone.item())
 
 
 MIXED = np.random.default_rng(8).standard_normal((6, 6))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -174,3 +175,14 @@ def test_a_gap_as_large_as_the_deflection(true_gap, fits_seen: list[FinalFits]):
     place = found.fit.names.index("alpha_backlash")
     assert free.deviations[place] > 1.02 * fixed.deviations[place]
     assert found.fit.deviations[place] >= 0.999 * free.deviations[place]
+
+
+def test_the_deviation_of_a_centre() -> None:
+    """Assert by hand how the angle without torque follows from offsets and a stiffness."""
+    values = {"theta2": 100.0, "theta_offset[0]": 2.0, "theta_offset[1]": 4.0, "beta1": 9.0}
+    reduced = SimpleNamespace(inverse=np.diag([25.0, 4.0, 4.0, 1.0]))
+    fitted: Any = SimpleNamespace(
+        by_name=values, names=tuple(values), minimum=SimpleNamespace(reduced=reduced)
+    )
+    variance = (0.03**2 * 25.0 + 0.5**2 * (4.0 + 4.0)) / 100.0**2
+    assert gap._centre_deviation(fitted) == pytest.approx(variance**0.5)
