@@ -1,12 +1,11 @@
 """Does a log make sense as that of a flexible joint? One small function per check."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.names import first_times
 from flexid.recording.recording import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft, Rank
 from flexid.recording.velocities import integral, is_noise, position_noise
 
@@ -264,7 +263,6 @@ _JUST_AFTER = 5  # steps that a jump is compared with
 _CLEAR = 20.0  # times a position's noise, by which it has to move
 _FAR = 0.1  # of its range, by which the other side moves, where no jump follows
 _JUMP = 3.0  # times the steps after it, by which the first one is larger where samples were lost
-_STUCK = "{name} does not change from {at}, while the other side moves, as if the sensor was stuck"
 
 Stretch = tuple[int, int]  # first sample, and the one after the last
 
@@ -286,17 +284,20 @@ def drop_frozen(log: Draft) -> None:
         cut = stretches[: len(stretches) - len(lasting)]
         for start, stop in cut:
             kept[start + 1 : stop] = False  # the first of the repeated samples was measured
-        _warn(log, name, cut, "that part was left out; check the sensor and the logger")
-        _warn(log, name, lasting, "check the sensor, or cut that part out")
+        for stuck, remedy in (
+            (cut, "that part was left out; check the sensor and the logger"),
+            (lasting, "check the sensor, or cut that part out"),
+        ):
+            if stuck:
+                at = log.spans((start, stop - 1) for start, stop in stuck)
+                log.warn(
+                    name,
+                    f"{name} does not change from {at}, while the other side moves, as if the "
+                    f"sensor was stuck: {remedy}",
+                    Rank.DATA,
+                )
     if not kept.all():
         log.keep(kept)
-
-
-def _warn(log: Draft, name: str, stretches: Sequence[Stretch], remedy: str) -> None:
-    """Name the stretches in which a sensor is stuck."""
-    spans = [f"{log.time[a]:.6g} s to {log.time[b - 1]:.6g} s" for a, b in stretches]
-    if stretches:
-        log.warn(name, f"{_STUCK.format(name=name, at=first_times(spans))}: {remedy}", Rank.DATA)
 
 
 def _of_one(log: Draft, name: str, clear: Mapping[str, float]) -> Iterator[Stretch]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from numbers import Real
 from pathlib import Path
 from sys import float_info
@@ -39,9 +38,23 @@ REMEDY = (
     "channel that is not to be read"
 )
 _RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
-_GEAR_REMEDY = 'write how often the motor turns in one turn of the link, as 101 or "1/101"'
 NO_GEAR = "it is for a joint that turns: write the lead, in m per turn of the motor, in its place"
-_LEADS = 1e-6, 100.0  # m in a turn of the motor
+_NUMBERS = {  # of the whole joint: least, most, and what to say of any other
+    "gear_ratio": (
+        *(1.0, 1e6),
+        'not a ratio: write how often the motor turns in one turn of the link, as 101 or "1/101"',
+    ),
+    "lead": (
+        *(1e-6, 100.0),
+        "no lead: write how many m the link moves in a turn of the motor, as 0.005 for a screw of "
+        "5 mm",
+    ),
+    "sample_time": (
+        *(SHORTEST_SAMPLE_TIME, LONGEST_SAMPLE_TIME),
+        f"no sample time from {SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s: write the "
+        f'seconds between two rows, as 0.001 or "1/1000"',
+    ),
+}
 
 
 class Recipe(NamedTuple):
@@ -118,15 +131,17 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
     """A column map from its keys and values."""
     if not content:
         raise RecordingError(file, "", "the column map is empty: name the columns in it")
-    joint, lead = _joint(file, content.pop("joint", None)), _lead(file, content.pop("lead", None))
-    ratio = _gear_ratio(file, content.pop("gear_ratio", None))
+    joint = _joint(file, content.pop("joint", None))
+    ratio, lead, seconds = (_number_of(file, content, k) for k in _NUMBERS)
     if lead is not None and joint == "revolute":
         raise RecordingError(file, "key 'lead'", "it is for a prismatic joint: leave out joint")
     if ratio is not None and (lead is not None or joint == "prismatic"):
         raise RecordingError(file, "key 'gear_ratio'", NO_GEAR)
     if lead is not None:
         joint, ratio = "prismatic", 2.0 * np.pi / lead
-    seconds = _sample_time(file, content.pop("sample_time", None), content.get("time", False))
+    if seconds is not None and content.get("time", False) is not False:
+        reason = "the map names a column for the time, too: leave one of the two out"
+        raise RecordingError(file, "key 'sample_time'", reason)
     for key in content:
         if key not in SI_UNITS:
             raise RecordingError(
@@ -227,17 +242,18 @@ def _quotient(value: Any) -> Any:
     return float(match[1]) / float(match[2]) if match and float(match[2]) else value
 
 
-def _gear_ratio(file: str, value: object) -> float | None:
-    """Turns of the motor in one turn of the link, however the ratio is written."""
+def _number_of(file: str, content: dict[str, Any], key: str) -> float | None:
+    """The number that a map has for the whole joint, within its limits; a ratio in either order."""
+    value = content.pop(key, None)
     if value is None:
         return None
-    ratio = _quotient(value)
-    if isinstance(value, str) and isinstance(ratio, float) and 0.0 < abs(ratio) < 1.0:
-        ratio = 1.0 / ratio
-    if _is_number(ratio) and 1.0 <= abs(ratio) <= 1e6:
-        return float(ratio)
-    reason = f"{cut(repr(value))} is not a ratio: {_GEAR_REMEDY}"
-    raise RecordingError(file, "key 'gear_ratio'", reason)
+    number, (least, most, remedy) = _quotient(value), _NUMBERS[key]
+    if key == "gear_ratio" and isinstance(value, str) and isinstance(number, float):
+        number = 1.0 / number if 0.0 < abs(number) < 1.0 else number
+    is_signed = key != "sample_time"
+    if _is_number(number) and least <= (abs(number) if is_signed else number) <= most:
+        return float(number)
+    raise RecordingError(file, f"key {key!r}", f"{cut(repr(value))} is {remedy}")
 
 
 def _joint(file: str, value: Any) -> JointType | None:
@@ -248,48 +264,18 @@ def _joint(file: str, value: Any) -> JointType | None:
     raise RecordingError(file, "key 'joint'", reason)
 
 
-def _lead(file: str, value: object) -> float | None:
-    """Metres that the link moves in a turn of the motor."""
-    lead, (least, most) = _quotient(value), _LEADS
-    if value is None or (_is_number(lead) and least <= abs(lead) <= most):
-        return lead
-    reason = (
-        f"{cut(repr(value))} is no lead: write how many m the link moves in a turn of the motor"
-    )
-    raise RecordingError(file, "key 'lead'", f"{reason}, as 0.005 for a screw of 5 mm")
-
-
-def _sample_time(file: str, value: object, time: object) -> float | None:
-    """Seconds between the rows of a log without a time."""
-    if value is None:
-        return None
-    refuse = partial(RecordingError, file, "key 'sample_time'")
-    if time is not False:
-        raise refuse("the map names a column for the time, too: leave one of the two out")
-    seconds = _quotient(value)
-    if not isinstance(seconds, int | float) or isinstance(seconds, bool):
-        raise refuse(f'{value!r} is not a number of seconds: write it as 0.001 or "1/1000"')
-    if not SHORTEST_SAMPLE_TIME <= seconds <= LONGEST_SAMPLE_TIME:
-        limits = f"{SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s"
-        raise refuse(
-            f"{cut(repr(value))} s is outside {limits}: write the seconds between two rows"
-        )
-    return float(seconds)
-
-
 def _find_header(table: Table, column: str, recipe: Recipe) -> str:
     """The header that a map names: exactly, without its unit, or in other letters."""
     bare = {header: split_header(header)[0] for header in table.names}
-    for matches in (
-        [header for header in table.names if header == column],
-        [header for header in table.names if bare[header] == column],
-        [
-            header
-            for header in table.names
-            if folded(column) in (folded(header), folded(bare[header]))
+    for fits in (
+        lambda header: header == column,
+        lambda header: bare[header] == column,
+        lambda header: (
+            folded(column) in (folded(header), folded(bare[header]))
             or column == split_header(table.short_name(header))[0]
-        ],
+        ),
     ):
+        matches = [header for header in table.names if fits(header)]
         if len(matches) == 1:
             return matches[0]
         if matches:

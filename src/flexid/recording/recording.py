@@ -181,6 +181,10 @@ class Draft:
         shown = [f"{time:.6g} s" for time in self.time[places[:MOST_TIMES]]]
         return first_times(shown, len(places))
 
+    def spans(self, ends: Iterable[tuple[int, int]]) -> str:
+        """Times from one sample to another, the first three of several."""
+        return first_times([f"{self.time[a]:.6g} s to {self.time[b]:.6g} s" for a, b in ends])
+
     def warn(self, names: str | Sequence[str], what: str, rank: Rank = Rank.NOTE) -> None:
         """Note a sentence about a channel, about several, or about the whole log."""
         parts = (self.file, place, what) if (place := self._place(names)) else (self.file, what)

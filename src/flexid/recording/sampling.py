@@ -1,6 +1,6 @@
 """Time stamps to an even grid: gaps cut the log into recordings, jitter is interpolated away."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import reduce
 from itertools import pairwise
 from typing import NamedTuple
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.recording.names import first_times
 from flexid.recording.recording import (
     LONGEST_SAMPLE_TIME,
     POSITIONS,
@@ -336,20 +335,15 @@ def _changes(steps: FloatArray) -> NDArray[np.int64]:
 
 def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> None:
     """Name gaps, and parts between two gaps that are too short to be recordings."""
-    time = log.time
-
-    def spans(ends: Iterable[tuple[int, int]]) -> str:
-        return first_times([f"{time[first]:.6g} s to {time[last]:.6g} s" for first, last in ends])
-
     if len(parts) > 1:
-        gaps = spans((a.stop - 1, b.start) for a, b in pairwise(parts))
+        gaps = log.spans((a.stop - 1, b.start) for a, b in pairwise(parts))
         count = f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}"
         log.warn(
             "",
             f"samples are missing from {gaps}, so the log was cut there into {count}: record "
             f"without gaps",
         )
-    short = spans((part.start, part.stop - 1) for part in parts if part not in recordings)
+    short = log.spans((part.start, part.stop - 1) for part in parts if part not in recordings)
     if short:
         log.warn(
             "",

@@ -26,6 +26,7 @@ from flexid.recording.names import cut, first_of, quoted, shortest_ends
 if TYPE_CHECKING:
     import polars
 
+_EMPTY = "the cell is empty: fill it in, or remove the row"
 EXAMPLE = "2024-05-01T10:00:00.123"  # a time stamp, for messages
 DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?$"
 DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eEdD][+-]?\d+)?$"
@@ -183,7 +184,7 @@ def _plain(cell: str | None, mark: str) -> str | None:
 def _bad_cell(cell: object) -> str:
     """Say what is wrong with a cell that is no finite number."""
     if cell is None or (isinstance(cell, str) and not cell.strip()):
-        return "the cell is empty: fill it in, or remove the row"
+        return _EMPTY
     text = str(cell).strip()
     shown = cut(text, 24)
     if re.fullmatch(DECIMAL_COMMA, text):
@@ -200,11 +201,7 @@ def _bad_cell(cell: object) -> str:
     )
 
 
-if TYPE_CHECKING:
-    import polars
-
-LONG_AGO = 1e8
-"""Seconds beyond which a clock counts from long ago, and the log from its own beginning."""
+LONG_AGO = 1e8  # s beyond which a clock counts from long ago, and the log from its own beginning
 
 _DATES = {  # the years are those that 64 bits of nanoseconds hold
     r"(?:1[789]|2[01])\d\d-\d\d-\d\d": "%Y-%m-%d",
@@ -362,9 +359,8 @@ class Clock:
             return
         column = table.frame[header]
         index = int(np.argmax(ticks.is_null().to_numpy()))
-        cell = column[index]
-        text = "" if cell is None else str(cell).strip()
-        reason = "the cell is empty: fill it in, or remove the row"
+        text = str(column[index] or "").strip()
+        reason = _EMPTY
         if text:
             first = str(column.drop_nulls()[0]).strip()
             what = f"a time stamp of the same form as the first one, {first!r}"
