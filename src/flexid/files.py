@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexid.errors import SettingError
 
-Refuse = Callable[[str], Exception]
-"""Makes an error of a reason."""
+Refuse = Callable[[str], Exception]  # makes an error of a reason
 
 _ADDRESS = re.compile(r"^([a-z]{2,}):/(?=[^/])")
 
@@ -192,8 +191,7 @@ def _move_all(staging: Path, out: Path) -> None:
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
-MAX_BYTES = 200_000
-"""Largest file that is read."""
+MAX_BYTES = 200_000  # largest file that is read
 
 _MOST_PARTS = 20  # of a key, such as controller.nominal.k
 _LONG_KEY = re.compile(

@@ -154,8 +154,7 @@ _DONE = {
 """Whether an answer has all that was asked for, where it may have less."""
 
 _WORDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
-COMMANDS = tuple(_WORDS)
-"""Names of all commands."""
+COMMANDS = tuple(_WORDS)  # names of all commands
 
 _ABOUT = "Physical parameters of flexible-joint drives from their motion, with intervals."
 _EPILOG = (

@@ -162,8 +162,7 @@ volatile while _Bool _Complex _Imaginary asm
 asinh atan cos cosh erf exp fabs log pow sin sqrt tan tanh INFINITY NAN main
 state input input_rate observer_state gain constant estimate rate NODES WEIGHTS
 """
-RESERVED = frozenset(_RESERVED_WORDS.split())
-"""Names that mean something in printed C."""
+RESERVED = frozenset(_RESERVED_WORDS.split())  # names that mean something in printed C
 
 _TAKEN = re.compile(r"[A-Z][A-Z0-9_]+|flexid_\w+|\w+_t")
 """Macros of the estimator and of the C library, and types."""

@@ -24,8 +24,7 @@ from flexid.models.parametric_system import ParametricSystem
 #
 # The sign of a row's own velocity is its *mode*, which the kernel sets. Where the magnitude of what
 # depends on positions stands in the equations they have a *corner*: the kernel ends a step.
-KNOWN = -1
-"""Stands in ``DRY`` for a known part with dry friction, which has no coefficient."""
+KNOWN = -1  # stands in ``DRY`` for a known part with dry friction, which has no coefficient
 
 _TOGETHER = 8  # columns that one instruction may take
 _CHEAP = (sp.sin, sp.cos, sp.Abs, sp.sign)  # functions that are no calls

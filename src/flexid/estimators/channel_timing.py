@@ -155,8 +155,7 @@ def _kernel(hold: Hold, at: FloatArray) -> FloatArray:
 INPUT = "input_delay"
 """Name of the inputs' delay; that of a row's position is the row's name and ``_delay``."""
 
-DELAY = "_delay"
-"""What the name of a row's delay ends with."""
+DELAY = "_delay"  # what the name of a row's delay ends with
 
 _ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to
 

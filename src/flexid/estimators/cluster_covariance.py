@@ -8,7 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.normal_equations import eigen, pseudo_inverse, scaled_inverse
+from flexid.estimators.normal_equations import (
+    eigen,
+    scaled_inverse,
+    scaled_pseudo_inverse,
+)
 
 _WHOLE = 1e-6  # what a block leaves of a direction's residual, below which it leaves nothing
 _ROUNDING = 1e-13  # relative size below which an eigenvalue of a covariance is zero
@@ -127,15 +131,11 @@ def _own_unknowns(
     """Segments' own covariance, (n_segments, n, n), and how common unknowns enter, (..., n, k)."""
     count, n, _ = total.shape
     first = n - k
-    scale = np.sqrt(np.einsum("sii->si", total)[:, :first])
-    scale = np.where(scale > 0.0, scale, 1.0)
-    scales = scale[:, :, None] * scale[:, None, :]
     own = np.zeros((count, n, n))
     borders = np.zeros((count, n, k))
     borders[:, first:] = np.eye(k)
     if first:
-        alone = total[:, :first, :first] / scales
-        own[:, :first, :first] = pseudo_inverse(alone, _ROUNDING) / scales
+        own[:, :first, :first] = scaled_pseudo_inverse(total[:, :first, :first], _ROUNDING)
         borders[:, :first] = -own[:, :first, :first] @ total[:, :first, first:]
     return own, borders
 
@@ -187,8 +187,7 @@ def _share(alone: FloatArray, p: int, freedom: float) -> float:
     return 1.0 if alike >= apart else alike / apart
 
 
-BLOCK_DURATION = 1.0
-"""Length of a block in s, if the record has room for `WANTED_BLOCKS` of them."""
+BLOCK_DURATION = 1.0  # length of a block in s, if the record has room for `WANTED_BLOCKS` of them
 
 WANTED_BLOCKS = 20
 

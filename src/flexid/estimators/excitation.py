@@ -12,8 +12,7 @@ from flexid.errors import SimulationError
 from flexid.estimators.normal_equations import eigen
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 
-WEAK_CONDITION = 1e3
-"""Condition number of the normalised Gram matrix above which a warning is due."""
+WEAK_CONDITION = 1e3  # condition number of the normalised Gram matrix above which a warning is due
 
 LOST_CONDITION = 1e5
 """Condition number above which the confounded coefficients cannot be distinguished."""

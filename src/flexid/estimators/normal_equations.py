@@ -33,8 +33,15 @@ def pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
     return (vectors * inverses[..., None, :]) @ np.swapaxes(vectors, -1, -2)
 
 
-NULL = 1e-12
-"""Eigenvalue of a matrix scaled to a unit diagonal that counts as zero."""
+def scaled_pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
+    """Pseudo-inverses of symmetric matrices, each scaled to a unit diagonal first."""
+    scale = np.sqrt(matrices.diagonal(axis1=1, axis2=2))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    scales = scale[:, :, None] * scale[:, None, :]
+    return pseudo_inverse(matrices / scales, null) / scales
+
+
+NULL = 1e-12  # eigenvalue of a matrix scaled to a unit diagonal that counts as zero
 
 _PART = 1e-6  # of a coefficient in an open direction, from which on it is free
 
@@ -109,7 +116,7 @@ def solve_arrow(
         places = np.arange(n_states)
         own[:, places, places] *= 1.0 + damping
         common = common + damping * np.diag(common.diagonal())
-    own_inverse = _inverses(own)
+    own_inverse = scaled_pseudo_inverse(own, NULL)
     weights = own_inverse @ border
     by_own = gradient[:, :n_states, None]
     states_alone = own_inverse @ by_own
@@ -132,11 +139,3 @@ def solve_arrow(
         float(total @ values_step + by_states.sum()),
         by_states,
     )
-
-
-def _inverses(matrices: FloatArray) -> FloatArray:
-    """Pseudo-inverses of symmetric matrices, each scaled to a unit diagonal first."""
-    scale = np.sqrt(matrices.diagonal(axis1=1, axis2=2))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    scales = scale[:, :, None] * scale[:, None, :]
-    return pseudo_inverse(matrices / scales, NULL) / scales

@@ -19,11 +19,9 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise
 
-FLAT = 2e-3
-"""Part of the sum of squares that a step promises, below which none has to be found."""
+FLAT = 2e-3  # part of the sum of squares that a step promises, below which none has to be found
 
-ITERATIONS = 20
-"""Steps that may be taken: far more than the five or so that a good start needs."""
+ITERATIONS = 20  # steps that may be taken: far more than the five or so that a good start needs
 
 NEARLY_NOISE = 1.5
 """Variance of the weighted residuals up to which a rough bottom may be gone on from, or end on."""
@@ -177,8 +175,7 @@ def output_weights(
 NEGLIGIBLE = 0.1
 """Standard deviations by which the error may move values: a 95 % interval then holds 94.9 %."""
 
-MOST = 4
-"""Times as many steps, at most: they leave 1/256 of the error, and take four times as long."""
+MOST = 4  # times as many steps, at most: they leave 1/256 of the error, and take four times as long
 
 _ORDER = 4  # of Runge and Kutta's method
 

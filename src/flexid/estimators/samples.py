@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
-from typing import Literal, NamedTuple, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -274,26 +274,20 @@ def _start(positions: FloatArray, allowed: float) -> tuple[float, float]:
     """First value, and slope per sample, by the longest cubic that leaves no more than allowed."""
     n = len(positions)
     while True:
-        fit = _cubic(n)
-        coefficients = fit.inverse @ positions[:n]
-        left = positions[:n] - fit.powers @ coefficients
+        powers, inverse = _cubic(n)
+        coefficients = inverse @ positions[:n]
+        left = positions[:n] - powers @ coefficients
         shorter = max(_FEWEST_START_SAMPLES, int(n / _START_RATIO))
         if shorter >= n or left @ left <= allowed**2 * (n - 4):
             return float(coefficients[0]), float(coefficients[1])
         n = shorter
 
 
-class _Cubic(NamedTuple):
-    """Powers of the place of n samples, shape (n, 4), and their inverse, shape (4, n)."""
-
-    powers: FloatArray
-    inverse: FloatArray
-
-
 @cache
-def _cubic(n: int) -> _Cubic:
+def _cubic(n: int) -> tuple[FloatArray, FloatArray]:
+    """Powers of the place of n samples, shape (n, 4), and their inverse, shape (4, n)."""
     powers = np.vander(np.arange(n, dtype=np.float64), 4, increasing=True)
-    return _Cubic(powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64))
+    return powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64)
 
 
 _FEWEST_SAMPLES = 5_000  # of a thread: below, starting it costs as much as it saves

@@ -1,11 +1,10 @@
 """A model's motion over segments beside the measured one, and the normal equations of their fit."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +24,8 @@ if TYPE_CHECKING:
 _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
 _MOST_SUBSTEPS = 30.0  # per sample; what is faster than three radians in one is over in no time
 _LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
-_SEEN_SAMPLES = (
-    3.0  # times the information of one sample on a velocity; twenty have 2500 times that
-)
+# times the information of one sample on a velocity; twenty have 2500 times that
+_SEEN_SAMPLES = 3.0
 _HARDLY = 100.0  # times that, up to which a velocity is hardly seen
 _FORGOTTEN = 1e-6  # the same where an observer corrects it from the first sample on
 _LINEARISED = 40  # states over which a linearisation is the mean
@@ -210,12 +208,9 @@ class SegmentedMotion:
     def _coefficients(self, values: FloatArray) -> FloatArray:
         """Coefficients of every segment, shape (n_segments, n_coefficients)."""
         sought = values[: len(self.unknowns.names)]
-        return self._by_segment(lambda recording: self.unknowns.coefficients(sought, recording))
-
-    def _by_segment(self, of_recording: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
-        """What each segment takes from its recording, stacked."""
         recordings = self.segments.recordings[self.segments.firsts].tolist()
-        return np.array([of_recording(recording) for recording in recordings])[self.segments.places]
+        found = [self.unknowns.coefficients(sought, recording) for recording in recordings]
+        return np.array(found)[self.segments.places]
 
     def _jacobians(self, states: FloatArray, coefficients: FloatArray) -> FloatArray:
         """Derivatives of the rates by the states, about a state at the start of each segment."""
@@ -416,8 +411,7 @@ def segmented_motion(
     return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
 
 
-MOTION = ("sin_cos", "model")
-"""Templates by which the kernel of the segments moves a model."""
+MOTION = ("sin_cos", "model")  # templates by which the kernel of the segments moves a model
 
 
 def motion_kernel(system: "ParametricSystem | TorqueBalance") -> ModuleType:

@@ -99,21 +99,9 @@ def _sensor_covariance(problem: SegmentedMotion, sensors: FloatArray) -> FloatAr
     return mixing @ np.diag(sensors**2) @ mixing.T
 
 
-WORST = 1e15
-"""Cost of what cannot be computed; a difference of two has to be a number."""
+WORST = 1e15  # cost of what cannot be computed; a difference of two has to be a number
 
 _BANDS = 120  # of each recording, of equal width on a logarithmic scale
-
-
-@dataclass(frozen=True, eq=False)
-class _Recording:
-    """Innovations of one recording."""
-
-    count: int  # of samples
-    sample_time: float
-    transition: FloatArray  # of states and disturbances over an interval
-    places: NDArray[np.complex128]  # (n_bands,): z of each band
-    outputs: NDArray[np.complex128]  # (n_bands, n_outputs, n_outputs): power of y
 
 
 def cost_by_spectra(
@@ -131,22 +119,20 @@ def cost_by_spectra(
         places, power = _bands(inside)
         moved, gain, *_ = _predictor(observed, transition, step, sizes)
         response = np.eye(len(sees)) + _response(places, moved, gain, sees)
-        outputs = response @ power @ response.conj().transpose(0, 2, 1)
-        recordings.append(_Recording(len(inside), step, transition, places, outputs))
+        outputs = response @ power @ response.conj().transpose(0, 2, 1)  # power of y in each band
+        recordings.append((len(inside), step, transition, places, outputs))
 
     def cost(sizes: Sizes) -> float:
         total = 0.0
-        for own in recordings:
+        for count, step, transition, places, outputs in recordings:
             try:
-                moved, gain, whitening, entropy = _predictor(
-                    observed, own.transition, own.sample_time, sizes
-                )
+                moved, gain, whitening, entropy = _predictor(observed, transition, step, sizes)
             except (LinAlgError, ValueError):
                 return WORST
-            inverse = np.eye(len(sees)) - _response(own.places, moved - gain @ sees, gain, sees)
+            inverse = np.eye(len(sees)) - _response(places, moved - gain @ sees, gain, sees)
             white = whitening @ inverse
-            squares = np.sum((white @ own.outputs) * white.conj())
-            total += own.count * float(entropy.sum()) + float(squares.real)
+            squares = np.sum((white @ outputs) * white.conj())
+            total += count * float(entropy.sum()) + float(squares.real)
         return total
 
     return cost

@@ -13,8 +13,7 @@ from flexid.errors import SettingError
 from flexid.estimators.normal_equations import NULL
 from flexid.models.parametric_system import ParametricSystem, Row
 
-FIXED = -1
-"""Column of a coefficient that is not sought."""
+FIXED = -1  # column of a coefficient that is not sought
 
 
 @dataclass(frozen=True)
@@ -22,9 +21,11 @@ class Unknowns:
     """Which coefficients of a system are sought, from which recordings: p_j = b_j + S_j θ."""
 
     system: ParametricSystem
+    # coefficients that keep a value; "offset[2]" is that of the second group alone
     fixed: Mapping[str, float] = field(default_factory=dict)
-    per_group: tuple[str, ...] = ()
-    groups: tuple[int, ...] = ()
+    per_group: tuple[str, ...] = ()  # coefficients that are sought for each group
+    groups: tuple[int, ...] = ()  # group of each recording, counted from 0; empty: all are of one
+    # "c": ("a", "b", "d") means c = a b / d, which only the prediction error heeds
     tied: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -68,9 +69,9 @@ class Unknowns:
         self, values: FloatArray | Sequence[float], recording_index: int
     ) -> FloatArray:
         """Coefficients of a recording, shape (n_coefficients,), from what is sought, (n_names,)."""
-        columns = self.columns(recording_index)
+        columns, fixed = self._placed(recording_index)
         sought = np.asarray(values, dtype=np.float64)[columns]
-        found = np.where(columns == FIXED, self._fixed_values(recording_index), sought)
+        found = np.where(columns == FIXED, fixed, sought)
         for target, sources in self._ties:
             a, b, d = (float(found[source]) for source in sources)
             found[target] = a * b / d if a else 0.0
@@ -90,11 +91,10 @@ class Unknowns:
 
     def depends(self, recording_index: int) -> NDArray[np.bool_]:
         """Which coefficients of a recording depend on what is sought, (n_coefficients, n_names)."""
-        columns = self.columns(recording_index)
+        columns, fixed = self._placed(recording_index)
         pattern = np.zeros((len(columns), len(self.names)), dtype=np.bool_)
         sought = np.flatnonzero(columns != FIXED)
         pattern[sought, columns[sought]] = True
-        fixed = self._fixed_values(recording_index)
         for target, (a, b, d) in self._ties:
             if columns[a] != FIXED or fixed[a] != 0.0:  # a term that is off stays off
                 pattern[target] = pattern[a] | pattern[b] | pattern[d]
@@ -110,9 +110,8 @@ class Unknowns:
 
     def absent(self, recording_index: int) -> frozenset[str]:
         """Coefficients of the system that are fixed at 0 in a recording: their terms are off."""
-        off = (self.columns(recording_index) == FIXED) & (
-            self._fixed_values(recording_index) == 0.0
-        )
+        columns, fixed = self._placed(recording_index)
+        off = (columns == FIXED) & (fixed == 0.0)
         return frozenset(c for c, o in zip(self.system.coefficients, off, strict=True) if o)
 
     def fixing(self, more: Mapping[str, float]) -> "Unknowns":
@@ -137,9 +136,6 @@ class Unknowns:
             c: tuple(_of_group(c, group) for group in groups) if c in several else (c,)
             for c in self.system.coefficients
         }
-
-    def _fixed_values(self, recording_index: int) -> FloatArray:
-        return self._placed(recording_index)[1]
 
     def _placed(self, recording_index: int) -> tuple[NDArray[np.int64], FloatArray]:
         """Columns and fixed values of a recording; every step of every fit asks for them."""
@@ -240,12 +236,8 @@ def bounded_fit(
 
 def _check(unknowns: Unknowns, bounds: Bounds) -> None:
     coefficients = unknowns.system.coefficients
+    _check_known("bounds", bounds, tuple(dict.fromkeys((*coefficients, *unknowns.names))))
     for name, (lower, upper) in bounds.items():
-        if name not in (*coefficients, *unknowns.names):
-            raise SettingError(
-                "bounds",
-                f"{name!r} is no coefficient of this model; it has {', '.join(coefficients)}",
-            )
         if not lower < upper:
             raise SettingError(
                 "bounds", f"those of {name!r}, {lower:g} and {upper:g}, leave no room: correct them"

@@ -230,8 +230,7 @@ class Design:
         return self.prediction.worst <= DETERMINED_DEVIATION
 
 
-STARTS = 2
-"""Random starts of the search."""
+STARTS = 2  # random starts of the search
 
 _LARGEST_SCALE = 2.0
 _HALVINGS = 12  # of the interval that the scale is sought in

@@ -26,8 +26,7 @@ from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
 from flexid.simulation.free_run import free_run, plain_model
 from flexid.stored_estimates.estimate_file import StoredEstimate, refusal
 
-DOUBT = 0.3
-"""Relative error of every parameter that a design must bear."""
+DOUBT = 0.3  # relative error of every parameter that a design must bear
 
 _RANDOM_CASES = 16
 _RAMP = 0.1  # of the duration
@@ -236,8 +235,7 @@ class Case:
         return state
 
 
-SEGMENT_DURATION = 1.0
-"""Length in s of the segments that predictions hold for."""
+SEGMENT_DURATION = 1.0  # length in s of the segments that predictions hold for
 
 CHANNELS = ("torque", "velocity", "position", "deflection")
 

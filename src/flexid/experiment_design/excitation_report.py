@@ -36,8 +36,7 @@ class CoefficientAssessment(ValueEstimate):
     correlation: float  # with the partner, -1 to 1
 
 
-Correlations = Mapping[str, Mapping[str, float]]
-"""Of the unknowns that the log shows."""
+Correlations = Mapping[str, Mapping[str, float]]  # of the unknowns that the log shows
 
 
 def assess(result: Identification) -> tuple[dict[str, CoefficientAssessment], Correlations]:

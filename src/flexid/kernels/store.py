@@ -27,8 +27,7 @@ _LOADING = threading.RLock()  # a second thread would find half a module
 
 _LOADED: dict[tuple[str, ...], ModuleType] = {}
 
-CACHE_VARIABLE = "FLEXID_CACHE_DIR"
-"""Environment variable that moves the cache of kernels."""
+CACHE_VARIABLE = "FLEXID_CACHE_DIR"  # environment variable that moves the cache of kernels
 
 
 # A kernel is ONE self-contained Python file: numba's disk cache does not notice a change in a

@@ -79,8 +79,7 @@ def samples(log: OneLog, *, columns: Columns | None = None) -> tuple[Samples, ..
     log : path, data frame, mapping of arrays, Log or Recording
         As `read_log` takes it. With one encoder the samples are those of a rigid joint.
     columns : path or mapping, optional
-        A column map for raw sensor columns: a TOML file, or what it would hold, such as
-        ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
+        A column map for raw sensor columns. As `read_log` takes it.
 
     Returns
     -------

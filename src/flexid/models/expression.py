@@ -133,7 +133,8 @@ class _Folder:
 
     def known(self, name: str) -> str:
         if name not in self._names and name not in CONSTANTS:
-            raise self.refuse(f"{name!r} is not declared here; declared are {_listed(self._names)}")
+            declared = ", ".join(sorted(self._names)) or "none"
+            raise self.refuse(f"{name!r} is not declared here; declared are {declared}")
         return name
 
     def binary(self, node: ast.BinOp, depth: int):
@@ -201,7 +202,3 @@ def _power_levels(node: ast.AST) -> int:
         deepest = max(deepest, level)
         waiting += [(child, level) for child in ast.iter_child_nodes(part)]
     return deepest
-
-
-def _listed(names: Collection[str]) -> str:
-    return ", ".join(sorted(names)) if names else "none"

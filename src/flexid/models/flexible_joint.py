@@ -29,8 +29,7 @@ CONTENTS: Sequence[Mapping[str, Any]] = [
 COULOMB_VELOCITY: Mapping[JointType, float] = {"revolute": 0.1, "prismatic": 0.005}
 """Velocity in rad/s or m/s over which the smoothed Coulomb friction, a tanh, changes sign."""
 
-SMOOTHING = "coulomb_velocity"
-"""The constant of that name in the regressors of Coulomb friction."""
+SMOOTHING = "coulomb_velocity"  # the constant of that name in the regressors of Coulomb friction
 
 
 @dataclass(frozen=True)
@@ -203,8 +202,7 @@ DISSIPATIVE = frozenset(
 )
 """Frictions and dampings, which no drive has negative."""
 
-SPRING = _COMPLIANCE.coefficients
-"""Coefficients of the joint spring, in the rows of link and motor."""
+SPRING = _COMPLIANCE.coefficients  # coefficients of the joint spring, in the rows of link and motor
 
 POSITIVE = frozenset({*SPRING, "beta1"})
 """Coefficients that no spring and no inertia has negative or zero."""
@@ -234,8 +232,7 @@ DRY_FRICTIONS = frozenset(
 ANGULAR_TERMS = frozenset(name for name, one in _EVERY.items() if one.get("angular"))
 """Terms that repeat with the angle of a link, which one that slides does not have."""
 
-PAPER_TERMS = ("gravity", "motor_viscous")
-"""The terms of Huang (2003), eq. (4)."""
+PAPER_TERMS = ("gravity", "motor_viscous")  # of Huang (2003), eq. (4)
 
 
 def flexible_joint(

@@ -82,8 +82,7 @@ def read_model(path: str | Path) -> ParametricSystem:
         raise ModelError(str(path), "an expression is nested too deeply: split it") from None
 
 
-MOST_JOINTS = 7
-"""Joints of an arm at most: its equations grow with the third power of their number."""
+MOST_JOINTS = 7  # joints of an arm at most: its equations grow with the third power of their number
 
 _LONGEST, _STRONGEST = 100.0, 1000.0  # m, m/s^2
 

@@ -151,8 +151,7 @@ class Quotient:
         return sum(weight * coefficients[name] for name, weight in self.weights.items())
 
 
-PhysicalParameter = Product | Pair | Quotient
-"""A function of some coefficients."""
+PhysicalParameter = Product | Pair | Quotient  # a function of some coefficients
 
 
 _KINDS = {

@@ -219,8 +219,7 @@ def _cancelling(
     return sp.factor_terms(total)
 
 
-VARIABLE = sp.Symbol("_xi", real=True)
-"""The variable of integration."""
+VARIABLE = sp.Symbol("_xi", real=True)  # the variable of integration
 
 
 # Closed where that is plain: polynomials in v, |v| and sign v, tanh of a straight line in v. Of

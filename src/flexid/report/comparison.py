@@ -55,11 +55,7 @@ def differences_table(title: str, differences: Mapping[str, Difference]) -> Tabl
     table = Table(title, columns)
     for d in differences.values():
         a, b = (value_texts(v.value, *v.interval)[0] if v else "none" for v in (d.a, d.b))
-        interval = ""
-        if d.compared:
-            relative = isfinite(d.percent)
-            shown = (d.percent, *d.percent_interval) if relative else (d.value, *d.interval)
-            interval = f"{value_texts(*shown)[1]} {'%' if relative else d.unit}"
+        interval = "{1} {2}".format(*_change(d)) if d.compared else ""
         table.add(d.name, a, b, interval, outcome_text(d))
     return table
 
@@ -115,7 +111,7 @@ def _rounded_up(value: float) -> str:
 def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:
     changed = comparison.having("changed")
     if changed:
-        by = ", ".join(f"{d.name} by {_change(d)}" for d in changed)
+        by = ", ".join(f"{d.name} by {' '.join(_change(d))}" for d in changed)
         return (
             f"Changed: {by}. That is beyond chance for {_count(compared)} together: where "
             f"nothing has changed, at most one comparison in twenty names anything."
@@ -153,12 +149,11 @@ def _differ(differences: Sequence[Difference]) -> str:
     return "differ" if len(differences) > 1 else "differs"
 
 
-def _change(difference: Difference) -> str:
-    relative = isfinite(difference.percent)
-    value = difference.percent if relative else difference.value
-    ends = difference.percent_interval if relative else difference.interval
-    shown, interval = value_texts(value, *ends)
-    return f"{shown} {interval} {'%' if relative else difference.unit}"
+def _change(d: Difference) -> tuple[str, str, str]:
+    """The difference, its interval and their unit."""
+    if isfinite(d.percent):
+        return *value_texts(d.percent, *d.percent_interval), "%"
+    return *value_texts(d.value, *d.interval), d.unit
 
 
 def _count(compared: Sequence[Difference]) -> str:

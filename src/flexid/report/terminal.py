@@ -17,8 +17,7 @@ from rich.text import Text
 
 from flexid.identification.vocabulary.evidence import Verdict
 
-WIDEST = 100
-"""Columns that an answer takes at most; longer lines are hard to read."""
+WIDEST = 100  # columns that an answer takes at most; longer lines are hard to read
 
 _BETWEEN = 2  # blanks between two columns
 _EMPTY = Text()
@@ -100,8 +99,7 @@ def _broken(name: Text, width: int) -> Text:
     return Text("\n".join(lines), name.style) if len(lines) > 1 else name
 
 
-Part = Table | Text | str
-"""A table or a sentence, which is a `Text` where it has a style."""
+Part = Table | Text | str  # a table or a sentence, which is a `Text` where it has a style
 
 
 def number(value: float, digits: int, unit: str = "") -> str:

@@ -63,8 +63,7 @@ def row_excitation(run: Run, samples: slice = slice(None)) -> dict[str, Excitati
 SETTLED = 1e-3
 """Share of an error's first value within which it has to stay to count as settled or vanished."""
 
-ALLOWED_RISE = 10.0
-"""Rise of V, in integration tolerances, that is put down to the integrator."""
+ALLOWED_RISE = 10.0  # rise of V, in integration tolerances, that is put down to the integrator
 
 
 @dataclass(frozen=True)

@@ -383,8 +383,7 @@ def _doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
         yield from (f"{side}: {warning}" for warning in estimate.warnings)
 
 
-_ALIKE = 2.0
-"""Ratio of two widths beyond which what rests on them is not compared."""
+_ALIKE = 2.0  # ratio of two widths beyond which what rests on them is not compared
 
 _OWN_RATIO = {RIPPLE_NUMBER: 1.02, RIPPLE_ORIGIN: 1.0 + 1e-9}
 """That of constants beyond which ripples, or the turns that their angles count, are others."""

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification
     from flexid.identification.result import Identification
 
-FORMAT_VERSION = 1
-"""Of the files that this version writes, and the newest that it reads."""
+FORMAT_VERSION = 1  # of the files that this version writes, and the newest that it reads
 
 LARGEST_FILE = 20_000_000  # bytes; an estimate of many logs has some values for each
 

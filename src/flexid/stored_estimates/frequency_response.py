@@ -254,9 +254,8 @@ class Response:
     values: ComplexArray
     lower: FloatArray  # ends of the magnitude's interval; 0 where the log leaves something free,
     upper: FloatArray  # and infinite
-    behind: (
-        FloatArray  # ends of the phase's interval in rad, on the branch of the angle of `values`
-    )
+    # ends of the phase's interval in rad, on the branch of the angle of `values`
+    behind: FloatArray
     ahead: FloatArray
 
 

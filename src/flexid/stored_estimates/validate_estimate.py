@@ -36,8 +36,7 @@ from flexid.recording.velocities import position_noise
 from flexid.stored_estimates.estimate_file import WANTED, StoredEstimate
 from flexid.stored_estimates.structure import structure_of, values_of
 
-HEAD = 0.5
-"""Seconds at the start of each recording from which the first state is taken."""
+HEAD = 0.5  # seconds at the start of each recording from which the first state is taken
 
 _SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator are chosen
 

@@ -26,7 +26,7 @@ from flexid.recording.sampling import GAP, check_typical
 from flexid.recording.table import Clock, Table, decimal_mark
 from flexid.recording.text import COMMENT_MARKS, UTF_16, as_utf_8, read_text
 from flexid.streaming.options import StreamChannels, chosen_channels
-from flexid.streaming.sources import name_of, open_source
+from flexid.streaming.sources import open_source
 
 if TYPE_CHECKING:
     import polars
@@ -142,7 +142,8 @@ class TextSamples(TextStream):
         stop_at_end: bool = False,
         **options: Any,
     ) -> None:
-        super().__init__(name_of(source), column_map, **options)
+        name = "standard input" if source == "-" else shown(Path(source))
+        super().__init__(name, column_map, **options)
         self._source = open_source(source, stop_at_end=stop_at_end)
 
     def __iter__(self) -> Iterator[FloatArray]:

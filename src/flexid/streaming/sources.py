@@ -17,11 +17,6 @@ MOST = 1 << 20  # bytes that are handed over at once
 _COMPARED = 256  # bytes, by which a file is known that is read on
 
 
-def name_of(source: str) -> str:
-    """What messages call it."""
-    return "standard input" if source == "-" else shown(Path(source))
-
-
 def open_source(source: str, *, stop_at_end: bool = False) -> Generator[bytes]:
     """Bytes of a source as they come."""
     if source == "-":

@@ -86,8 +86,6 @@ _EARLY = 0.3  # s; later an unstable reading leaves what an integrator can follo
 _SETTLING = 5.0  # s, four periods of the reference
 
 
-# (A4) holds, fails altogether, nearly fails; only the reference differs. Where (A4) fails, the
-# errors must settle on the part of p̃(0) orthogonal to the regressors.
 @dataclass(frozen=True, eq=False)
 class SteadyRun:
     """A reading simulated with Table I over 30 s."""
@@ -290,6 +288,7 @@ class TheoremCase:
         return max(self.excitation[row].condition_number for row in self.judged)
 
 
+# Where (A4) fails, errors must settle on the part of p̃(0) orthogonal to the regressors.
 CASES = (
     # Table I, run ten times as long as in the paper: all errors vanish
     ("(A4) holds", AMPLITUDE, 0.0, 300.0, ("link", "motor")),

@@ -38,8 +38,7 @@ def assets() -> dict[str, tuple[bytes, str]]:
     return {**own, "chart.css": (drawing_style().encode(), "text/css")}
 
 
-Send = Callable[[dict[str, Any]], Awaitable[None]]
-"""Sends a message to the page of a window."""
+Send = Callable[[dict[str, Any]], Awaitable[None]]  # sends a message to the page of a window
 
 
 @dataclass(frozen=True)
