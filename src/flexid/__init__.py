@@ -1,7 +1,6 @@
 """flexid: physical parameters of flexible-joint drives from their motion, without accelerations.
 
-Every command is a function here; each name is loaded when it is first used, so that importing
-flexid costs next to nothing. ``__init__.pyi`` lists the names, for type checkers too.
+``__init__.pyi`` lists the names, each of which is loaded when it is first used.
 """
 
 import re

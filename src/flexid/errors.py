@@ -1,8 +1,4 @@
-"""Every exception flexid raises on purpose.
-
-One root, `FlexidError`; each subclass carries its data as fields, and its text is one sentence
-that names the place and the remedy, fit to be shown to a user as it stands.
-"""
+"""Every exception flexid raises on purpose: data as fields, and one sentence for a user."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, fields

@@ -1,8 +1,4 @@
-"""Files: from outside bounded in size and refused in one sentence; written whole or not at all.
-
-Every reader has an error of its own; it hands in a function that makes that error of a reason. TOML
-is checked against a schema, and what refuses it takes the key as well.
-"""
+"""Files: from outside bounded in size and refused in one sentence; written whole or not at all."""
 
 from __future__ import annotations
 
@@ -29,18 +25,11 @@ _ADDRESS = re.compile(r"^([a-z]{2,}):/(?=[^/])")
 
 
 def shown(path: Path) -> str:
-    """The path as it was given, for a message: on one line, and no longer than one can read.
-
-    An address keeps both its slashes, of which a path has one.
-
-    >>> from pathlib import Path
-    >>> shown(Path("logs") / "a.csv")
-    'logs/a.csv'
-    """
+    """The path as it was given, for a message: on one line, and no longer than one can read."""
     text = "".join(
         character if character.isprintable() else repr(character)[1:-1] for character in str(path)
     )
-    text = _ADDRESS.sub(r"\1://", text)
+    text = _ADDRESS.sub(r"\1://", text)  # an address has two slashes, of which a path keeps one
     return text if len(text) <= 300 else f"{text[:140]}...{text[-140:]}"
 
 

@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flexid.cli.generated import (
-    Command,
-    ExitStatus,
-    Options,
-    as_typed,
-    output,
-    print_warnings,
-)
+from flexid.cli.generated import Command, ExitStatus, Options, as_typed, output, print_warnings
 from flexid.errors import RecordingError, SettingError
 from flexid.files import shown
 from flexid.library.arguments import one_thread

@@ -8,12 +8,7 @@ import sympy as sp
 
 from flexid.derivation.model_functions import module_header
 from flexid.derivation.source import assignments, function, print_scalar, unpack
-from flexid.derivation.symbolic import (
-    SymbolicMemory,
-    SymbolicSystem,
-    derivative,
-    symbolic_system,
-)
+from flexid.derivation.symbolic import SymbolicMemory, SymbolicSystem, derivative, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
 # With x' = f(x, u, p), the derivatives by the state s at the start of a segment and by p obey

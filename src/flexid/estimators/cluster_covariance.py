@@ -8,11 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.normal_equations import (
-    eigen,
-    scaled_inverse,
-    scaled_pseudo_inverse,
-)
+from flexid.estimators.normal_equations import eigen, scaled_inverse, scaled_pseudo_inverse
 
 _WHOLE = 1e-6  # what a block leaves of a direction's residual, below which it leaves nothing
 _ROUNDING = 1e-13  # relative size below which an eigenvalue of a covariance is zero

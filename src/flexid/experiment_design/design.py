@@ -13,14 +13,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError, SimulationError
 from flexid.estimators.excitation import information_at
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.experiment_design.drive import (
-    DOUBT,
-    SEGMENT_DURATION,
-    Case,
-    CaseRun,
-    Drive,
-    DriveFile,
-)
+from flexid.experiment_design.drive import DOUBT, SEGMENT_DURATION, Case, CaseRun, Drive, DriveFile
 from flexid.experiment_design.excitation_report import DETERMINED_DEVIATION
 
 _SAMPLES_PER_RADIAN = 4.0  # of the fastest motion, in the search

@@ -12,11 +12,7 @@ from flexid.experiments import Experiment
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import SIDE_BY_SIDE, loop_kernel
 from flexid.simulation.ensemble import STATUS as STATUS_NAMES
-from flexid.simulation.ensemble import (
-    Ensemble,
-    simulate_ensemble,
-    simulate_sampled_ensemble,
-)
+from flexid.simulation.ensemble import Ensemble, simulate_ensemble, simulate_sampled_ensemble
 from flexid.simulation.sampled import sampled_kernel
 
 STATUS, ERROR, REACHED, STEPS = "status", "error", "reached", "steps"

@@ -11,12 +11,7 @@ from numpy.typing import NDArray
 from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.latex import LatexPrinter
 
-from flexid.derivation.symbolic import (
-    FreshNames,
-    SymbolicRow,
-    SymbolicSystem,
-    symbolic_system,
-)
+from flexid.derivation.symbolic import FreshNames, SymbolicRow, SymbolicSystem, symbolic_system
 from flexid.errors import AccelerationError, ModelError
 from flexid.models.parametric_system import ParametricSystem
 

@@ -11,15 +11,7 @@ from flexid.identification.vocabulary.evidence import CONFIDENCE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.identification import COEFFICIENTS, PARAMETERS
 from flexid.report.page import Presenter
-from flexid.report.terminal import (
-    Column,
-    Part,
-    Table,
-    listed,
-    number,
-    numbers,
-    value_texts,
-)
+from flexid.report.terminal import Column, Part, Table, listed, number, numbers, value_texts
 from flexid.stored_estimates.comparison import Comparison, Difference, Outcome
 
 OUTCOME_COLOURS: dict[Outcome, str] = {

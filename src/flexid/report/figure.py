@@ -28,17 +28,7 @@ from matplotlib.ticker import (
 )
 
 from flexid.errors import SettingError
-from flexid.report.chart import (
-    Axis,
-    Band,
-    Chart,
-    Colour,
-    Dash,
-    Line,
-    Mark,
-    Panel,
-    thinned,
-)
+from flexid.report.chart import Axis, Band, Chart, Colour, Dash, Line, Mark, Panel, thinned
 
 COLOURS: Mapping[Colour, str] = {
     "ink": "#1b1f24",

@@ -21,15 +21,7 @@ from flexid.models.motion import unit_of
 from flexid.models.physical import ANGLES
 from flexid.report.chart import Chart
 from flexid.report.page import Answer, Command, Presenter, Tone, logs_of
-from flexid.report.terminal import (
-    VERDICT_STYLES,
-    Column,
-    Part,
-    Table,
-    number,
-    numbers,
-    value_texts,
-)
+from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, number, numbers, value_texts
 from flexid.stored_estimates.estimate_file import estimate_document
 
 PARAMETERS, COEFFICIENTS = "Physical parameters", "Coefficients"

@@ -10,17 +10,7 @@ from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.models.motion import unit_of
 from flexid.recording.recording import Log
-from flexid.report.chart import (
-    Axis,
-    Band,
-    Chart,
-    Colour,
-    Level,
-    Line,
-    Mark,
-    Panel,
-    with_margin,
-)
+from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Mark, Panel, with_margin
 from flexid.report.identification import format_fit
 from flexid.report.terminal import value_texts
 from flexid.stored_estimates.frequency_response import (

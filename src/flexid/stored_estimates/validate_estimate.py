@@ -20,12 +20,7 @@ from flexid.files import RefuseKey
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure, data_of
 from flexid.identification.preparation.joint import ElasticArm, Joint, Kind
-from flexid.identification.preparation.recordings import (
-    Source,
-    check_alike,
-    check_distinct,
-    traits,
-)
+from flexid.identification.preparation.recordings import Source, check_alike, check_distinct, traits
 from flexid.identification.result import Identification
 from flexid.identification.structure.validation import Channels, validate_with
 from flexid.identification.vocabulary.evidence import Validation, ValueEstimate

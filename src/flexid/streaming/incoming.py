@@ -13,13 +13,7 @@ from flexid.errors import RecordingError
 from flexid.files import shown
 from flexid.readers.formats import format_of
 from flexid.recording.columns import channels_of, read_channels, recipes_of
-from flexid.recording.layout import (
-    BLANK,
-    LONGEST_LINE,
-    Layout,
-    layout_of,
-    split,
-)
+from flexid.recording.layout import BLANK, LONGEST_LINE, Layout, layout_of, split
 from flexid.recording.read import tables_of_file
 from flexid.recording.recording import Channel
 from flexid.recording.sampling import GAP, check_typical

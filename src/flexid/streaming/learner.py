@@ -13,11 +13,7 @@ from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.identification.estimation.knowledge import Joined, with_prior_knowledge
 from flexid.identification.judgement import coefficient_estimates, parameter_estimates
 from flexid.identification.preparation.stated import Stated
-from flexid.identification.vocabulary.evidence import (
-    Estimate,
-    ValueEstimate,
-    quantile,
-)
+from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE
 from flexid.models.physical import ANGLES, difference
