@@ -164,6 +164,7 @@ SQUARES: frozenset[str] = frozenset(
 )
 """Those that follow from others of their own row: too small to be sought each for itself."""
 
+# One spring acts on both sides: a/Jl = (a/Jr) theta2/alpha1. And squares of an eccentricity.
 TIES: dict[str, tuple[str, str, str]] = {
     link: (motor, "theta2", "alpha1")
     for one in _EVERY.values()
@@ -173,11 +174,7 @@ TIES: dict[str, tuple[str, str, str]] = {
     for one in _EVERY.values()
     for name, (first, second) in one.get("squares", {}).items()
 }
-"""Coefficients that follow from others, the first times the second over the third.
-
-Those of one spring, which acts on both sides: a/Jl = (a/Jr) theta2/alpha1. And the squares of an
-eccentricity, per motor inertia.
-"""
+"""Coefficients that follow from others, the first times the second over the third."""
 
 COEFFICIENT_UNITS: dict[str, str] = {
     **{

@@ -19,12 +19,9 @@ from flexid.simulation.closed_loop import (
 )
 from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
 
+# What became of a run, by its status number. A step is too small where the loop is stiffer than the
+# tolerance or the sample time allows; not finite are equations that have no value.
 STATUS = ("finished", "too many steps", "step too small", "not finite", "diverged")
-"""What became of a run, by its status number.
-
-``"step too small"`` means stiffer than the tolerance or the sample time allows, ``"not finite"``
-that the equations have no value where the run ended.
-"""
 
 
 @dataclass(frozen=True)

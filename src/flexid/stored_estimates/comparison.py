@@ -32,20 +32,13 @@ Sharing = Literal["different", "some shared", "same"]
 
 Outcome = Literal[
     "changed",
-    "perhaps changed",
+    "perhaps changed",  # beyond its own interval, but among so many chance may do that
     "no change",
-    "contradictory",
-    "compatible",
-    "not determined",
-    "not compared",
+    "contradictory",  # of one log, in which nothing can have changed
+    "compatible",  # of one log, too
+    "not determined",  # one of the logs leaves it open
+    "not compared",  # it was not estimated, or is of another kind
 ]
-"""What a difference deserves.
-
-``"perhaps changed"`` lies beyond its own interval, but so much was compared that chance may do
-that. Estimates of one log, which cannot have changed, are ``"contradictory"`` or ``"compatible"``.
-``"not determined"`` is what one of the logs leaves open, ``"not compared"`` what was not estimated,
-or is of another kind.
-"""
 
 
 @dataclass(frozen=True)
