@@ -164,12 +164,23 @@ def job_of(
     check_against(settings, first.sample_time, shortest)
     known = stated(settings, joint, first.input_unit)
     job = Job(joint, recordings, known, settings, progress, thresholds)
+    if joint.kind == "flexible" and "link_position" in first.clamped:
+        job = replace(job, left_out=_of_the_link(joint))
     if settings.coulomb_velocity != "auto" and (dry := sorted(job.kept & joint.shapes)):
         raise SettingError(
             "coulomb_velocity",
             f"{joint.of_coefficient(dry[0])} goes with dry friction only: leave one of them",
         )
     return job
+
+
+def _of_the_link(joint: Joint) -> frozenset[str]:
+    """Coefficients of all terms with a part in the link's row, which is nothing while it is held.
+
+    The spring's damping then brakes the motor as its own friction does, and is part of that.
+    """
+    link = joint.remembering.rows[0].regressors.keys()
+    return frozenset(c for names in joint.terms.values() if link & {*names} for c in names)
 
 
 def _kind(recording: Recording) -> Kind:
