@@ -128,11 +128,7 @@ def suffixes() -> tuple[str, ...]:
 
 
 def kinds() -> str:
-    """All formats as a list for a sentence.
-
-    >>> kinds().startswith("CSV, Parquet, MATLAB, HDF5, ")
-    True
-    """
+    """All formats as a list for a sentence."""
     names = ["CSV", *(one.name for one in FORMATS)]
     return f"{', '.join(names[:-1])} or {names[-1]}"
 

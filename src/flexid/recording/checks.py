@@ -257,11 +257,11 @@ def check_two_encoders(log: Draft) -> None:
             log.warn(ENCODERS, odd, Rank.SCALE)
 
 
-_FEWEST = 20  # samples without any change, to count
+FEWEST_STILL = 20  # samples without any change, of which fewer are no stuck sensor
 _SHARE = 0.02  # of the log, the same where no jump follows
 _JUST_AFTER = 5  # steps that a jump is compared with
 _CLEAR = 20.0  # times a position's noise, by which it has to move
-_FAR = 0.1  # of its range, by which the other side moves, where no jump follows
+MOVED = 0.1  # of its range, by which the other side moves, where no jump follows
 _JUMP = 3.0  # times the steps after it, by which the first one is larger where samples were lost
 
 Stretch = tuple[int, int]  # first sample, and the one after the last
@@ -308,9 +308,9 @@ def _of_one(log: Draft, name: str, clear: Mapping[str, float]) -> Iterator[Stret
         return
     for start, stop in _unchanging(values):
         moves = log[other][start:stop]
-        if np.ptp(moves) <= clear[other] or len(np.unique(moves)) < _FEWEST // 2:
+        if np.ptp(moves) <= clear[other] or len(np.unique(moves)) < FEWEST_STILL // 2:
             continue
-        far = np.ptp(moves) > _FAR * np.ptp(log[other])
+        far = np.ptp(moves) > MOVED * np.ptp(log[other])
         lasting = stop == len(values) and stop - start >= _SHARE * len(values)
         if _jumps(values[stop - 1 :], clear[name]) or (lasting and far):
             yield start, stop
@@ -319,7 +319,7 @@ def _of_one(log: Draft, name: str, clear: Mapping[str, float]) -> Iterator[Stret
 def _unchanging(values: FloatArray) -> Iterator[Stretch]:
     """Stretches of some length in which a channel does not change."""
     edges = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [len(values)]))
-    for place in np.flatnonzero(np.diff(edges) >= _FEWEST):
+    for place in np.flatnonzero(np.diff(edges) >= FEWEST_STILL):
         yield int(edges[place]), int(edges[place + 1])
 
 

@@ -50,6 +50,7 @@ _NEEDED = {
     _INPUT: INPUTS,
 }
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
+_UNNAMED = re.compile(r"(?i)unnamed\b")  # as flexid and pandas call a column without a name
 _NO_MAP = ColumnMap("", {}, None, frozenset())
 
 
@@ -122,7 +123,7 @@ class _Plan:
         """Name columns that no channel is made of; a bag holds much that no joint needs."""
         taken = {header for recipe in self.found.values() for header in recipe.weights}
         # A column without a name numbers the rows, or ends where a line has a separator too many.
-        unused = [n for n in self.table.names if n not in taken and not _is_unnamed(n)]
+        unused = [n for n in self.table.names if n not in taken and not _UNNAMED.match(n)]
         if unused and not (self.is_mapped or self.table.kinds):
             are = "is" if len(unused) == 1 else "are"
             what = f"{quoted(unused)} {are} not used"
@@ -234,16 +235,14 @@ class _Plan:
         )
 
     def _require(self) -> None:
-        """Raise unless there are time, motor position, and link position or input; warn of both.
-
-        A velocity will do for a position, but not beside one that is misspelt.
-        """
+        """Raise unless there are time, motor position, and link position or input; warn of both."""
         recipes = (*self.found.values(), *self.map.recipes.values())
         taken = {split_header(column)[0] for recipe in recipes for column in recipe.weights}
         bare = {h: name for h in self.table.names if (name := split_header(h)[0]) not in taken}
         missing = [
             label
             for label, names in _NEEDED.items()
+            # A velocity will do for a position, but not beside one that is misspelt.
             if (there := self.available & {*names}) <= {*VELOCITIES}
             and not (there and not nearest_name(names[0], bare.values()))
         ]
@@ -296,8 +295,3 @@ def _has_stamps(column: polars.Series) -> bool:
     first = next(iter(column.drop_nulls().head(1)), None)
     is_text = isinstance(first, str) and is_stamp(first.strip())
     return is_text or column.dtype.is_temporal()
-
-
-def _is_unnamed(header: str) -> bool:
-    """Whether a column has no name, as flexid and pandas call it."""
-    return re.match(r"(?i)unnamed\b", header) is not None

@@ -209,20 +209,12 @@ def split_header(header: str) -> tuple[str, str | None]:
 
 
 def folded(name: str) -> str:
-    """A name in lower case, its words joined by underscores.
-
-    >>> folded("Motor Position")
-    'motor_position'
-    """
+    """A name in lower case, its words joined by underscores."""
     return re.sub(r"[\s.\-]+", "_", name.casefold())
 
 
 def usual_channel(header: str) -> Usual | None:
-    """The channel that a column holds by a usual name, in the only joint.
-
-    A position or a velocity whose name has no side is that of a drive with one encoder, and is
-    returned as ``"position"`` or ``"velocity"``.
-    """
+    """The channel that a column holds by a usual name, in the only joint."""
     found = named_channel(header)
     return None if found is None or found.joint else found
 

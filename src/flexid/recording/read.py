@@ -66,11 +66,7 @@ def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
 
 
 def logs_of_joints(parts: Sequence[tuple[Table, MapSource | None]]) -> list[Log]:
-    """The logs of several joints from their columns in one file, all of the same samples.
-
-    One clock counts them, so that what one joint shows to be lost is lost to all. A joint may rest
-    while another one moves.
-    """
+    """The logs of several joints from their columns in one file: what one loses is lost to all."""
     drafts = [_drafted(table, columns) for table, columns in parts]
     keep_common(drafts)
     mend(drafts)

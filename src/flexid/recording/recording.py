@@ -263,8 +263,7 @@ class Recording:
         for name in CHANNELS:
             values = getattr(self, name)
             if values is not None and values.shape != (len(self),):
-                raise RecordingError(
-                    self.source or "recording",
+                raise self._refusal(
                     name,
                     f"the channel has shape {values.shape} where the motor's position has "
                     f"{self.motor_position.shape}: give every channel one value per sample",
@@ -296,8 +295,7 @@ class Recording:
     def needed_link_position(self) -> FloatArray:
         """Link position, shape (n,)."""
         if self.link_position is None:
-            raise RecordingError(
-                self.source or "recording",
+            raise self._refusal(
                 "link_position",
                 "the link's encoder is missing, and the compliance cannot be seen without it: log "
                 "it, or identify the rigid joint",
@@ -308,8 +306,7 @@ class Recording:
     def needed_input(self) -> FloatArray:
         """What drives the motor, shape (n,), in `input_unit`."""
         if self.input is None:
-            raise RecordingError(
-                self.source or "recording",
+            raise self._refusal(
                 "input",
                 "no torque, current or voltage was logged, and nothing can be said of the motor "
                 "without it: log it, or identify the link alone",
@@ -330,20 +327,18 @@ class Recording:
             Ends of the window, in samples.
         """
         if not 0 <= start_index < stop_index <= len(self):
-            raise RecordingError(
-                self.source or "recording",
+            raise self._refusal(
                 "",
                 f"the window from sample {start_index} to {stop_index} does not lie within the "
                 f"{len(self)} samples: choose 0 <= start < stop <= {len(self)}",
             )
-        channels = {
-            name: None
-            if (values := getattr(self, name)) is None
-            else values[start_index:stop_index]
-            for name in CHANNELS
-        }
+        there = {name: own for name in CHANNELS if (own := getattr(self, name)) is not None}
+        channels = {name: own[start_index:stop_index] for name, own in there.items()}
         start = self.start_time + start_index * self.sample_time
         return replace(self, start_time=start, **channels)
+
+    def _refusal(self, place: str, reason: str) -> RecordingError:
+        return RecordingError(self.source or "recording", place, reason)
 
 
 @dataclass(frozen=True, eq=False)

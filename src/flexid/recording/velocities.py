@@ -261,13 +261,11 @@ def _means(recording: Recording, name: str) -> tuple[FloatArray, FloatArray] | N
     """
     velocity = getattr(recording, name)
     position = getattr(recording, name.replace("velocity", "position"))
-    noise = np.sqrt(2.0) * position_noise(position)
-    window = 1
-    while np.std(position[window:] - position[:-window]) < _ACCURACY * noise:
+    least = _ACCURACY * (np.sqrt(2.0) * position_noise(position))
+    window, longest = 1, len(position) // _SHORTEST
+    while window <= longest and np.std(position[window:] - position[:-window]) < least:
         window *= 2
-        if window * _SHORTEST > len(position):
-            return None
-    if window * _SHORTEST > len(position):
+    if window > longest:
         return None
     total = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))))
     span = window * recording.sample_time

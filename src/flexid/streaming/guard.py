@@ -7,6 +7,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.kernels.store import load_kernel
+from flexid.recording.checks import FEWEST_STILL, MOVED
 from flexid.recording.sampling import GAP
 from flexid.streaming.options import WatchOptions
 
@@ -14,9 +15,7 @@ GATE = 8.0  # times the mean of an encoder's second differences, from which on i
 PEAKS = 2.0  # and times their peak in a minute: torque that steps makes accelerations that step
 STILL_TIME = 0.1  # seconds for which an encoder may stand still while the other one moves
 DEAD_TIME = 5.0  # the same for one that has not yet moved as far as the other: it may be about to
-MOVED = 0.1  # share of its range by which the other one has to move meanwhile, or if that is less
-TWISTED = 3.0  # times the range of the deflection so far: more than the spring can have given
-FEWEST_STILL = 20  # samples for which an encoder may stand still, however long that takes
+TWISTED = 3.0  # times the range of the deflection so far, by which it may move instead of `MOVED`
 
 
 _WORDS = {
