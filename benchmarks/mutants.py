@@ -47,7 +47,7 @@ FILES = {
     ),
     "identification/structure/shapes.py": (
         "search",
-        f"{_STRUCTURE} test_sought_shape test_absence",
+        f"{_STRUCTURE} test_sought_shape test_absence test_found",
     ),
     "estimators/cluster_covariance.py": (
         "covariance",
