@@ -43,11 +43,11 @@ FILES = {
     ),
     "identification/structure/gap.py": (
         "search",
-        f"{_STRUCTURE} test_gap test_found test_disturbed",
+        f"{_STRUCTURE} test_gap",
     ),
     "identification/structure/shapes.py": (
         "search",
-        f"{_STRUCTURE} test_sought_shape test_absence test_found",
+        f"{_STRUCTURE} test_sought_shape test_absence",
     ),
     "estimators/cluster_covariance.py": (
         "covariance",
