@@ -26,7 +26,9 @@ FOLDERS = {path.name for place in PLACES for path in place.iterdir() if path.is_
 def test_every_fault_has_a_test():
     """Assert that no row of the tables of faults is without a test."""
     page = (ROOT / "docs" / "reliability.md").read_text(encoding="utf-8")
-    rows = [line for line in page.partition("## Mutation testing")[0].splitlines() if line[:1] == "|"]
+    rows = [
+        line for line in page.partition("## Mutation testing")[0].splitlines() if line[:1] == "|"
+    ]
     assert len(rows) > 30
     assert all("`tests/" in row for row in rows if not row.startswith(("|Fault", "|---")))
 
