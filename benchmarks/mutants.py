@@ -41,10 +41,7 @@ FILES = {
         "search",
         f"{_STRUCTURE} test_whole_identification",
     ),
-    "identification/structure/gap.py": (
-        "search",
-        f"{_STRUCTURE} test_gap",
-    ),
+    "identification/structure/gap.py": ("search", f"{_STRUCTURE} test_gap"),
     "identification/structure/shapes.py": (
         "search",
         f"{_STRUCTURE} test_sought_shape test_absence",

@@ -85,8 +85,7 @@ class _Plan:
         self.warnings: list[str] = []
         self.map = _NO_MAP if columns is None else read_map(columns)
         # A side that is clamped names no column.
-        named = [name for name, recipe in self.map.recipes.items() if recipe.weights]
-        self.is_mapped = bool(named or self.map.unread or "time" in self.map.recipes)
+        self.is_mapped = bool(self.map.recipes.keys() - self.map.clamped or self.map.unread)
         self.found: dict[str, Recipe] = {}  # by the names of columns
         self._add_canonical()
         if not self.is_mapped:
@@ -103,8 +102,7 @@ class _Plan:
             why = "the link position is there: remove the link position to use it"
             left_out = {"deflection": why, **left_out}
         for name in VELOCITIES:
-            position = self.map.recipes.get(name.replace("velocity", "position"))
-            if name in wanted and position is not None and not position.weights:
+            if name in wanted and name.replace("velocity", "position") in self.map.clamped:
                 left_out[name] = "that side is clamped: remove it"
         self.warnings += [f"{name} is not used, since {why}" for name, why in left_out.items()]
         recipes = {

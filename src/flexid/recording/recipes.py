@@ -88,6 +88,11 @@ class ColumnMap:
     joint: JointType | None = None  # None: as the units of the columns say
 
     @property
+    def clamped(self) -> frozenset[str]:
+        """Positions of sides that stand still, of which no column is read."""
+        return frozenset(n for n, one in self.recipes.items() if n != "time" and not one.weights)
+
+    @property
     def described(self) -> str:
         """What it is, for a message that says where to name a column."""
         return self.file if self.file == ARGUMENT else f"the column map {self.file}"

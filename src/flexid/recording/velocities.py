@@ -267,12 +267,12 @@ def _means(recording: Recording, name: str) -> tuple[FloatArray, FloatArray] | N
         window *= 2
     if window > longest:
         return None
-    total = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))))
+    total = integral(velocity, recording.time)
     span = window * recording.sample_time
     step = max(1, window // 2)
     measured, own = (
         ((values[window:] - values[:-window]) / span)[step:-step:step]
-        for values in (recording.sample_time * total, position)
+        for values in (total, position)
     )
     return measured - measured.mean(), own - own.mean()
 

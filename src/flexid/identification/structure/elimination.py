@@ -19,7 +19,6 @@ from flexid.estimators.normal_equations import least_with, scaled_inverse
 from flexid.identification.full_model.fits_by_length import FitsByLength, best_hold, may_stand
 from flexid.identification.full_model.fitting import fit_like, led_from
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
-from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.evidence import Estimate, SegmentEvidence, TermEvidence
@@ -242,18 +241,25 @@ def one_by_one(
     away, which a quadratic form takes for knowledge; or no fit follows it that far. Delays,
     shapes and offsets go first: every drive has friction.
     """
-    joint, timing = fitted.structure.joint, fitted.structure.timing
-    base = dict.fromkeys(name.partition("[")[0] for name in fitted.names)
-    may_go = [b for b in base if (b in joint.optional or b in timing.sought) and b not in kept]
-    may_go.sort(key=lambda b: (b in DISSIPATIVE, b not in timing.sought, b not in joint.shapes))
+    groups, may_go = _groups(fitted, kept)
+    shapes, delays = fitted.structure.joint.shapes, fitted.structure.timing.sought
+    base = [name.partition("[")[0] for name in fitted.names]
+    terms = dict.fromkeys(
+        tuple(dict.fromkeys(base[i] for i in group))
+        for group, may in zip(groups, may_go, strict=True)
+        if may
+    )
     gone: list[TermEvidence] = []
-    for name in may_go:
-        leaner = fit_like(fitted.structure.without({name}), fitted, ROUGH)
+    for term in sorted(
+        terms, key=lambda t: (t[0] in DISSIPATIVE, t[0] not in delays, t[0] not in shapes)
+    ):
+        leaner = fit_like(fitted.structure.without(term), fitted, ROUGH)
         if leaner is None:
             continue
         rise = leaner.minimum.equations.cost - fitted.minimum.equations.cost
-        if rise <= thresholds.exchange_fall * max(1.0, fitted.excess):
-            gone.append(TermEvidence(name, False, fitted.by_name.get(name, 0.0), np.inf, 1.0))
+        if rise <= thresholds.exchange_fall * len(term) * max(1.0, fitted.excess):
+            values = ((name, fitted.by_name.get(name, 0.0)) for name in term)
+            gone += [TermEvidence(name, False, value, np.inf, 1.0) for name, value in values]
             fitted = leaner
     return fitted, tuple(gone)
 
@@ -297,18 +303,12 @@ def eliminate(
     joint = full.structure.joint
     names = full.names
     base = [name.partition("[")[0] for name in names]
-    constants = {*joint.nonlinear.values()}
-    may_go = [
-        (b in joint.optional or b in full.structure.timing.sought) and b not in {*kept, *constants}
-        for b in base
-    ]
     asked = dict.fromkeys(likely, thresholds.generous_chance)
     asked |= dict.fromkeys(joint.shapes, thresholds.shape_chance)
     limits = np.array([asked.get(b, thresholds.term_chance) for b in base])
     frictions = np.array([b in DISSIPATIVE for b in base])
     delays = np.array([b in full.structure.timing.sought for b in base])
-    groups = _groups(names, joint)
-    may_go = [all(may_go[j] for j in group) for group in groups]
+    groups, may_go = _groups(full, kept)
     quadratic = _Quadratic.of(full)
     left = np.ones(len(names), dtype=np.bool_)
     tests: dict[str, TermEvidence] = {}
@@ -345,15 +345,20 @@ def eliminate(
     )
 
 
-def _groups(names: Sequence[str], joint: Joint) -> list[list[int]]:
-    """For each name the places of those that stay or go with it, its own among them.
+def _groups(fitted: Fitted, kept: Collection[str]) -> tuple[list[list[int]], list[bool]]:
+    """For each name the places of those that stay or go with it, and whether they may go.
 
     They are the coefficients of one term, in one log where each has its own.
     """
+    joint, delays = fitted.structure.joint, fitted.structure.timing.sought
     term_of = {c: term for term, coefficients in joint.terms.items() for c in coefficients}
     term_of |= {own: own for own in joint.nonlinear.values()}  # which follows its term untested
-    keys = [(term_of.get(base, base), log) for base, _, log in (n.partition("[") for n in names)]
-    return [[i for i, other in enumerate(keys) if other == key] for key in keys]
+    named = [(base, log) for base, _, log in (n.partition("[") for n in fitted.names)]
+    keys = [(term_of.get(base, base), log) for base, log in named]
+    groups = [[i for i, other in enumerate(keys) if other == key] for key in keys]
+    stays = {*kept, *joint.nonlinear.values()}
+    may_go = [(b in joint.optional or b in delays) and b not in stays for b, _ in named]
+    return groups, [all(may_go[j] for j in group) for group in groups]
 
 
 @dataclass(frozen=True, eq=False)
