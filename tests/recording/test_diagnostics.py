@@ -180,6 +180,18 @@ def test_an_input_that_is_far_off_in_time(torque: FloatArray, delay: str):
         assert rank_of(warning) == Rank.SCALE
 
 
+def test_a_spring_that_hardens_is_no_other_scale():
+    """Assert that what mechanics leave is no scale, however surely a scale explains 6 % of it."""
+    time, tones = 0.005 * np.arange(20000), np.array([2.0, 7.3])
+    motion = 0.4 * np.sin(np.outer(time, tones))
+    link, acceleration = motion.sum(axis=1), -motion @ tones**2
+    load = acceleration + 5.0 * np.sin(link)
+    noise = NOISE * np.random.default_rng(1).standard_normal(len(time))
+    motor = link + load / 100.0 * (1.0 + 5e-4 * load**2) + noise
+    columns = {"time": time, "link_position": link, "motor_position": motor}
+    assert read_columns({**columns, "motor_torque": load}).warnings == ()
+
+
 def test_an_input_that_steps_once_is_on_time():
     """Assert that no delay is found that moves the step into what is compared."""
     step = made(1, 4.0, noise=0.0, held=True, torque=lambda at: np.where(at > 0.2, 5.0, 0.0))

@@ -36,7 +36,10 @@ _WRONG_UNITS = (  # factor; whether a share of the angle itself is allowed for a
     (2.0 * np.pi, True, "turns read as radians"),
 )
 _WIDE = 1.0  # rad of motion: in less an angle is too much like its sine
-_CERTAIN = 10.0  # standard errors: up to 7 where nothing is wrong, 50 of 0.5 % in most logs
+_EXPLAINED = 0.5
+"""Of the squares of a deflection that mechanics leave, those left beside another scale: 0.8 or more
+where none is wrong (0.99, at 30 standard errors, in a long log with dry friction), 0.25 or less in
+most where one is by 0.6 %."""
 _LATEST, _LATE_STEP = 0.25, 0.005  # s: delays of an input that are tried
 _FOUND_BY_A_FIT = 0.03  # s: delays up to there are sought with the parameters
 _FEWEST_REACHES = 8  # in a log whose input is tried at so large a delay to either side
@@ -153,8 +156,11 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     if smoothed is None or link is None or (turns and np.ptp(motor) <= _WIDE):
         return 0.0, 0.0
     gravity = [smoothed(np.sin(link)), smoothed(np.cos(link))] if turns else []
-    share, error = _own_share(smoothed, link, motor, gravity)
-    named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
+    mechanics = [*gravity, smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
+    deflection, moved = smoothed(link - motor), smoothed(motor)
+    share, error = _own_share(deflection, moved, mechanics)
+    left, beside = _left_over(deflection, mechanics), _left_over(deflection, [moved, *mechanics])
+    named = _SMALLEST < abs(share) < _LARGEST and beside < _EXPLAINED * left
     return (share, error) if named else (0.0, 0.0)
 
 
@@ -200,20 +206,17 @@ def _left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
 
 
 def _own_share(
-    smoothed: _Smoothing, link: FloatArray, motor: FloatArray, gravity: Sequence[FloatArray]
+    deflection: FloatArray, moved: FloatArray, mechanics: Sequence[FloatArray]
 ) -> tuple[float, float]:
     """The motor position's own share in the deflection, and its standard error (jackknife)."""
-    signals = [smoothed(motor), *gravity]
-    signals += [smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
-    matrix, sizes = _scaled([*signals, np.ones_like(signals[0])])
-    target = smoothed(link - motor)
+    matrix, sizes = _scaled([moved, *mechanics, np.ones_like(moved)])
 
     def share(left_out: NDArray[np.intp]) -> float:
-        kept = np.ones(len(target), dtype=np.bool_)
+        kept = np.ones(len(deflection), dtype=np.bool_)
         kept[left_out] = False
-        return float(np.linalg.lstsq(matrix[kept], target[kept], rcond=1e-10)[0][0] / sizes[0])
+        return float(np.linalg.lstsq(matrix[kept], deflection[kept], rcond=1e-10)[0][0] / sizes[0])
 
-    without = [share(part) for part in np.array_split(np.arange(len(target)), _PARTS)]
+    without = [share(part) for part in np.array_split(np.arange(len(deflection)), _PARTS)]
     return float(np.mean(without)), float(np.std(without) * np.sqrt(_PARTS - 1.0))
 
 
