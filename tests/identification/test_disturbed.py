@@ -171,6 +171,18 @@ def test_friction_stays_beside_disturbances(seed: int):
     assert high - low < 1.3
 
 
+@pytest.mark.parametrize(("torque_noise", "asked"), [(0.3, False), (1.0, True)])
+def test_disturbances_are_asked_for_where_the_core_is_not_well_known(
+    torque_noise: float, asked: bool
+):
+    """Assert what a torque with more than sensors' noise leads to, its core known to 0.6 or 2 %."""
+    steps: list[str] = []
+    found = identify([log(made(5, torque_noise=torque_noise))], progress=steps.append)
+    assert ("what disturbs the drive" in steps) == asked
+    low, high = found.parameters["joint_stiffness"].interval
+    assert low < 100.0 < high < low + 5.0
+
+
 def test_halves_of_two_drives_widen_the_interval():
     """Assert that a friction that falls has an interval that reaches what both halves have."""
     case = Case(lambda: pushed(5, motor_push=0.1, drift=0.6, drift_time=8.0))

@@ -12,7 +12,12 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import divide
 from flexid.estimators.segmented_motion import segmented_motion
 from flexid.identification.full_model.model import Data
-from flexid.identification.structure.validation import following_states, validate_with
+from flexid.identification.structure.validation import (
+    Follower,
+    following_states,
+    from_fitted_states,
+    validate_with,
+)
 from flexid.identification.vocabulary.evidence import Validation
 
 CHANNELS = ("link_position", "motor_position", "deflection")
@@ -28,14 +33,20 @@ START = 3200  # samples
 
 
 def predicted(
-    whole: Data, starts=(START,), timing: Timing | None = None, warm_up=0.5, **changed
+    whole: Data,
+    starts=(START,),
+    timing: Timing | None = None,
+    warm_up=0.5,
+    follow: Follower | None = None,
+    **changed,
 ) -> Validation:
     """Prediction with the true coefficients, or some others."""
     values = np.array([*{**COEFFICIENTS, **changed}.values()])
     unknowns, segments = PAPER.unknowns(whole.groups), divide(whole.samples, 1.0)
     motion = segmented_motion(unknowns.system, segments, timing or Timing("cubic"), unknowns)
     motion = replace(motion, weights=np.full(2, 1.0 / NOISE), substeps=2)
-    return validate_with(JOINT, motion, values, whole.samples, starts, warm_up=warm_up)
+    rest = JOINT, motion, values, whole.samples, starts
+    return validate_with(*rest, follow=follow, warm_up=warm_up)
 
 
 def test_right_model_predicts_to_the_noise(recording):
@@ -48,6 +59,22 @@ def test_right_model_predicts_to_the_noise(recording):
     assert run.time[0] == pytest.approx(recording.start_time + SAMPLE_TIME * START)
     assert list(found.horizons) == [0.05, 0.2, 1.0]
     assert all(fit > 99.9 for fits in found.horizons.values() for fit in fits.values())
+
+
+def test_a_long_end_is_predicted_in_part():
+    """Assert that windows of 20 000 samples over all of a long end are predicted, and no more."""
+    whole = data(made(21, 120.0))
+    begun: list[np.ndarray] = []
+
+    def follow(model: Any, values: Any, windows: Any, warm: Any) -> Any:
+        begun.append(windows.starts)
+        assert 10_000 < windows.lengths.sum() <= 20_000 + windows.lengths[0]
+        return from_fitted_states(model, values, windows, warm)
+
+    found = predicted(whole, follow=follow)
+    assert all(fit > 99.9 for fits in found.horizons.values() for fit in fits.values())
+    assert [starts[-1] > 57_000 for starts in begun] == [True, True]
+    assert len(found.runs[0].time) == 60_000 - START
 
 
 def test_fit_is_one_minus_error_over_spread(recording):
@@ -100,29 +127,46 @@ def test_wrong_models_predict_worse(recording):
 
 
 @dataclass
+class Places:
+    """Windows by their places."""
+
+    which: Any
+
+    def __len__(self) -> int:
+        return len(self.which)
+
+    def at(self, places: Any) -> "Places":
+        """Some of them."""
+        return Places(self.which[places])
+
+
+@dataclass
 class Bent:
     """Two windows of a state each: one leaves x - 3, one atan(x), whose first step overshoots."""
 
-    segments: Any
-    first_blocks = np.arange(3)
+    segments: Places
     start_states = np.array([[0.0], [2.0]])
+
+    @property
+    def first_blocks(self) -> Any:
+        """One block in each."""
+        return np.arange(len(self.segments) + 1)
 
     def equations(self, point: Any, _: str) -> Any:
         """Sums of squares at a point."""
-        (line,), (bent,) = point.initial_states
-        left = np.array([line - 3.0, np.arctan(bent)])
-        slope = np.array([1.0, 1.0 / (1.0 + bent**2)])
+        state, is_bent = point.initial_states[:, 0], self.segments.which == 1
+        left = np.where(is_bent, np.arctan(state), state - 3.0)
+        slope = np.where(is_bent, 1.0 / (1.0 + state**2), 1.0)
         return SimpleNamespace(
             normal=(slope**2)[:, None, None],
             gradient=-(slope * left)[:, None],
             costs=left**2,
-            diverged=np.zeros(2, dtype=np.bool_),
         )
 
 
 def test_one_window_keeps_no_other_back():
     """Assert that each finds its own state, though one of them needs shorter steps."""
-    model: Any = Bent(range(2))
+    model: Any = Bent(Places(np.arange(2)))
     states = following_states(model, np.zeros(0), model.segments)
     assert states[:, 0] == pytest.approx([3.0, 0.0], abs=1e-3)
 

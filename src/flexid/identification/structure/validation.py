@@ -33,34 +33,45 @@ def following_states(
 
     Returns shape (n_windows, n_states).
     """
+    states = replace(model, segments=windows).start_states
+    normal, gradient, costs = _equations(model, values, windows, states)
+    share = np.ones(len(windows))  # of a step, that is taken
+    seeking = np.arange(len(windows))
+    for _ in range(_MOST_STEPS):
+        steps = _steps(normal[seeking], gradient[seeking])
+        promised = np.sum(steps * gradient[seeking], axis=1)
+        ends = np.isfinite(costs[seeking]) & (promised <= _CONVERGED * costs[seeking])
+        states[seeking[ends]] += steps[ends]
+        seeking, steps = seeking[~ends], steps[~ends]
+        if not len(seeking):
+            break
+        trial = states[seeking] + share[seeking, None] * steps
+        tried = _equations(model, values, windows.at(seeking), trial)
+        # One that a step leads astray, where a side sticks or is jolted, keeps no other back.
+        better = tried[-1] < costs[seeking]
+        share[seeking] = np.where(better, 1.0, 0.5 * share[seeking])
+        for own, its in zip((states, normal, gradient, costs), (trial, *tried), strict=True):
+            own[seeking[better]] = its[better]
+    return states
+
+
+def _equations(
+    model: SegmentedMotion, values: FloatArray, windows: Segments, states: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Normal matrices and gradients of the first states, window by window, and costs."""
     problem = replace(model, segments=windows)
     firsts = problem.first_blocks[:-1]
+    found = problem.equations(Point(values, states), "states")
+    normal, gradient = (np.add.reduceat(own, firsts) for own in (found.normal, found.gradient))
+    return normal, gradient, found.costs
 
-    def at(states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        found = problem.equations(Point(values, states), "states")
-        blocks = np.add.reduceat(found.normal, firsts), np.add.reduceat(found.gradient, firsts)
-        return *blocks, found.costs
 
-    states = problem.start_states
-    normal, gradient, costs = at(states)
-    share = np.ones(len(windows))  # of a step, that is taken
-    for _ in range(_MOST_STEPS):
-        scale = np.sqrt(np.einsum("sii->si", normal))
-        scale = np.where(scale > 0.0, scale, 1.0)
-        inverse = pseudo_inverse(normal / (scale[:, :, None] * scale[:, None, :]), _NULL)
-        step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
-        runs = np.isfinite(costs)
-        if np.sum((step * gradient)[runs]) <= _CONVERGED * np.sum(costs[runs]):
-            return states + step
-        trial = states + share[:, None] * step
-        tried = at(trial)
-        # One that a step leads astray, where a side sticks or is jolted, keeps no other back.
-        better = tried[-1] < costs
-        states = np.where(better[:, None], trial, states)
-        share = np.where(better, 1.0, 0.5 * share)
-        for own, its in zip((normal, gradient, costs), tried, strict=True):
-            own[better] = its[better]
-    return states
+def _steps(normal: FloatArray, gradient: FloatArray) -> FloatArray:
+    """Steps of the first states, shape (n_windows, n_states)."""
+    scale = np.sqrt(np.einsum("sii->si", normal))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    inverse = pseudo_inverse(normal / (scale[:, :, None] * scale[:, None, :]), _NULL)
+    return np.einsum("sij,sj->si", inverse, gradient / scale) / scale
 
 
 Follower = Callable[
@@ -80,6 +91,7 @@ HORIZONS = (0.05, 0.2, 1.0, 5.0)
 """Seconds after which predictions begin again."""
 
 _WARM_UP = 0.5  # s of data before a prediction from which its first state is taken
+_ENOUGH = 20_000  # samples of a recording, in as many windows as are needed, for each horizon
 _SMALLEST, _LARGEST = 1e-9, 1e4  # per cent of the motion, errors that are compared
 _REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
 
@@ -164,7 +176,7 @@ def _windows(
     horizons: Sequence[float],  # in s, infinite for what runs to the end of its recording
     warm_up: float,  # in s
 ) -> _Windows:
-    """Windows that begin again after each horizon, as many as the recordings have room for."""
+    """Windows that begin again after each horizon, or some of them, spread evenly."""
     rows = []
     for place, (samples, start) in enumerate(zip(recordings, starts, strict=True)):
         warm = max(FEWEST_SAMPLES, round(warm_up / samples.sample_time))
@@ -176,6 +188,7 @@ def _windows(
                     continue  # shorter than a sample time
                 # What is followed must not overlap with what another window predicts.
                 origins = list(range(start, len(samples) - span, span + warm))
+                origins = origins[:: len(origins) * (span + warm) // _ENOUGH + 1]
             for origin in origins:
                 first = max(0, origin - warm)
                 rows.append((place, first, origin - first, origin - first + span, horizon))
