@@ -112,7 +112,7 @@ def longer_fits(
     those of the noise.
     """
     longer = [each for each in divisions if len(each) < len(first.problem.segments)]
-    if (whole := _explained_over(longer[-1:], first)) is not None:
+    if len(longer) > 1 and (whole := _explained_over(longer[-1], first)) is not None:
         return [whole]
     last, found = first, []
     for segments in longer:
@@ -126,16 +126,16 @@ def longer_fits(
     return found
 
 
-def _explained_over(longest: Sequence[Segments], short: Fitted) -> Fitted | None:
+def _explained_over(longest: Segments, short: Fitted) -> Fitted | None:
     """A fit over the longest segments from one over short ones, if it leaves no more than they do.
 
     Where these know inertias and stiffness, no other minimum explains the log as well, so that
     nothing is lost by the way there. Where they hardly do, several may.
     """
-    if not longest or short.excess > THRESHOLDS.sensor_excess or not _is_known(short):
+    if short.excess > THRESHOLDS.sensor_excess or not _is_known(short):
         return None
     with suppress(ConvergenceError):
-        found = over_longer(short, longest[0], _AT_ONCE)
+        found = over_longer(short, longest, _AT_ONCE)
         floor = THRESHOLDS.noise_floor(short.excess)
         return found if beyond_noise(found, floor, short) <= 0.0 else None
     return None
