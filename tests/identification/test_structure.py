@@ -15,7 +15,7 @@ import flexid.identification.full_model.fitting as fitting
 import flexid.identification.structure.elimination as elimination
 import flexid.identification.structure.job as job
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.identification.full_model.fits_by_length import FitsByLength
+from flexid.identification.full_model.fits_by_length import FitsByLength, explains
 from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.structure.elimination import best_length, eliminate
 from flexid.identification.vocabulary.evidence import Estimate
@@ -212,17 +212,21 @@ def test_delays_go_like_terms(side, size, margin, stays):
 def test_the_narrowest_fit_that_converged_is_best():
     """Assert that one that has not ended counts last, and the longer of two within 5 %."""
 
-    def fit(width: float, converged: bool = True) -> Fitted:
+    def fit(width: float, converged: bool = True, excess: float = 2.0) -> Fitted:
         estimate = Estimate(("theta2",), np.ones(1), np.array([[width**2]]), (MANY,))
-        return made_fit(converged=converged, fit=estimate)
+        return made_fit(converged=converged, fit=estimate, excess=excess, duration=1.0)
+
+    def best(*found: Fitted) -> Fitted:
+        return best_length(found, THRESHOLDS)
 
     wide, narrow, not_ended = fit(0.2), fit(0.1), fit(0.01, converged=False)
-    assert best_length([wide, narrow, not_ended]) is narrow
-    assert best_length([not_ended, wide]) is wide
-    assert best_length([not_ended]) is not_ended
-    longer, too_wide = fit(0.104), fit(0.106)
-    assert best_length([narrow, longer]) is longer
-    assert best_length([narrow, too_wide]) is narrow
+    assert best(wide, narrow, not_ended) is narrow
+    assert best(not_ended, wide) is wide
+    assert best(not_ended) is not_ended
+    longer, too_wide, explaining = fit(0.104), fit(0.106), fit(0.2, excess=1.0)
+    assert best(narrow, longer) is longer
+    assert best(narrow, too_wide) is narrow
+    assert best(narrow, explaining, longer) is explaining
 
 
 USUAL = Structure(JOINT, frozenset({"alpha_drag", "alpha_saturation"}), Timing("zero"))
@@ -440,4 +444,4 @@ def test_shapes_are_sought_where_the_model_follows_half_a_second(
 )
 def test_what_explains_the_log_ends_the_search(excess, duration, expected):
     """Assert that noise is left, over segments in which a spring turns round."""
-    assert job._explains(made_fit(excess, duration=duration), THRESHOLDS) == expected
+    assert explains(made_fit(excess, duration=duration), THRESHOLDS) == expected

@@ -213,6 +213,11 @@ def explained_by(
     return found
 
 
+def explains(fitted: Fitted, thresholds: Thresholds) -> bool:
+    """Whether nothing is left to explain over segments in which most springs turn round."""
+    return fitted.excess <= thresholds.sensor_excess and fitted.duration >= TURNING
+
+
 def leaves_more(fitted: Fitted, chosen: Sequence[Fitted], thresholds: Thresholds) -> bool:
     """Whether a fit leaves more than noise, and more than others over the same segments."""
     if fitted.excess <= thresholds.sensor_excess:
@@ -302,6 +307,8 @@ def best_hold(
         tied: tuple[Hold, ...] = tuple(f.structure.timing.hold for f in alike if f is not best)
         return best, _TIED, tied
     best = ordered[0]
+    # Nothing is decided against one whose steps did not end: leaner, they may.
+    unsure = tuple(f.structure.timing.hold for f in ordered[1:] if not f.converged)
     words = _WORDS[best.structure.timing.hold]
     if len(ordered) == 1:
         return best, f"{words}; otherwise the model does not follow", ()
@@ -309,9 +316,9 @@ def best_hold(
         found
     )
     if fall <= thresholds.hold_fall:
-        return best, f"{words}; otherwise a delay would be just half a sample by chance", ()
+        return best, f"{words}; otherwise a delay would be just half a sample by chance", unsure
     less = f"the residuals' weighted sum of squares is {fall:.3g} less than otherwise"
-    return best, f"{words}, {less}", ()
+    return best, f"{words}, {less}", unsure
 
 
 def _misfits(found: Sequence[Fitted]) -> FloatArray:

@@ -16,7 +16,12 @@ from scipy.special import fdtrc
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.normal_equations import least_with, scaled_inverse
-from flexid.identification.full_model.fits_by_length import FitsByLength, best_hold, may_stand
+from flexid.identification.full_model.fits_by_length import (
+    FitsByLength,
+    best_hold,
+    explains,
+    may_stand,
+)
 from flexid.identification.full_model.fitting import fit_like, led_from
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
@@ -73,12 +78,13 @@ def choose_structure(
     less it leaves more.
     """
     found, exact = list(by_length.found), by_length.exact
-    best = best_length(found) if by_length.free_length else found[-1]
+    best = best_length(found, thresholds) if by_length.free_length else found[-1]
     progress("taking away what the log does not show")
     wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
     if not exact and not may_stand(wider, thresholds):
         return Choice(wider.structure, wider.structure, wider, (), tuple(found), asked)
-    asked_over = wider.duration
+    shorter = tuple(f for f in by_length.found if f.duration < best.duration)
+    explained = explains(best, thresholds) and by_length.free_length
     if asked.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
     structure, evidence = _leanest(wider, kept, thresholds)
@@ -89,7 +95,7 @@ def choose_structure(
         if leaner is None:
             break
         found = [leaner, *by_length.longer(leaner, thresholds)]
-        longer = best_length(found) if by_length.free_length else found[-1]
+        longer = best_length(found, thresholds) if by_length.free_length else found[-1]
         if longer is leaner:
             best, fitted_as = leaner, structure
             break
@@ -108,10 +114,14 @@ def choose_structure(
         structure, fitted = leaner, fit_like(leaner, fitted)
     if fitted is None:
         structure, fitted = best.structure, best
+    if explained and shorter and fitted.excess > thresholds.sensor_excess:
+        # It lost what it needs, or its way along a rough bottom: shorter segments have less of it.
+        fewer = replace(by_length, found=shorter)
+        return choose_structure(fewer, kept, with_shapes, progress, thresholds)
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = by_length
     fitted = settled(fitted)
-    if asked.tied and fitted.duration > asked_over:  # longer segments distinguish more
+    if asked.tied:  # a leaner model distinguishes more
         fitted, reason, tied = best_hold(fitted, asked.holds, thresholds)
         asked = replace(asked, hold_reason=reason, tied=tied)
     structure = fitted.structure
@@ -212,9 +222,14 @@ def core_deviations(estimate: Estimate) -> FloatArray:
     return (estimate.deviations / sizes)[core]
 
 
-def best_length(found: Sequence[Fitted]) -> Fitted:
-    """The fit with the narrowest intervals; of two that are alike, that over longer segments."""
+def best_length(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted:
+    """The fit with the narrowest intervals; of two that are alike, that over longer segments.
+
+    Where some explain the log, one over longer segments that does not may have ended beside the
+    minimum: over many reversals of a friction the sum of squares is rough.
+    """
     found = [fitted for fitted in found if fitted.converged] or found
+    found = [fitted for fitted in found if explains(fitted, thresholds)] or found
     best, narrowest = found[0], np.inf
     for fitted in found:
         width = relative_deviation(fitted)

@@ -9,6 +9,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fits_by_length import (
     TURNING,
     FitsByLength,
+    explains,
     fit_full_model,
     fit_with_hysteresis,
     turning,
@@ -240,7 +241,7 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
     tried: FitsByLength | None = None
-    while choice.by_length is not tried and not _explains(choice.fitted, thresholds):
+    while choice.by_length is not tried and not explains(choice.fitted, thresholds):
         tried = choice.by_length
         for find in _beside(choice, job):
             if (found := find(choice)) is None:
@@ -249,7 +250,7 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
             saved = misprediction(validation) - misprediction(its)
             if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
                 choice, validation = rival, its
-                if _explains(choice.fitted, thresholds):
+                if explains(choice.fitted, thresholds):
                     return choice, validation
     return choice, validation
 
@@ -259,11 +260,6 @@ def _chosen(job: Job, by_length: FitsByLength, *, with_shapes: bool) -> tuple[Ch
     choice = choose_structure(by_length, job.kept, with_shapes, job.progress, job.thresholds)
     job.progress("predicting the held-out data")
     return _preferred(choice, job)
-
-
-def _explains(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether nothing is left to explain over segments in which most springs turn round."""
-    return fitted.excess <= thresholds.sensor_excess and fitted.duration >= TURNING
 
 
 def _beside(choice: Choice, job: Job) -> Iterator[Callable[[Choice], FitsByLength | None]]:
