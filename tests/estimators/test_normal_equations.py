@@ -158,6 +158,9 @@ def steps_of(problem: _Rough, tolerance: float = 1.0, **options: Any) -> int:
         # Four steps in turn that hold less than a hundredth are the last: a rough bottom.
         (_Rough(0.5 * FLAT, 1e-4, THREE_DEVIATIONS), {"tolerance": 1e-2}, 4),
         (_Rough(0.5, 1e-4), {"insist": False}, 4),
+        # Two in turn that gain less than they have to are the last of what only explores.
+        (_Rough(0.5, 0.5), {"insist": False, "least_gain": 0.26}, 2),
+        (_Rough(0.5, 0.5), {"insist": False, "least_gain": 0.24}, ITERATIONS),
         (_Rough(0.5, 0.02), {"insist": False}, ITERATIONS),
         # Within the variance asked for, none of that is a failure.
         (_Rough(0.5, 1e-4), {"enough": 1.1}, 4),

@@ -60,11 +60,11 @@ def by_length(monkeypatch):
     def set_up(ends: dict[tuple[str, int], list[float]], late=0.0, finest=FINEST, *, insist=True):
         tried: list[tuple[str, int]] = []
 
-        def fit_by_length(structure, data, way, lengths_fitted, *, insist=True, **_):
+        def fit_by_length(structure, data, way, lengths_fitted, *, steps, **_):
             halvings = len(lengths_fitted) - len(LADDER)
             tried.append((way["start"], halvings))
             excesses = ends.get(tried[-1])
-            if not insist:
+            if not steps.insist:
                 return [fitted(lengths_fitted[0], 99.0)]
             if structure == {"late"}:
                 return [fitted(s, 7.0) for s in lengths_fitted]
@@ -174,18 +174,25 @@ def held(hold: str, cost: float, *, converged: bool = True) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("last_ends", "other_ends", "expected"),
-    [(True, True, "linear"), (True, False, "zero"), (False, False, "linear")],
+    ("last_ends", "other_ends", "expected", "open_yet"),
+    [
+        (True, True, "linear", ()),
+        (True, False, "zero", ()),
+        (False, False, "linear", ("zero",)),
+        (False, True, "linear", ("zero",)),
+    ],
 )
-def test_a_hold_whose_steps_do_not_end_is_no_rival(monkeypatch, last_ends, other_ends, expected):
+def test_a_hold_whose_steps_do_not_end_is_no_rival(
+    monkeypatch, last_ends, other_ends, expected, open_yet
+):
     """Assert that the lesser sum of squares counts only where its steps ended, or none's did."""
     other = held("linear", 900.0, converged=other_ends)
     monkeypatch.setattr(
         fits_by_length, "held_otherwise", lambda _, hold: other if hold == "linear" else None
     )
     last = held("zero", 1000.0, converged=last_ends)
-    best, _, _ = best_hold(last, ("zero", "linear"), THRESHOLDS)
-    assert best.structure.timing.hold == expected
+    best, _, tied = best_hold(last, ("zero", "linear"), THRESHOLDS)
+    assert (best.structure.timing.hold, tied) == (expected, open_yet)
 
 
 @pytest.fixture

@@ -123,7 +123,7 @@ def test_half_the_way_may_lead_on(monkeypatch):
     first = with_gap(HALF_GAP, "backlash")
     tried = []
 
-    def nowhere(_fitted, structure, *, insist, iterations):
+    def nowhere(_fitted, structure, *, steps):
         tried.append(structure.joint.extended.constants[BACKLASH_WIDTH])
 
     monkeypatch.setattr(gap, "led_from", nowhere)

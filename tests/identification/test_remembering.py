@@ -70,7 +70,7 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
     by_length = FitsByLength((over(16, short, wide),), segments, True, ("cubic",), "")
     leaner = over(4, 5.0)
     assert fits_by_length.fit_with_hysteresis(by_length, leaner, lambda _: None) is not None
-    ((before, structure, _, noise, _),) = asked
+    ((before, structure, _, noise, *_),) = asked
     assert (before, structure.absent, noise) == (leaner, wide.absent - JOINT.remembered, floor)
 
 
@@ -91,17 +91,18 @@ def test_what_explains_enough_is_followed(monkeypatch, before, floor, first, las
     """Assert that first steps that take away enough are followed by as many as it takes."""
     asked = []
 
-    def led_from(fitted, structure, start=None, *, data=None, insist, iterations=None):
-        asked.append((iterations, start or fitted.by_name, fitted.minimum.point.initial_states))
-        return first if iterations else last
+    def led_from(fitted, structure, start=None, *, data=None, steps):
+        asked.append((steps, start or fitted.by_name, fitted.minimum.point.initial_states))
+        return last if data else first
 
     monkeypatch.setattr(fits_by_length, "led_from", led_from)
     first = made_fit(first.excess, by_name={"first": 1.0}, states="there")
-    fit = made_fit(before, states="here")
-    found = fits_by_length.explained_by(fit, WITHOUT, {"start": 0.0}, floor, THRESHOLDS)
+    fit = made_fit(before, states="here", data="data")
+    rest = floor, THRESHOLDS, fits_by_length._only_brakes
+    found = fits_by_length.explained_by(fit, WITHOUT, {"start": 0.0}, *rest)
     assert found is (last if follows else None)
-    assert asked[0] == (fits_by_length.FIRST_ITERATIONS, {"start": 0.0}, "here")
-    assert not follows or asked[1:] == [(None, {"first": 1.0}, "there")]
+    assert asked[0] == (fits_by_length.EXPLORING, {"start": 0.0}, "here")
+    assert not follows or asked[1:] == [(fits_by_length.EXPLORING, {"first": 1.0}, "there")]
 
 
 def test_the_shortest_segments_that_last_half_a_second_show_what_is_missing():
@@ -148,5 +149,9 @@ def test_a_part_is_searched_as_a_whole(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(
         fits_by_length, "sampled", lambda fit: parts[fit.minimum.point.initial_states]
     )
-    assert fits_by_length.explained_by(whole, WITHOUT, {}, 1.0, THRESHOLDS) is not None
+    rest = 1.0, THRESHOLDS, lambda _: True
+    assert fits_by_length.explained_by(whole, WITHOUT, {}, *rest) is not None
     assert asked == ["part", None, "whole", None]
+    asked.clear()
+    assert fits_by_length.explained_by(whole, WITHOUT, {}, *rest[:2], lambda _: False) is None
+    assert asked == ["part", None]

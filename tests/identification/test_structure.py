@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import JOINT, made_fit
+from made_joint import JOINT, made_fit, over
 from scipy.stats import chi2, f, norm, t
 
 import flexid.identification.full_model.fitting as fitting
@@ -278,8 +278,8 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained):
     without = Structure(JOINT, shapes, Timing("zero"))
     narrow = made_fit(excess, segments="segments", states="states", structure=without)
 
-    def led_from(fitted, structure, *, insist):
-        assert (fitted, insist) == (narrow, False)
+    def led_from(fitted, structure, *, steps):
+        assert (fitted, steps.insist) == (narrow, False)
         assert structure.absent == shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
         return made_fit(excess, structure=structure)
 
@@ -345,6 +345,36 @@ def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
     for exact in (True, False):
         with nullcontext() if not (exact or stands) else pytest.raises(ZeroDivisionError):
             assert choose(exact=exact).fitted is fitted
+
+
+@pytest.mark.parametrize(
+    ("fuller", "leaner", "free_length", "duration"),
+    [
+        (1.09, 1.11, True, 1.0),
+        (1.09, 1.09, True, 2.0),
+        (1.11, 1.2, True, 2.0),
+        (1.09, 1.11, False, 2.0),
+    ],
+)
+def test_a_leaner_fit_that_lost_its_way_is_asked_over_shorter_segments(
+    monkeypatch, fuller, leaner, free_length, duration
+):
+    """Assert that it is, where the fuller one explains the log and it does not."""
+    monkeypatch.setattr(elimination, "best_length", lambda found, _: found[-1])
+    monkeypatch.setattr(elimination, "_leanest", lambda full, *_: (full.structure, ()))
+    monkeypatch.setattr(elimination, "eliminate", lambda full, *_: (full.structure, ()))
+    monkeypatch.setattr(elimination, "settled", lambda fitted: fitted)
+    monkeypatch.setattr(elimination, "_rivals", lambda *_: ())
+
+    def fit_like(structure, fitted, *_):
+        count = len(fitted.problem.segments)
+        return over(count, leaner if count == 1 else 1.0, structure)
+
+    monkeypatch.setattr(elimination, "fit_like", fit_like)
+    found = over(2, 1.0), over(1, fuller)
+    by_length = FitsByLength(found, (), free_length, ("cubic",), "", exact=True)
+    choice = elimination.choose_structure(by_length, (), False, lambda _: None)
+    assert choice.fitted.duration == duration
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,7 @@ _POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
 _POOR_STEPS = 2  # in turn, after which a bottom is too rough for better ones
 _NO_GAIN = 0.01  # the same of a step before something that none gets over
 _STUCK_STEPS = 4  # of these in turn, after which no more are taken
+_IDLE_STEPS = 2  # in turn, that gain less than they have to
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
 _FINEST = 1e-9  # noise over the largest output that is distinguished from none: a 30 bit encoder's
 
@@ -69,8 +70,12 @@ def minimise(
     iterations: int = ITERATIONS,
     enough: float = 0.0,
     promised: float = np.inf,
+    least_gain: float = 0.0,
 ) -> Minimum:
-    """Least sum of squares near a point; the first step has to promise a variance."""
+    """Least sum of squares near a point; the first step has to promise a variance.
+
+    It ends where steps in turn gain less than a part of the sum of squares.
+    """
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise ConvergenceError(
@@ -78,8 +83,8 @@ def minimise(
             "the model's motion diverges from the starting values: start from a least-squares fit, "
             "or shorten the segments",
         )
-    damping, last_step, taken, slow, poor, stuck = 0.0, np.inf, 0, 0, 0, 0
-    while slow < iterations:
+    damping, last_step, taken, slow, poor, stuck, idle = 0.0, np.inf, 0, 0, 0, 0, 0
+    while slow < iterations and idle < _IDLE_STEPS:
         reduced = problem.solve(equations)
         variance = equations.cost / problem.degrees_of_freedom
         if taken == 0 and variance - reduced.decrement / problem.degrees_of_freedom > promised:
@@ -114,6 +119,7 @@ def minimise(
         slow += gain < _FAST * before
         poor = poor + 1 if gain < _POOR_GAIN * reduced.decrement else 0
         stuck = stuck + 1 if gain < _NO_GAIN * reduced.decrement else 0
+        idle = idle + 1 if gain < least_gain * before else 0
     reduced = problem.solve(equations)
     found = Minimum(point, equations, reduced, taken, float(last_step))
     rough = reduced.decrement <= FLAT * equations.cost  # to and fro over a rough bottom

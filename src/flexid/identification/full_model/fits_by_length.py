@@ -5,7 +5,7 @@ sample later, on the average, than what runs on. Over short segments one hold pa
 with another delay; the longest segments decide, and where these do not, the holds are tied.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
@@ -17,6 +17,7 @@ from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.prediction_error import Minimum
 from flexid.estimators.samples import Segments, side_by_side
 from flexid.identification.full_model.fitting import (
+    EXPLORING,
     fit_by_length,
     fit_like,
     in_part,
@@ -27,7 +28,7 @@ from flexid.identification.full_model.fitting import (
     with_steps_refined,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
-from flexid.identification.full_model.starting import FIRST_ITERATIONS, first_fits, short
+from flexid.identification.full_model.starting import first_fits, short
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import HYSTERESIS_GRIP
@@ -150,11 +151,17 @@ def fit_with_hysteresis(
     for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
         if promise < thresholds.shape_promise:
             break
-        first = explained_by(before, structure, way, floor, thresholds)
+        first = explained_by(before, structure, way, floor, thresholds, _only_brakes)
         if first is not None:
             found = [first, *by_length.longer(first, thresholds)]
             return by_length.with_term(found, thresholds)
     return None
+
+
+def _only_brakes(fitted: Fitted) -> bool:
+    """Whether no friction of a spring with memory drives: that is none, and stands for a gap."""
+    remembered = fitted.structure.joint.remembered
+    return all(fitted.by_name.get(name, 0.0) >= 0.0 for name in remembered)
 
 
 def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
@@ -190,24 +197,22 @@ def explained_by(
     way: Mapping[str, float],
     floor: float,
     thresholds: Thresholds,
+    stands: Callable[[Fitted], bool],
 ) -> Fitted | None:
-    """A wider fit, if its first steps take away most of what one without leaves beyond noise.
+    """A wider fit that stands, if a few steps take most of what one without leaves beyond noise.
 
     Of a log with very many samples it has to do so in part of it first.
     """
     some = sampled(before)
     found = None
     for fitted in (before,) if some is before else (some, before):
-        found = led_from(fitted, structure, way, insist=False, iterations=FIRST_ITERATIONS)
+        found = led_from(fitted, structure, way, steps=EXPLORING)
         wanted = thresholds.shape_share * (fitted.excess - floor)
         if found is None or fitted.excess - found.excess < wanted:
             return None
         # In steps that suit where it is now it may diverge.
-        found = led_from(found, found.structure, data=fitted.data, insist=False)
-        if found is None:
-            return None
-        # A friction that drives is no hysteresis: it stands for a gap, say.
-        if any(found.by_name.get(name, 0.0) < 0.0 for name in structure.joint.remembered):
+        found = led_from(found, found.structure, data=fitted.data, steps=EXPLORING)
+        if found is None or not stands(found):
             return None
         structure, way = found.structure, found.by_name
     return found

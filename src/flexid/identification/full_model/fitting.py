@@ -51,6 +51,7 @@ class Steps:
     iterations: int = ITERATIONS  # at most
     enough: float = 0.0  # variance of the residuals, up to which convergence is not insisted on
     promised: float = np.inf  # the same that the first step has to promise
+    least_gain: float = 0.0  # of the sum of squares, with less of which steps end
     coarser: float = 1.0  # steps of integration over the usual ones
     most_substeps: float = np.inf  # of these per sample
 
@@ -62,6 +63,15 @@ class Steps:
 
 USUAL = Steps()
 """Steps that insist on convergence, as short as the motion wants them."""
+
+ON_THE_WAY = Steps(enough=NEARLY_NOISE)
+"""Steps of a fit that only leads on."""
+
+FIRST_STEPS = replace(ON_THE_WAY, iterations=8)
+"""Steps of a fit from afar; those that halve the sum of squares are not counted."""
+
+EXPLORING = replace(FIRST_STEPS, insist=False, least_gain=0.01)
+"""Steps of a fit that shows whether a term is worth following up."""
 
 _AT_ONCE = Steps(0.1, iterations=5, promised=NEARLY_NOISE)
 
@@ -89,12 +99,10 @@ def fit_by_length(
     start: Mapping[str, float],
     divisions: Sequence[Segments],
     states: FloatArray | None = None,  # (n_segments, n_states)
-    insist: bool = True,
-    iterations: int = ITERATIONS,
+    steps: Steps = ON_THE_WAY,
     leads_on: Callable[[Fitted], bool] = lambda _: True,
 ) -> list[Fitted]:
     """Fit over the first of some divisions, and over longer segments from there."""
-    steps = Steps(insist=insist, iterations=iterations, enough=NEARLY_NOISE)
     first = fit_segments(structure, data, divisions[0], start, states, steps)
     return [first, *longer_fits(first, divisions[1:], leads_on)]
 
@@ -119,7 +127,7 @@ def longer_fits(
         if not leads_on(last):
             break
         try:
-            last = over_longer(last, segments, Steps(enough=NEARLY_NOISE))
+            last = over_longer(last, segments, ON_THE_WAY)
         except ConvergenceError:
             break
         found.append(last)
@@ -162,14 +170,13 @@ def led_from(
     start: Mapping[str, float] | None = None,
     *,
     data: Data | None = None,
-    insist: bool = True,
-    iterations: int = ITERATIONS,
+    steps: Steps = ON_THE_WAY,
 ) -> Fitted | None:
     """Another structure over a fit's segments, from its states and values; None if it fails."""
-    states, segments = fitted.minimum.point.initial_states, [fitted.problem.segments]
-    rest = (fitted.by_name if start is None else start, segments, states, insist, iterations)
+    states, segments = fitted.minimum.point.initial_states, fitted.problem.segments
+    begun = fitted.by_name if start is None else start
     with suppress(ConvergenceError):
-        return fit_by_length(structure, data or fitted.data, *rest)[0]
+        return fit_segments(structure, data or fitted.data, segments, begun, states, steps)
     return None
 
 
@@ -366,6 +373,7 @@ def fit_segments(
         iterations=steps.iterations,
         enough=steps.enough,
         promised=steps.promised,
+        least_gain=steps.least_gain,
     )
     values = dict(zip(problem.names, found.point.values.tolist(), strict=True))
     ended = structure.beginning_at(values)

@@ -26,6 +26,7 @@ from flexid.estimators.samples import Segments, first_states, side_by_side
 from flexid.estimators.state_variable_filter import FASTEST, LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import (
+    FIRST_STEPS,
     USUAL,
     Steps,
     fit_by_length,
@@ -46,8 +47,6 @@ _COMPARED = 50  # segments over which starts are compared
 _FILTER_RATE = 20.0  # 1/s, of least squares that shows what each term does to its row
 _PASSED = 1.0 / 3.0  # of the resonance, from which on such a filter hides none of a joint's motion
 
-FIRST_ITERATIONS = 8
-"""Steps that a fit from afar may take, those that halve the sum of squares not counted."""
 _HALVINGS = 2  # of the shortest segments, if these are too long to begin with
 _FEWEST_HALVED = 10  # samples of what only leads to a start: twice its initial state
 _CLAMPED = 1e-3  # of the motor's inertia over that of a link that does not move, to begin with
@@ -276,8 +275,9 @@ def first_fits(
         if astray:  # the log tells so little of these delays that they lead out of it
             return first_fits(structure.without(astray), data, divisions, insist=insist)
     if not insist:
-        steps = {"insist": False, "iterations": FIRST_ITERATIONS}
-        return fit_by_length(structure, data, next(ways), divisions, **steps, leads_on=leads_on)
+        steps = replace(FIRST_STEPS, insist=False)
+        way = next(ways)
+        return fit_by_length(structure, data, way, divisions, steps=steps, leads_on=leads_on)
     raise no_start()
 
 
@@ -319,10 +319,11 @@ def _tries(
     def led(way: Mapping[str, float]) -> list[Fitted]:
         try:
             if first is not climbed[0]:
-                some = fit_by_length(structure, data, way, [first], iterations=FIRST_ITERATIONS)
+                some = fit_by_length(structure, data, way, [first], steps=FIRST_STEPS)
                 way = some[0].by_name
-            steps = {"iterations": FIRST_ITERATIONS, "leads_on": leads_on}
-            return fit_by_length(structure, data, way, climbed, **steps)
+            return fit_by_length(
+                structure, data, way, climbed, steps=FIRST_STEPS, leads_on=leads_on
+            )
         except ConvergenceError:
             return []
 

@@ -22,7 +22,7 @@ from flexid.identification.full_model.fits_by_length import (
     explains,
     may_stand,
 )
-from flexid.identification.full_model.fitting import fit_like, led_from
+from flexid.identification.full_model.fitting import ON_THE_WAY, fit_like, led_from
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
 from flexid.identification.vocabulary import Progress
@@ -191,7 +191,8 @@ def _wider(
     for narrow in (best, *reversed(shorter)):
         wider = fit_like(extended, narrow, ROUGH)
         if wider is None and narrow.excess <= thresholds.sensor_excess:
-            wider = led_from(narrow, extended, insist=False)  # the log may not tell terms apart
+            steps = replace(ON_THE_WAY, insist=False)  # the log may not tell terms apart
+            wider = led_from(narrow, extended, steps=steps)
         # One that is worse has ended at a bound.
         if wider is not None and wider.excess <= _NO_WORSE * narrow.excess:
             break

@@ -25,6 +25,8 @@ from flexid.identification.full_model.fits_by_length import (
     leaves_more,
 )
 from flexid.identification.full_model.fitting import (
+    EXPLORING,
+    FIRST_STEPS,
     fit_by_length,
     fit_like,
     in_own_steps,
@@ -33,7 +35,6 @@ from flexid.identification.full_model.fitting import (
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import (
-    FIRST_ITERATIONS,
     RATES,
     least_squares_start,
     short,
@@ -123,7 +124,7 @@ def met(trail: list[tuple[float, float]]) -> float:
 def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
     """A fit with another width; None if its first steps do not lead below the sum of squares."""
     structure = following(fitted, width)
-    first = led_from(fitted, structure, insist=False, iterations=FIRST_ITERATIONS)
+    first = led_from(fitted, structure, steps=EXPLORING)
     if first is None or not _no_worse(first, fitted):
         return None
     found = fit_like(structure, first)
@@ -285,9 +286,8 @@ def fit_with_play(
     best: list[Fitted] = []
     for own, start in _starts(structure, full, data):
         try:
-            found = fit_by_length(
-                own, data, start, short(by_length.divisions), iterations=FIRST_ITERATIONS
-            )
+            divisions = short(by_length.divisions)
+            found = fit_by_length(own, data, start, divisions, steps=FIRST_STEPS)
         except ConvergenceError:
             continue
         if not best or (len(found), -found[-1].excess) > (len(best), -best[-1].excess):

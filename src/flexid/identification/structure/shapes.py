@@ -71,6 +71,10 @@ class SoughtShape:
         """The structure with another constant."""
         return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
 
+    def is_seen_in(self, fitted: Fitted) -> bool:
+        """Whether the constant of a fit is large enough to be seen."""
+        return self.of(fitted.structure) > self.least(fitted)
+
     def is_in(self, fitted: Fitted) -> bool:
         """Whether a fit has the term, its coefficients sought or given."""
         structure = fitted.structure
@@ -98,8 +102,9 @@ def fit_with_shape(
     for promise, structure in _promising(shape, sampled(before), full):
         if promise < thresholds.shape_promise:
             continue
-        first = explained_by(before, structure, before.by_name, floor, thresholds)
-        if first is not None and shape.of(first.structure) > shape.least(first):
+        way = before.by_name
+        first = explained_by(before, structure, way, floor, thresholds, shape.is_seen_in)
+        if first is not None:
             worse = leaves_more(first, chosen, thresholds)
             return None if worse else _fit_longer(first, by_length, thresholds)
     return None
