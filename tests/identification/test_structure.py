@@ -212,21 +212,17 @@ def test_delays_go_like_terms(side, size, margin, stays):
 def test_the_narrowest_fit_that_converged_is_best():
     """Assert that one that has not ended counts last, and the longer of two within 5 %."""
 
-    def fit(width: float, converged: bool = True, excess: float = 2.0) -> Fitted:
+    def fit(width: float, converged: bool = True) -> Fitted:
         estimate = Estimate(("theta2",), np.ones(1), np.array([[width**2]]), (MANY,))
-        return made_fit(converged=converged, fit=estimate, excess=excess, duration=1.0)
-
-    def best(*found: Fitted) -> Fitted:
-        return best_length(found, THRESHOLDS)
+        return made_fit(converged=converged, fit=estimate)
 
     wide, narrow, not_ended = fit(0.2), fit(0.1), fit(0.01, converged=False)
-    assert best(wide, narrow, not_ended) is narrow
-    assert best(not_ended, wide) is wide
-    assert best(not_ended) is not_ended
-    longer, too_wide, explaining = fit(0.104), fit(0.106), fit(0.2, excess=1.0)
-    assert best(narrow, longer) is longer
-    assert best(narrow, too_wide) is narrow
-    assert best(narrow, explaining, longer) is explaining
+    assert best_length([wide, narrow, not_ended]) is narrow
+    assert best_length([not_ended, wide]) is wide
+    assert best_length([not_ended]) is not_ended
+    longer, too_wide = fit(0.104), fit(0.106)
+    assert best_length([narrow, longer]) is longer
+    assert best_length([narrow, too_wide]) is narrow
 
 
 USUAL = Structure(JOINT, frozenset({"alpha_drag", "alpha_saturation"}), Timing("zero"))
@@ -360,7 +356,7 @@ def test_a_leaner_fit_that_lost_its_way_is_asked_over_shorter_segments(
     monkeypatch, fuller, leaner, free_length, duration
 ):
     """Assert that it is, where the fuller one explains the log and it does not."""
-    monkeypatch.setattr(elimination, "best_length", lambda found, _: found[-1])
+    monkeypatch.setattr(elimination, "best_length", lambda found: found[-1])
     monkeypatch.setattr(elimination, "_leanest", lambda full, *_: (full.structure, ()))
     monkeypatch.setattr(elimination, "eliminate", lambda full, *_: (full.structure, ()))
     monkeypatch.setattr(elimination, "settled", lambda fitted: fitted)

@@ -67,9 +67,6 @@ if TYPE_CHECKING:
 
 PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
 UNEXPLAINED = 0.1  # of a balance's acceleration: with less, its spring is there all the same
-# Relative deviation of a core that nearly all is explained with, beside which no disturbances are
-# asked for: of a minute's log with worn encoders 0.2 %, of one with friction that creeps 1.2 %.
-_WELL_KNOWN = 0.01
 OF_A_LENGTH = "segments of other lengths give other values"
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold can be told"
@@ -103,7 +100,8 @@ def answer(job: Job) -> Answer:
     if exact is not None and (settled := _settled(job, exact)):
         return settled
     nearly = exact is not None and nearly_explains(exact.fits.reported, job.thresholds)
-    if exact is not None and nearly and _core_width(exact) <= _WELL_KNOWN:
+    well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
+    if exact is not None and nearly and _core_width(exact) <= well_known:
         return _judged(exact, exact.fits.choice.fitted, job)
     disturbed = _if_possible(job)
     if disturbed is None:

@@ -41,6 +41,9 @@ TURNING = 0.5
 # that is stiff for its load 16, and both are right; EMPS without its pulses has 10⁹, and is not.
 _RIGID_EXCESS = 100.0
 _HARDLY_MORE = 1.5  # times what noise explains: the held-out end may bring it below that
+FOLLOWED = 2
+"""Constants of a term that are followed up: those that promise most."""
+
 # Of the grip that suits the motion, to begin with.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
@@ -148,7 +151,7 @@ def fit_with_hysteresis(
     some = sampled(before)
     promising = [(promised(some, structure, way), way) for way in ways]
     floor = thresholds.noise_floor(by_length.found[0].excess)
-    for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
+    for promise, way in sorted(promising, key=itemgetter(0), reverse=True)[:FOLLOWED]:
         if promise < thresholds.shape_promise:
             break
         first = explained_by(before, structure, way, floor, thresholds, _only_brakes)

@@ -78,7 +78,7 @@ def choose_structure(
     less it leaves more.
     """
     found, exact = list(by_length.found), by_length.exact
-    best = best_length(found, thresholds) if by_length.free_length else found[-1]
+    best = best_length(found) if by_length.free_length else found[-1]
     progress("taking away what the log does not show")
     wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
     if not exact and not may_stand(wider, thresholds):
@@ -95,7 +95,7 @@ def choose_structure(
         if leaner is None:
             break
         found = [leaner, *by_length.longer(leaner, thresholds)]
-        longer = best_length(found, thresholds) if by_length.free_length else found[-1]
+        longer = best_length(found) if by_length.free_length else found[-1]
         if longer is leaner:
             best, fitted_as = leaner, structure
             break
@@ -105,15 +105,8 @@ def choose_structure(
             break  # the wider model does not follow; what it said of shorter segments stands
         structure, evidence = _leanest(wider, kept, thresholds)
     fitted = best if fitted_as is structure else fit_like(structure, best)
-    while fitted is not None:
-        # Far from where it was expanded a quadratic form is none; the leaner fit has its own.
-        leaner, own = eliminate(fitted, kept, thresholds)
-        evidence = latest(evidence, own)
-        if len(leaner.absent) == len(structure.absent) and leaner.timing == structure.timing:
-            break
-        structure, fitted = leaner, fit_like(leaner, fitted)
-    if fitted is None:
-        structure, fitted = best.structure, best
+    fitted, gone = _until_nothing_goes(fitted, structure, kept, thresholds)
+    fitted, evidence = fitted or best, latest(evidence, gone)
     if explained and shorter and fitted.excess > thresholds.sensor_excess:
         # It lost what it needs, or its way along a rough bottom: shorter segments have less of it.
         fewer = replace(by_length, found=shorter)
@@ -131,6 +124,23 @@ def choose_structure(
     others = others if by_length.free_length else []
     rivals = _rivals(fitted, replace(more, joint=structure.joint), others, kept, thresholds)
     return Choice(full, structure, fitted, evidence, tuple(found), asked, rivals)
+
+
+def _until_nothing_goes(
+    fitted: Fitted | None, structure: Structure, kept: Collection[str], thresholds: Thresholds
+) -> tuple[Fitted | None, tuple[TermEvidence, ...]]:
+    """A leaner fit, of a structure that may have less; None where there is no fit of that.
+
+    Far from where it was expanded a quadratic form is none; each leaner fit has its own.
+    """
+    evidence: tuple[TermEvidence, ...] = ()
+    while fitted is not None:
+        leaner, own = eliminate(fitted, kept, thresholds)
+        evidence = latest(evidence, own)
+        if len(leaner.absent) == len(structure.absent) and leaner.timing == structure.timing:
+            break
+        structure, fitted = leaner, fit_like(leaner, fitted)
+    return fitted, evidence
 
 
 def _rivals(
@@ -223,14 +233,9 @@ def core_deviations(estimate: Estimate) -> FloatArray:
     return (estimate.deviations / sizes)[core]
 
 
-def best_length(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted:
-    """The fit with the narrowest intervals; of two that are alike, that over longer segments.
-
-    Where some explain the log, one over longer segments that does not may have ended beside the
-    minimum: over many reversals of a friction the sum of squares is rough.
-    """
+def best_length(found: Sequence[Fitted]) -> Fitted:
+    """The fit with the narrowest intervals; of two that are alike, that over longer segments."""
     found = [fitted for fitted in found if fitted.converged] or found
-    found = [fitted for fitted in found if explains(fitted, thresholds)] or found
     best, narrowest = found[0], np.inf
     for fitted in found:
         width = relative_deviation(fitted)

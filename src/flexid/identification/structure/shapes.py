@@ -20,6 +20,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import side_by_side
 from flexid.identification.full_model.fits_by_length import (
+    FOLLOWED,
     FitsByLength,
     explained_by,
     leaves_more,
@@ -45,7 +46,6 @@ from flexid.models.flexible_joint import (
     STRIBECK_VELOCITY,
 )
 
-_FOLLOWED = 2  # constants that promise most
 _AROUND = np.linspace(-0.4, 0.4, 5)  # of the resolution
 
 
@@ -148,7 +148,7 @@ def _promising(
     constants = [value for value in constants if value > shape.least(before)]
     promises = side_by_side(lambda value: _promised(before, shape.put(structure, value)), constants)
     promising = zip(promises, constants, strict=True)
-    most = sorted(promising, key=itemgetter(0), reverse=True)[:_FOLLOWED]
+    most = sorted(promising, key=itemgetter(0), reverse=True)[:FOLLOWED]
     for _, value in most:
         yield max(_near(shape, before, structure, value), key=itemgetter(0))
 
