@@ -29,7 +29,7 @@ def of_short_logs(monkeypatch):
     [
         ({1.0: 0.8, 0.25: 0.5}, None, [1.0, 0.25]),
         ({1.0: 0.5, 0.25: 0.8}, None, [0.25, 1.0]),
-        ({0.25: 0.3, 0.5: 0.4, 1.0: 0.5, 2.0: 0.6, 4.0: 0.7}, None, [4.0, 2.0, 1.0, 0.5, 0.25]),
+        ({0.25: 0.3, 0.5: 0.4, 1.0: 0.5, 2.0: 0.6, 4.0: 0.7}, None, [4.0, 2.0]),
         # What holds its promise ends the search.
         ({1.0: 0.8, 0.25: 0.5}, 1.0, [1.0]),
         ({1.0: 0.8, 0.25: 0.5}, 0.25, [1.0, 0.25]),
@@ -39,7 +39,7 @@ def of_short_logs(monkeypatch):
     ],
 )
 def test_the_grip_that_promises_more_is_tried_first(monkeypatch, promises, holding, begun):
-    """Assert which grips are tried, over that which suits the motion, if one holds its promise."""
+    """Assert which two grips are tried, over that which suits the motion, if one holds its promise."""
     tried = []
 
     def share(way: dict[str, float]) -> float:
