@@ -39,7 +39,7 @@ def of_short_logs(monkeypatch):
     ],
 )
 def test_the_grip_that_promises_more_is_tried_first(monkeypatch, promises, holding, begun):
-    """Assert which two grips are tried, over that which suits the motion, if one holds its promise."""
+    """Assert which two are tried, over the grip that suits the motion, if one holds its promise."""
     tried = []
 
     def share(way: dict[str, float]) -> float:
