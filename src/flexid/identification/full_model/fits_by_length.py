@@ -37,13 +37,13 @@ from flexid.recording.recording import Hold
 TURNING = 0.5
 """Seconds of segments in which most springs turn round: these show best what a model lacks."""
 
+FOLLOWED = 2
+"""Constants of a term that are followed up: those that promise most."""
+
 # Mean square of a rigid joint's residuals over the sensors' noise: DFKI's pendulum has 2, a joint
 # that is stiff for its load 16, and both are right; EMPS without its pulses has 10⁹, and is not.
 _RIGID_EXCESS = 100.0
 _HARDLY_MORE = 1.5  # times what noise explains: the held-out end may bring it below that
-FOLLOWED = 2
-"""Constants of a term that are followed up: those that promise most."""
-
 # Of the grip that suits the motion, to begin with.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
