@@ -36,6 +36,7 @@ _WRONG_UNITS = (  # factor; whether a share of the angle itself is allowed for a
     (2.0 * np.pi, True, "turns read as radians"),
 )
 _WIDE = 1.0  # rad of motion: in less an angle is too much like its sine
+_CERTAIN = 5.0  # standard errors: 2 where a short deflection follows no mechanics at all
 _EXPLAINED = 0.5
 """Of the squares of a deflection that mechanics leave, those left beside another scale: 0.8 or more
 where none is wrong (0.99, at 30 standard errors, in a long log with dry friction), 0.25 or less in
@@ -160,8 +161,8 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     deflection, moved = smoothed(link - motor), smoothed(motor)
     share, error = _own_share(deflection, moved, mechanics)
     left, beside = _left_over(deflection, mechanics), _left_over(deflection, [moved, *mechanics])
-    named = _SMALLEST < abs(share) < _LARGEST and beside < _EXPLAINED * left
-    return (share, error) if named else (0.0, 0.0)
+    named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
+    return (share, error) if named and beside < _EXPLAINED * left else (0.0, 0.0)
 
 
 @lru_cache(maxsize=1)  # a log is checked for scales first, and then for a late input
