@@ -170,7 +170,9 @@ def test_end_of_every_recording_is_held_out():
 
 def test_a_long_log_is_searched_in_windows():
     """Assert that three windows of ten thousand samples or 3 s are spread over what is fitted."""
-    long, short = recording(120_000, start=4.0), recording(6000)
+    short = recording(6000)
+    swing = np.sin(0.5 * np.arange(120_000))  # the best window for its velocity is short
+    long = replace(recording(120_000, start=4.0), link_position=swing, motor_position=0.9 * swing)
     split, _ = prepare([log(long), log(short)], SHARE)
     searched, groups = split.searched
     assert sum(map(len, searched)) == pytest.approx(30_000, rel=1e-3)
