@@ -99,15 +99,15 @@ def answer(job: Job) -> Answer:
     exact = _standing(job, chosen)
     if exact is not None and (settled := _settled(job, exact)):
         return settled
-    nearly = exact is not None and nearly_explains(exact.fits.reported, job.thresholds)
+    nearly = exact if exact and nearly_explains(exact.fits.reported, job.thresholds) else None
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
-    if exact is not None and nearly and _core_width(exact) <= well_known:
-        return _judged(exact, exact.fits.choice.fitted, job)
+    if nearly and _core_width(nearly) <= well_known:
+        return _judged(nearly, nearly.fits.choice.fitted, job)
     disturbed = _if_possible(job)
     if disturbed is None:
         return exact or _exact(job, chosen, anyhow=True)
-    if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
-        return _judged(exact, exact.fits.choice.fitted, job)
+    if nearly and _core_width(nearly) <= _core_width(disturbed):
+        return _judged(nearly, nearly.fits.choice.fitted, job)
     return disturbed
 
 

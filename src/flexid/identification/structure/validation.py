@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.normal_equations import pseudo_inverse
+from flexid.estimators.normal_equations import scaled_pseudo_inverse
 from flexid.estimators.samples import FEWEST_SAMPLES, Samples, Segments, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.identification.full_model.model import Data, Fitted, M
@@ -38,7 +38,8 @@ def following_states(
     share = np.ones(len(windows))  # of a step, that is taken
     seeking = np.arange(len(windows))
     for _ in range(_MOST_STEPS):
-        steps = _steps(normal[seeking], gradient[seeking])
+        inverse = scaled_pseudo_inverse(normal[seeking], _NULL)
+        steps = np.einsum("sij,sj->si", inverse, gradient[seeking])
         promised = np.sum(steps * gradient[seeking], axis=1)
         ends = np.isfinite(costs[seeking]) & (promised <= _CONVERGED * costs[seeking])
         states[seeking[ends]] += steps[ends]
@@ -64,14 +65,6 @@ def _equations(
     found = problem.equations(Point(values, states), "states")
     normal, gradient = (np.add.reduceat(own, firsts) for own in (found.normal, found.gradient))
     return normal, gradient, found.costs
-
-
-def _steps(normal: FloatArray, gradient: FloatArray) -> FloatArray:
-    """Steps of the first states, shape (n_windows, n_states)."""
-    scale = np.sqrt(np.einsum("sii->si", normal))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    inverse = pseudo_inverse(normal / (scale[:, :, None] * scale[:, None, :]), _NULL)
-    return np.einsum("sij,sj->si", inverse, gradient / scale) / scale
 
 
 Follower = Callable[
