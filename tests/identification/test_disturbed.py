@@ -307,12 +307,17 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(
     assert found.full.values == pytest.approx(usual.full.values, rel=1e-2)
 
 
-def less_likely(by: float) -> Callable[[FitInBand], FitInBand]:
-    """A fit that leaves ten times as much, and is less likely."""
+def less_likely(by: float, *, in_sizes: bool = True) -> Callable[[FitInBand], FitInBand]:
+    """A fit that leaves ten times as much, be it in its innovations, and is less likely."""
 
     def far_off(fit: FitInBand) -> FitInBand:
-        sizes = replace(fit.sizes, disturbances=10.0 * fit.sizes.disturbances)
-        return replace(fit, cost=fit.cost + by, sizes=sizes)
+        minimum = fit.fitted.minimum
+        left = replace(minimum.equations, cost=100.0 * minimum.equations.cost)
+        if in_sizes:
+            sizes = replace(fit.sizes, disturbances=10.0 * fit.sizes.disturbances)
+            return replace(fit, cost=fit.cost + by, sizes=sizes)
+        fitted = replace(fit.fitted, minimum=replace(minimum, equations=left))
+        return replace(fit, cost=fit.cost + by, fitted=fitted)
 
     return far_off
 
@@ -320,8 +325,9 @@ def less_likely(by: float) -> Callable[[FitInBand], FitInBand]:
 @pytest.mark.parametrize(
     ("by", "fits", "stays"), [(1e4, {2, 3}, True), (1e4, {2}, False), (-1e4, {2}, False)]
 )
+@pytest.mark.parametrize("in_sizes", [True, False])
 def test_what_a_balance_cannot_do_without_stays(
-    monkeypatch: pytest.MonkeyPatch, by: float, fits: set[int], stays: bool
+    monkeypatch: pytest.MonkeyPatch, in_sizes: bool, by: float, fits: set[int], stays: bool
 ):
     """Assert that a friction stays, though few blocks let chance explain it.
 
@@ -334,7 +340,7 @@ def test_what_a_balance_cannot_do_without_stays(
         return leaner.without({"alpha_coulomb"}), evidence
 
     monkeypatch.setattr(disturbed, "eliminate", too_much)
-    nth_fit(monkeypatch, fits, less_likely(by))
+    nth_fit(monkeypatch, fits, less_likely(by, in_sizes=in_sizes))
     found = CASES["a drive that stops"].fit().fitted
     assert ("alpha_coulomb" in found.names) == stays
 

@@ -181,6 +181,33 @@ def test_a_product_of_determined_values_has_a_width_of_its_own():
     assert parameters["motor_inertia"].verdict == "determined"
 
 
+@pytest.mark.parametrize(("width", "known"), [(1.2, True), (0.05, False)])
+def test_slow_moves_know_the_whole_drive(width, known):
+    """Assert that friction and the sum of inertias are known where no coefficient of them is.
+
+    Of 10 kg m² the motor has 2.5; how they are divided moves alpha1, alpha2 and beta1 together. The
+    sum is reported in place of its parts alone.
+    """
+    values = {"theta2": 100.0, "alpha1": 300.0, "alpha2": 0.8, "beta1": 0.4}
+    divided = width * 0.4 * np.array([0.0, 100.0 * 10.0, 2.0, 1.0])
+    own = 0.002 * np.array([*values.values()])
+    found = np.outer(divided, divided) + np.diag(own**2)
+    estimate = Estimate(tuple(values), np.array([*values.values()]), found, (50.0,) * 4)
+    unknowns = JOINT.unknowns(JOINT.optional - {"alpha2"}, {})
+    coefficients = coefficient_estimates(estimate, JOINT, unknowns, {}, {}, "N m")
+    parameters = parameter_estimates(JOINT, estimate, unknowns, coefficients, "N m")
+    verdicts = {name: each.verdict for name, each in (coefficients | parameters).items()}
+    expected = "undetermined" if known else "determined"
+    assert {verdicts[name] for name in ("alpha2", "beta1", "motor_inertia")} == {expected}
+    assert verdicts["motor_viscous_friction"] == "determined"
+    assert parameters["motor_viscous_friction"].value == pytest.approx(2.0)
+    assert ("total_inertia" in parameters) == known
+    if known:
+        total = parameters["total_inertia"]
+        assert (total.value, total.verdict) == (pytest.approx(10.0), "determined")
+        assert verdicts["joint_stiffness"] == "weak"
+
+
 def test_constants_of_shapes_are_judged_by_their_width():
     """Assert value, interval, unit and verdict of a constant, and that one is part of the fit."""
     constants = {

@@ -15,7 +15,12 @@ import flexid.identification.estimation.answers as answers
 from flexid.identification.judgement import of_joint, of_link_alone, widest
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Delay, SplitRecordings
-from flexid.identification.result import _delay, model_warnings, validation_warnings
+from flexid.identification.result import (
+    _delay,
+    division_warnings,
+    model_warnings,
+    validation_warnings,
+)
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     ModelError,
@@ -55,6 +60,23 @@ def test_what_is_said_of_a_fit(golden):
     found |= {f"a free run {name}": validation_warnings(fits) for name, fits in FREE_RUNS.items()}
     found |= {f"a delay of {one.value}": [_delay("link", one)] for one in DELAYS}
     golden({name: " | ".join(ranked(said)) for name, said in found.items()})
+
+
+@pytest.mark.parametrize(
+    ("motor", "others", "said"),
+    [
+        ("weak", ("total_inertia",), True),
+        ("determined", ("total_inertia",), False),
+        ("weak", (), 0),
+    ],
+)
+def test_the_motor_s_part_is_asked_for_where_the_sum_is_known(motor, others, said):
+    """Assert that a data sheet is asked for what would divide the inertia of the drive."""
+    verdicts = {"motor_inertia": motor, **dict.fromkeys(others, "determined")}
+    found = {n: ValueEstimate(n, "", 1.0, 0.3, (0.4, 1.6), v) for n, v in verdicts.items()}
+    words = [*division_warnings(found)]
+    assert len(words) == bool(said)
+    assert all("--known motor_inertia=VALUE" in one for one in words)
 
 
 def test_warnings_come_in_the_order_in_which_to_act():

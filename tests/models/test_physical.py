@@ -29,6 +29,7 @@ TRUTH = {
     "joint_stiffness": 100.0,
     "motor_inertia": 0.3,
     "motor_viscous_friction": 0.1,
+    "total_inertia": 1.6,
 }
 
 OFF_ZERO = {

@@ -33,6 +33,7 @@ from flexid.identification.result import (
     amplifier_warnings,
     compliance_warnings,
     deflection_warnings,
+    division_warnings,
     model_warnings,
     one_way_warnings,
     provenance,
@@ -56,7 +57,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import SMOOTHING
 from flexid.models.motion import unit_of
-from flexid.models.physical import Directional
+from flexid.models.physical import Directional, Sum
 from flexid.recording.recording import Log, Rank, cautions, ranked
 from flexid.recording.slow_motion import late_input
 
@@ -128,6 +129,7 @@ def identify(
                 *deflection_warnings(turned_round=turned),
                 *sign_warnings(_undoubted(numbers.coefficients, found), fits.driving),
                 *(one_way_warnings(fits.one_way) if exact else ()),
+                *division_warnings(numbers.parameters),
                 *model_warnings(
                     fits.error, job.joint.kind, numbers.widest, found.disturbances, thresholds
                 ),
@@ -294,11 +296,12 @@ def _removed(
     found = parameter_estimates(
         job.joint, estimate, unknowns, every, job.input_unit, job.thresholds
     )
-    # Friction by direction of a model without asymmetry is its mean, which is reported.
+    # Friction by direction of a model without asymmetry is its mean, which is reported; of a sum
+    # its parts are.
     known = {*kept} | {
         p.name
         for p in job.joint.parameters(full.structure.joint.units, job.input_unit)
-        if isinstance(p, Directional)
+        if isinstance(p, Directional | Sum)
     }
     return {name: p for name, p in found.items() if name not in known}
 

@@ -30,7 +30,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import CONSTANT_UNITS, POSITIVE
 from flexid.models.motion import unit_of
-from flexid.models.physical import PhysicalParameter, Product
+from flexid.models.physical import PhysicalParameter, Product, Sum, ZeroAngle
 from flexid.recording.velocities import position_noise
 
 Judged = tuple[Verdict, str]
@@ -216,9 +216,9 @@ def parameter_estimates(
     """Physical parameters that the coefficients determine, by the delta method.
 
     A parameter that depends on a coefficient of each log its own is given for each log. One that is
-    known exactly has that value, and no width.
+    known exactly has that value, and no width. A sum stands for what is not known of its parts.
     """
-    estimates = {}
+    estimates: dict[str, ValueEstimate] = {}
     doubts = _doubts(coefficients)
     for recording in _one_recording_of_each_group(unknowns):
         labels = _labels(unknowns, recording, coefficients)
@@ -248,10 +248,17 @@ def parameter_estimates(
                 judged, reason = "determined", ""  # to be as small as the term is
             elif not found.slopes:
                 reason = min(c.reason for c in made)  # at its bound, or given
-            elif all(c.verdict == "undetermined" for c in made):
+            elif isinstance(parameter, ZeroAngle) and all(
+                c.verdict == "undetermined" for c in made
+            ):
                 # An angle of a gravity that may be none; its interval is that of small changes.
                 judged, reason = "undetermined", made[0].reason
             name = parameter.name + of_group
+            if isinstance(parameter, Sum) and (
+                judged == "undetermined"
+                or all(estimates[part.name].verdict == "determined" for part in parameter.parts)
+            ):
+                continue
             estimates[name] = replace(
                 found,
                 name=name,

@@ -260,6 +260,17 @@ def one_way_warnings(frictions: Collection[str]) -> Iterator[Caution]:
         )
 
 
+def division_warnings(parameters: Mapping[str, ValueEstimate]) -> Iterator[Caution]:
+    """Warn of inertias of which the sum is known better than how it is divided."""
+    motor = parameters.get("motor_inertia")
+    if motor and motor.verdict != "determined" and "total_inertia" in parameters:
+        yield Caution(
+            "the log knows total_inertia better than how link and motor share it: give the motor's "
+            "part, as its data sheet has it, with `--known motor_inertia=VALUE`, or move faster",
+            Rank.MOTION,
+        )
+
+
 def amplifier_warnings(amplifier: Amplifier, unit: str) -> Iterator[Caution]:
     """Warn of an input that was corrected before anything was fitted to it."""
     found = []

@@ -151,7 +151,31 @@ class Quotient:
         return sum(weight * coefficients[name] for name, weight in self.weights.items())
 
 
-PhysicalParameter = Product | Pair | Quotient  # a function of some coefficients
+@dataclass(frozen=True)
+class Sum:
+    """A sum of products, which a log may know where it knows none of them."""
+
+    name: str
+    unit: str
+    parts: tuple[Product, ...]
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients it depends on."""
+        return tuple(dict.fromkeys(c for part in self.parts for c in part.coefficients))
+
+    def value(self, coefficients: Mapping[str, float]) -> float:
+        """Value of the parameter; infinite where a denominator is zero."""
+        return sum(part.value(coefficients) for part in self.parts)
+
+    def gradient(
+        self, coefficients: Mapping[str, float], names: Collection[str]
+    ) -> NDArray[np.float64]:
+        """Derivative of the value with respect to the named coefficients, shape (n_names,)."""
+        return np.sum([part.gradient(coefficients, names) for part in self.parts], axis=0)
+
+
+PhysicalParameter = Product | Pair | Quotient | Sum  # a function of some coefficients
 
 
 _KINDS = {
@@ -159,18 +183,26 @@ _KINDS = {
     "amplitude": Amplitude,
     "zero_angle": ZeroAngle,
     "directional": Directional,
+    "sum": Sum,
 }
-
-
-def _declared(kind: str = "product", **content: Any) -> PhysicalParameter:
-    return _KINDS[kind](**content)
 
 
 # Nearly all are products of powers, such as ke = alpha1 / beta1 and Jl = ke / theta2 of Huang
 # (2003), section 3. Where the input is no torque, only ratios are known.
+def _declared(table: list[dict[str, Any]]) -> tuple[PhysicalParameter, ...]:
+    found: list[PhysicalParameter] = []
+    for content in table:
+        kind, rest = content.get("kind", "product"), {**content}
+        rest.pop("kind", None)
+        if kind == "sum":
+            by_name = {p.name: p for p in found if isinstance(p, Product)}
+            rest["parts"] = tuple(by_name[name] for name in content["parts"])
+        found.append(_KINDS[kind](**rest))
+    return tuple(found)
+
+
 _TABLES: Mapping[str, tuple[PhysicalParameter, ...]] = {
-    name: tuple(_declared(**content) for content in table)
-    for name, table in DECLARED["parameters"].items()
+    name: _declared(table) for name, table in DECLARED["parameters"].items()
 }
 
 ANGLES = frozenset(p.name for table in _TABLES.values() for p in table if isinstance(p, ZeroAngle))

@@ -262,7 +262,11 @@ def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
 
     Sizes that explain all as noise are a minimum of their own, from which fewer terms may lead out.
     """
-    before, after = (sum(_shares(f.fitted, f.sizes).values()) for f in (fuller, leaner))
+    before, after = (
+        # Where no sizes suit what is left, innovations are larger than these say.
+        sum(_shares(f.fitted, f.sizes).values()) * f.fitted.excess**0.5
+        for f in (fuller, leaner)
+    )
     return leaner.cost > fuller.cost and after > _NO_MORE * before
 
 

@@ -251,18 +251,23 @@ def first_fits(
     short ones, or to the longest if the model explains these at once. Without insisting on a fit
     whose steps end, the best start's is taken, be it as bad as it may.
     """
-    last = len(short(divisions)[-1])
+    compared = short(divisions)
+    last = len(compared[-1])
 
     def leads_on(fitted: Fitted) -> bool:
         return len(fitted.problem.segments) > last
 
     ways: Iterator[Mapping[str, float]] = islice(starts(structure, data, divisions[0]), _STARTS)
-    finer = _halved(divisions[0])
-    for before in [[], finer] if finer else [[]]:
+    # What noise hides over the shortest segments longer ones show; shorter ones forgive more.
+    climbs = [(divisions[place:], 0) for place in range(len(compared))]
+    if finer := _halved(divisions[0]):
+        climbs.append(([*finer, *divisions], len(finer)))
+    for number, (climbed, before) in enumerate(climbs):
         best: list[Fitted] = []
         astray: set[str] = set()
         ways, own = tee(ways)
-        for found in _tries(structure, data, own, [*before, *divisions], len(before), leads_on):
+        together = 2 if number else 1
+        for found in _tries(structure, data, own, climbed, before, leads_on, together):
             if not found[-1].has_partners:
                 astray |= found[-1].astray
                 continue
@@ -312,6 +317,7 @@ def _tries(
     climbed: Sequence[Segments],
     before: int,
     leads_on: Callable[[Fitted], bool],
+    together: int,
 ) -> Iterator[list[Fitted]]:
     """Fits from one start after the other that come beyond the first of the segments."""
     first = in_part(climbed[0])
@@ -328,7 +334,7 @@ def _tries(
             return []
 
     # The first start is enough for most logs, but not once that has led nowhere.
-    at_once = islice(ways, 2 if before else 1)
+    at_once = islice(ways, together)
     stuck: list[Fitted] = []  # of what leads not even to the first length
     for found in chain(side_by_side(led, at_once), map(led, ways)):
         reached = [f for f in found if len(f.problem.segments) <= len(climbed[before])]
