@@ -15,7 +15,7 @@ from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary import evidence
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
-from flexid.models.physical import physical_parameters
+from flexid.models.physical import Sum, physical_parameters
 from flexid.stored_estimates.estimate_file import estimate_document
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
@@ -67,7 +67,8 @@ def estimate_of(fit, log="a log", **settings):
     values = fit.by_name
     parameters = {}
     for parameter in physical_parameters(values, input_is_torque=True):
-        parameters[parameter.name] = judged_function(parameter, values, fit)
+        if not isinstance(parameter, Sum):  # of which the parts are known
+            parameters[parameter.name] = judged_function(parameter, values, fit)
     gram = np.array([[1.0, 0.3], [0.3, 1.0]])
     return Identification(
         model="flexible",
