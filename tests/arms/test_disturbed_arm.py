@@ -19,7 +19,6 @@ from flexid.arms.disturbed import DisturbedFit, Job, as_physical, fit_disturbed
 from flexid.arms.doubts import (
     changes_by_play,
     input_noise,
-    likely_changes,
     looks_like_the_acceleration,
     noise_of_the_inputs,
     other_minima,
@@ -35,6 +34,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.balance_columns import balance_columns
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples, divide
+from flexid.identification.estimation.rig_errors import likely_changes
 from flexid.identification.full_model.fitting import Steps, fit_segments
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import ElasticArm

@@ -7,7 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import JOINT, PUSHED, data, half_widths, log, made, pushed, stopping, structure
+from made_joint import (
+    JOINT,
+    PUSHED,
+    data,
+    half_widths,
+    log,
+    made,
+    pushed,
+    seen,
+    stopping,
+    structure,
+)
 
 from flexid.errors import ConvergenceError
 from flexid.identification.estimation import band, disturbed
@@ -15,6 +26,7 @@ from flexid.identification.estimation import disturbed_estimate as estimating
 from flexid.identification.estimation.band import FitInBand
 from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed, fit_disturbed_to
 from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
+from flexid.identification.estimation.doubts import ECCENTRICITY
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
@@ -192,6 +204,37 @@ def test_halves_of_two_drives_widen_the_interval():
     warmth = 1.0 - 0.6 * (1.0 - np.exp(-np.linspace(0.0, 16.0, 1000) / 8.0))
     for mean in (warmth[:500].mean(), warmth[500:].mean()):
         assert abs(estimate.by_name["alpha2"] - mean * PUSHED["alpha2"]) <= half
+
+
+@cache
+def eccentric(size: float, motor_push: float) -> tuple[Fitted, Estimate]:
+    """A drive with gravity whose link's encoder errs by so much once per turn."""
+    right = pushed(3, gravity_torque=8.0, link_push=0.05, motor_push=motor_push)
+    error = size * np.sin(right.needed_link_position)
+    log = data(seen(right, error, np.zeros(len(right))))
+    terms = structure("motor_viscous", "gravity")
+    found = fit_disturbed(terms, log, (), ("cubic",), THRESHOLDS, with_play=False)
+    return found.fitted, disturbed_estimate(found, log, "N m")[0]
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-3, 2e-3])
+def test_a_torque_tells_gravity_from_an_eccentric_encoder(size: float):
+    """Assert that gravity is doubted by what the motor's balance allows, and the truth held."""
+    fitted, estimate = eccentric(size, 0.3)
+    place, usual = fitted.names.index("theta1"), ECCENTRICITY * PUSHED["theta2"]
+    directions = estimating.by_eccentricity(fitted)
+    assert directions is not None
+    doubt = float(np.linalg.norm(directions[place]))
+    assert doubt < 0.7 * usual if size == 0.0 else doubt > usual
+    assert abs(estimate.by_name["theta1"] - 8.0) <= half_widths(estimate)[place]
+    assert abs(fitted.by_name["theta1"] - 8.0) == pytest.approx(150.0 * size, abs=0.02)
+
+
+def test_only_encoders_of_their_own_err_once_per_turn():
+    """Assert that a deflection that was measured does not look like gravity."""
+    fitted = eccentric(0.0, 0.3)[0]
+    alone = replace(fitted, data=replace(fitted.data, relative_to={"link": "motor"}))
+    assert estimating.by_eccentricity(alone) is None
 
 
 def diverging(_: FitInBand) -> FitInBand:

@@ -48,15 +48,15 @@ def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
 
 CHANGE = np.array([0.0, 0.0, -9.0, 0.0, 0.0, 0.0])  # 3 % of alpha1 by 1 % of the scale
 NOISE = np.array([0.0, 0.0, -30.0, 0.0, -0.3, 0.0])
+TWICE = np.outer([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.15, 0.2])
 VOLTS, EARLY = {"unit": "V"}, {"unit": "V", "delay": -DELAY}
 SIDES = {**dict.fromkeys(LINK, 0.1), **dict.fromkeys(MOTOR, 0.2)}
 CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.calibration, {}, dict.fromkeys(NAMES, 0.002)),
     (doubts.further_modes, {}, dict.fromkeys(LINK, 0.003)),
     (doubts.cable, {}, {"theta1": 0.03 / 0.5}),
-    # Half a milliradian of deflection pulls like gravity, unless the deflection was measured.
-    (doubts.eccentric_encoders, {}, {"theta1": 5e-4 * 100.0 / 5.0}),
-    (doubts.eccentric_encoders, {"by_gauge": CHANGE}, {}),
+    (doubts.eccentric_encoders, {"by_eccentricity": TWICE}, {"theta1": 0.05}),
+    (doubts.eccentric_encoders, {}, {}),
     # A spring is never known better than the scale of the deflection's sensor.
     (doubts.gauge_scale, {"by_gauge": CHANGE}, {"theta2": 0.02, "alpha1": 3.0 * 0.02}),
     (doubts.gauge_scale, {}, {}),

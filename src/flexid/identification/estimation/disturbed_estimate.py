@@ -20,7 +20,9 @@ from flexid.identification.estimation.band import PER_PERIOD, fit_in_band, thinn
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
     DOUBTS,
+    ECCENTRICITY,
     HIDDEN,
+    LINK_GRAVITY,
     OF_A_BAND,
     OF_A_HALF,
     Doubted,
@@ -32,6 +34,7 @@ from flexid.identification.estimation.doubts import (
 )
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.model_error import SEED, with_more
+from flexid.identification.estimation.rig_errors import likely_changes, otherwise_shown
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.structure.gap import PLAY, with_free_width
@@ -61,6 +64,7 @@ def disturbed_estimate(
         dict(found.shares),
         input_unit,
         _by_gauge(found, data),
+        by_eccentricity(fitted),
         pulled(fitted, found.sizes, data.samples, found.factor),
         by_play if PLAY.isdisjoint(names) else 0.0,
     )
@@ -120,6 +124,26 @@ def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
     return (
         np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
     )
+
+
+def by_eccentricity(fitted: Fitted) -> FloatArray | None:
+    """Errors of gravity, shape (k, 3), by a link's encoder that errs once per turn.
+
+    In the link's balance it looks like gravity through the spring; the motor's torque bears gravity
+    and no such error. So the log may say how large it is.
+    """
+    if fitted.data.relative_to or fitted.structure.joint.kind == "rigid":
+        return None
+    angle = fitted.problem.segments.outputs[:, 0]
+    rigs = [otherwise_shown(fitted, 0, ECCENTRICITY * wave(angle)) for wave in (np.sin, np.cos)]
+    gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
+    return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted))
+
+
+def _scatter(fitted: Fitted) -> float:
+    """How many times as large the variances are as if innovations were white."""
+    ratios = np.square(fitted.fit.deviations / fitted.unit_deviations)
+    return float(np.max(ratios, where=np.isfinite(ratios), initial=1.0))
 
 
 def _rescaled(data: Data, scale: float) -> Data:

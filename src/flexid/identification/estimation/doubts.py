@@ -34,7 +34,7 @@ _LIKE_A_FRICTION = 0.7  # the same of a friction: another law looks most like th
 # on motors whose share was 0.05 to 0.1 and 0.1 to 0.2, among them those with other reasons.
 LIKE_THE_ACCELERATION = 1.0
 
-_LINK_GRAVITY = frozenset(
+LINK_GRAVITY = frozenset(
     c for term in ("gravity", "gravity_cosine") for c in declared.TERMS[term].link
 )
 _VISCOUS = declared.coefficients_of("motor_viscous")
@@ -57,6 +57,8 @@ class Doubted:
     input_unit: str
     # (k,): by how much the values change where the deflection's sensor shows 1 % more, if any
     by_gauge: FloatArray | None
+    # (k, 2): the same of encoders that err once per turn, by as much as the log allows
+    by_eccentricity: FloatArray | None = None
     by_noise: FloatArray | None = None  # (k,): by how much more noise of the input changes them
     by_play: float = 0.0  # share by which the spring is stiffer if it has play after all
     by_lag: FloatArray | None = None  # (k,): error where the delay may be a lag
@@ -99,15 +101,14 @@ def further_modes(doubted: Doubted) -> FloatArray:
 
 def cable(doubted: Doubted) -> FloatArray:
     """A cable pulls the link back as gravity does."""
-    return doubted.diagonal(lambda name, _: _CABLE * _per_size(doubted, name, _LINK_GRAVITY))
+    return doubted.diagonal(lambda name, _: _CABLE * _per_size(doubted, name, LINK_GRAVITY))
 
 
 def eccentric_encoders(doubted: Doubted) -> FloatArray:
     """Two encoders that err once per turn look like gravity through the spring."""
-    if doubted.by_gauge is not None:
+    if doubted.by_eccentricity is None:
         return np.zeros((len(doubted.fitted.names), 0))
-    pull = ECCENTRICITY * abs(doubted.fitted.by_name.get("theta2", 0.0))
-    return doubted.diagonal(lambda name, _: pull * (name in _LINK_GRAVITY))
+    return doubted.by_eccentricity
 
 
 def scales_apart(doubted: Doubted) -> FloatArray:
@@ -115,7 +116,7 @@ def scales_apart(doubted: Doubted) -> FloatArray:
     share = doubted.fitted.data.scales_apart
     pull = abs(doubted.fitted.by_name.get("theta2", 0.0))
     return doubted.diagonal(
-        lambda name, value: share * (abs(value) + pull * (name in _LINK_GRAVITY))
+        lambda name, value: share * (abs(value) + pull * (name in LINK_GRAVITY))
     )
 
 
