@@ -83,7 +83,7 @@ def test_a_joint_that_rests(tmp_path: Path, noise: bool):
 
 
 @pytest.mark.thorough  # 20 s each
-@pytest.mark.parametrize("seed", [None, 6, 8])  # of another rounding; both once led 15 % astray
+@pytest.mark.parametrize("seed", [None, 6])  # of another rounding, which once led 15 % astray
 def test_a_joint_that_hardly_creeps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int | None
 ):

@@ -267,6 +267,8 @@ def first_fits(
         astray: set[str] = set()
         ways, own = tee(ways)
         together = 2 if number else 1
+        if number and not before:  # the two that run at the same time
+            own = islice(own, together)
         for found in _tries(structure, data, own, climbed, before, leads_on, together):
             if not found[-1].has_partners:
                 astray |= found[-1].astray
