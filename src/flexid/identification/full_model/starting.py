@@ -16,7 +16,7 @@ disturbances.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice, tee
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -51,6 +51,7 @@ _HALVINGS = 2  # of the shortest segments, if these are too long to begin with
 _FEWEST_HALVED = 10  # samples of what only leads to a start: twice its initial state
 _CLAMPED = 1e-3  # of the motor's inertia over that of a link that does not move, to begin with
 _STARTS = 3  # that are tried
+_TOGETHER = 2  # of them, that run at the same time
 _SHORT = 0.5  # s
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 
@@ -251,25 +252,17 @@ def first_fits(
     short ones, or to the longest if the model explains these at once. Without insisting on a fit
     whose steps end, the best start's is taken, be it as bad as it may.
     """
-    compared = short(divisions)
-    last = len(compared[-1])
+    last = len(short(divisions)[-1])
 
     def leads_on(fitted: Fitted) -> bool:
         return len(fitted.problem.segments) > last
 
     ways: Iterator[Mapping[str, float]] = islice(starts(structure, data, divisions[0]), _STARTS)
-    # What noise hides over the shortest segments longer ones show; shorter ones forgive more.
-    climbs = [(divisions[place:], 0) for place in range(len(compared))]
-    if finer := _halved(divisions[0]):
-        climbs.append(([*finer, *divisions], len(finer)))
-    for number, (climbed, before) in enumerate(climbs):
+    for climb in _climbs(divisions):
         best: list[Fitted] = []
         astray: set[str] = set()
         ways, own = tee(ways)
-        together = 2 if number else 1
-        if number and not before:  # the two that run at the same time
-            own = islice(own, together)
-        for found in _tries(structure, data, own, climbed, before, leads_on, together):
+        for found in _tries(structure, data, islice(own, climb.starts), climb, leads_on):
             if not found[-1].has_partners:
                 astray |= found[-1].astray
                 continue
@@ -312,16 +305,37 @@ def _halved(shortest: Segments) -> list[Segments]:
     return finer
 
 
+class _Climb(NamedTuple):
+    """A way from short segments to long ones."""
+
+    divisions: Sequence[Segments]
+    finer: int = 0  # of these divisions, which a start has to come beyond
+    starts: int = _STARTS  # that are tried
+    together: int = _TOGETHER  # of them, that run at the same time
+
+
+def _climbs(divisions: Sequence[Segments]) -> Iterator[_Climb]:
+    """Ways to the longest segments, of which each is for logs that the ones before lead nowhere on.
+
+    The first start is enough for most logs. What noise hides over the shortest segments longer ones
+    show, and shorter ones forgive more.
+    """
+    yield _Climb(divisions, together=1)
+    for place in range(1, len(short(divisions))):
+        yield _Climb(divisions[place:], starts=_TOGETHER)
+    if finer := _halved(divisions[0]):
+        yield _Climb([*finer, *divisions], len(finer))
+
+
 def _tries(
     structure: Structure,
     data: Data,
     ways: Iterator[Mapping[str, float]],
-    climbed: Sequence[Segments],
-    before: int,
+    climb: _Climb,
     leads_on: Callable[[Fitted], bool],
-    together: int,
 ) -> Iterator[list[Fitted]]:
     """Fits from one start after the other that come beyond the first of the segments."""
+    climbed, before = climb.divisions, climb.finer
     first = in_part(climbed[0])
 
     def led(way: Mapping[str, float]) -> list[Fitted]:
@@ -335,8 +349,7 @@ def _tries(
         except ConvergenceError:
             return []
 
-    # The first start is enough for most logs, but not once that has led nowhere.
-    at_once = islice(ways, together)
+    at_once = islice(ways, climb.together)
     stuck: list[Fitted] = []  # of what leads not even to the first length
     for found in chain(side_by_side(led, at_once), map(led, ways)):
         reached = [f for f in found if len(f.problem.segments) <= len(climbed[before])]
