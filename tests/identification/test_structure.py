@@ -212,11 +212,11 @@ def test_delays_go_like_terms(side, size, margin, stays):
 def test_the_narrowest_fit_that_converged_is_best():
     """Assert that one that has not ended counts last, and the longer of two within 5 %."""
 
-    def fit(width: float, converged: bool = True) -> Fitted:
-        estimate = Estimate(("theta2",), np.ones(1), np.array([[width**2]]), (MANY,))
+    def fit(width: float, converged: bool = True, value: float = 1.0) -> Fitted:
+        estimate = Estimate(("theta2",), np.array([value]), np.array([[width**2]]), (MANY,))
         return made_fit(converged=converged, fit=estimate)
 
-    wide, narrow, not_ended = fit(0.2), fit(0.1), fit(0.01, converged=False)
+    wide, narrow, not_ended = fit(0.2), fit(10.0, value=100.0), fit(0.01, converged=False)
     assert best_length([wide, narrow, not_ended]) is narrow
     assert best_length([not_ended, wide]) is wide
     assert best_length([not_ended]) is not_ended
