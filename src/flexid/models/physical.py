@@ -192,8 +192,8 @@ _KINDS = {
 def _declared(table: list[dict[str, Any]]) -> tuple[PhysicalParameter, ...]:
     found: list[PhysicalParameter] = []
     for content in table:
-        kind, rest = content.get("kind", "product"), {**content}
-        rest.pop("kind", None)
+        kind = content.get("kind", "product")
+        rest = {key: value for key, value in content.items() if key != "kind"}
         if kind == "sum":
             by_name = {p.name: p for p in found if isinstance(p, Product)}
             rest["parts"] = tuple(by_name[name] for name in content["parts"])

@@ -132,17 +132,18 @@ def by_eccentricity(fitted: Fitted) -> FloatArray | None:
     In the link's balance it looks like gravity through the spring; the motor's torque bears gravity
     and no such error. So the log may say how large it is.
     """
-    if fitted.data.relative_to or fitted.structure.joint.kind == "rigid":
+    gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
+    if fitted.data.relative_to or not gravity.any():
         return None
     angle = fitted.problem.segments.outputs[:, 0]
     rigs = [otherwise_shown(fitted, 0, ECCENTRICITY * wave(angle)) for wave in (np.sin, np.cos)]
-    gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
     return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted))
 
 
 def _scatter(fitted: Fitted) -> float:
     """How many times as large the variances are as if innovations were white."""
-    ratios = np.square(fitted.fit.deviations / fitted.unit_deviations)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of what the log leaves open
+        ratios = np.square(fitted.fit.deviations / fitted.unit_deviations)
     return float(np.max(ratios, where=np.isfinite(ratios), initial=1.0))
 
 

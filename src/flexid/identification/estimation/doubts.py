@@ -57,7 +57,7 @@ class Doubted:
     input_unit: str
     # (k,): by how much the values change where the deflection's sensor shows 1 % more, if any
     by_gauge: FloatArray | None
-    # (k, 2): the same of encoders that err once per turn, by as much as the log allows
+    # (k, 3): by how much encoders that err once per turn move gravity, as far as the log allows
     by_eccentricity: FloatArray | None = None
     by_noise: FloatArray | None = None  # (k,): by how much more noise of the input changes them
     by_play: float = 0.0  # share by which the spring is stiffer if it has play after all
