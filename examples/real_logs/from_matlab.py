@@ -96,7 +96,7 @@ def main() -> None:
     arguments = parser.parse_args()
     try:
         file = loadmat(arguments.matlab, squeeze_me=True)
-    except NotImplementedError:
+    except NotImplementedError:  # what SciPy raises at version 7.3
         sys.exit(f"{arguments.matlab} is of version 7.3: load it in Octave and save it with -v7")
     except Exception as error:  # SciPy has no common root for what damaged files raise
         sys.exit(f"{arguments.matlab} cannot be read as a MATLAB file: {error}")

@@ -351,14 +351,14 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(
 
 
 def less_likely(by: float, *, in_sizes: bool = True) -> Callable[[FitInBand], FitInBand]:
-    """A fit that leaves ten times as much, be it in its innovations, and is less likely."""
+    """A fit that is less likely and leaves ten times as much, in disturbances or innovations."""
 
     def far_off(fit: FitInBand) -> FitInBand:
-        minimum = fit.fitted.minimum
-        left = replace(minimum.equations, cost=100.0 * minimum.equations.cost)
         if in_sizes:
             sizes = replace(fit.sizes, disturbances=10.0 * fit.sizes.disturbances)
             return replace(fit, cost=fit.cost + by, sizes=sizes)
+        minimum = fit.fitted.minimum
+        left = replace(minimum.equations, cost=100.0 * minimum.equations.cost)
         fitted = replace(fit.fitted, minimum=replace(minimum, equations=left))
         return replace(fit, cost=fit.cost + by, fitted=fitted)
 

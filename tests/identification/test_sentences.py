@@ -68,9 +68,9 @@ TOTAL = ("total_inertia",)
 @pytest.mark.parametrize(
     ("motor", "others", "said"),
     [
-        ("weak", ("total_inertia",), True),
-        ("determined", ("total_inertia",), False),
-        ("weak", (), 0),
+        ("weak", TOTAL, True),
+        ("determined", TOTAL, False),
+        ("weak", (), False),
     ],
 )
 def test_the_motor_s_part_is_asked_for_where_the_sum_is_known(motor, others, said):

@@ -187,8 +187,6 @@ _KINDS = {
 }
 
 
-# Nearly all are products of powers, such as ke = alpha1 / beta1 and Jl = ke / theta2 of Huang
-# (2003), section 3. Where the input is no torque, only ratios are known.
 def _declared(table: list[dict[str, Any]]) -> tuple[PhysicalParameter, ...]:
     found: list[PhysicalParameter] = []
     for content in table:
@@ -201,6 +199,8 @@ def _declared(table: list[dict[str, Any]]) -> tuple[PhysicalParameter, ...]:
     return tuple(found)
 
 
+# Nearly all are products of powers, such as ke = alpha1 / beta1 and Jl = ke / theta2 of Huang
+# (2003), section 3. Where the input is no torque, only ratios are known.
 _TABLES: Mapping[str, tuple[PhysicalParameter, ...]] = {
     name: _declared(table) for name, table in DECLARED["parameters"].items()
 }

@@ -57,7 +57,7 @@ class Doubted:
     input_unit: str
     # (k,): by how much the values change where the deflection's sensor shows 1 % more, if any
     by_gauge: FloatArray | None
-    # (k, 3): by how much encoders that err once per turn move gravity, as far as the log allows
+    # (k, 3): by how much errors once per turn that the log allows move gravity
     by_eccentricity: FloatArray | None = None
     by_noise: FloatArray | None = None  # (k,): by how much more noise of the input changes them
     by_play: float = 0.0  # share by which the spring is stiffer if it has play after all
@@ -72,6 +72,11 @@ class Doubted:
         timing = self.fitted.structure.timing
         delay = self.fitted.by_name.get(INPUT, timing.delays.get(INPUT, 0.0))
         return float(np.clip(delay, -_LAG, _LAG))
+
+    @property
+    def none(self) -> FloatArray:
+        """No direction of an error."""
+        return np.zeros((len(self.fitted.names), 0))
 
     def diagonal(self, of: Callable[[str, float], float]) -> FloatArray:
         """Directions of errors that are independent, from name and value of each."""
@@ -107,7 +112,7 @@ def cable(doubted: Doubted) -> FloatArray:
 def eccentric_encoders(doubted: Doubted) -> FloatArray:
     """Two encoders that err once per turn look like gravity through the spring."""
     if doubted.by_eccentricity is None:
-        return np.zeros((len(doubted.fitted.names), 0))
+        return doubted.none
     return doubted.by_eccentricity
 
 
@@ -126,7 +131,7 @@ def gauge_scale(doubted: Doubted) -> FloatArray:
     Where it hardly changes a spring, the log says nothing of the deflection that is shown.
     """
     if doubted.by_gauge is None:
-        return np.zeros((len(doubted.fitted.names), 0))
+        return doubted.none
     springs = np.array([name in declared.SPRING for name in doubted.fitted.names])
     least = np.where(springs, np.abs(doubted.fitted.values), 0.0)
     change = 100.0 * doubted.by_gauge
@@ -143,7 +148,7 @@ def coil_lag(doubted: Doubted) -> FloatArray:
     values = doubted.fitted.by_name
     viscous = sum(value for name, value in values.items() if name in _VISCOUS)
     if doubted.input_unit != "V":
-        return np.zeros((len(doubted.fitted.names), 0))
+        return doubted.none
     # Anything between none and all of the delay: a uniform distribution about half of it.
     coil = max(doubted.longest_lag, 0.0)
     return doubted.common(abs(viscous) * coil / np.sqrt(3.0), "motor")
@@ -180,7 +185,7 @@ def play(doubted: Doubted) -> FloatArray:
 def noise_of_the_input(doubted: Doubted) -> FloatArray:
     """What moves a motor beyond its torque may be noise of the torque's sensor, in part or all."""
     if doubted.by_noise is None:
-        return np.zeros((len(doubted.fitted.names), 0))
+        return doubted.none
     # Anything between none and all of it: a uniform distribution.
     return doubted.by_noise[:, None] / np.sqrt(3.0)
 
