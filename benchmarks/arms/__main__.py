@@ -15,6 +15,7 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--joints", type=int, default=2)
     parser.add_argument("--harsh", action="store_true", help="poor motions, wide ranges, noise")
+    parser.add_argument("--slides", action="store_true", help="joints of which some slide")
     parser.add_argument("--seven", action="store_true", help="seven joints: one step of the fit")
     options = parser.parse_args()
     if options.seven:
@@ -22,11 +23,12 @@ def main() -> None:
 
         seven_joints(options.first_seed)
         return
+    kind = options.joints, options.harsh, options.slides
     if sized(True, False):
-        trial(options.first_seed, options.joints, options.harsh)  # compiles
+        trial(options.first_seed, *kind)  # compiles
     scores = []
     for seed in range(options.first_seed, options.first_seed + options.arms):
-        scores.append(trial(seed, options.joints, options.harsh))
+        scores.append(trial(seed, *kind))
         print(_line(scores[-1]), flush=True)
     print(_summary(scores))
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexid.models.planar_arm import PlanarArm
+
 
 @dataclass(frozen=True)
 class Link:
@@ -22,11 +24,19 @@ class Link:
     link_viscous: float
     link_coulomb: float
     cubic: float = 0.0  # N m/rad^3, of a spring that hardens
+    slide: float | None = None  # rad, from the link before: its joint slides, and units are of that
 
     @property
     def spring(self) -> str:
         """Its stiffness as MuJoCo has it."""
         return f"{self.stiffness!r} 0 {self.cubic!r}" if self.cubic else repr(self.stiffness)
+
+    @property
+    def way(self) -> str:
+        """How its joint moves, as MuJoCo has it."""
+        if self.slide is None:
+            return 'axis="0 -1 0"'
+        return f'type="slide" axis="{float(np.cos(self.slide))!r} 0 {float(np.sin(self.slide))!r}"'
 
 
 @dataclass(frozen=True)
@@ -42,13 +52,24 @@ class Arm:
         """How many."""
         return len(self.links)
 
+    @property
+    def known(self) -> PlanarArm:
+        """What is given of it."""
+        slides = tuple(link.slide for link in self.links)
+        return PlanarArm(
+            tuple(link.length for link in self.links),
+            (float(self.gravity[0]), float(self.gravity[1])),
+            slides=slides if any(slide is not None for slide in slides) else (),
+        )
+
     def truth(self) -> dict[str, float]:
         """Parameters by the names that the fit has for them."""
         found: dict[str, float] = {}
-        rotor = ROTOR_MASS if self.carried else 0.0
-        for i, link in enumerate(self.links, 1):
-            beyond = sum(other.mass + rotor for other in self.links[i:])
+        beyond, inertia = 0.0, 0.0  # of what the link carries
+        for i, link in reversed([*enumerate(self.links, 1)]):
+            turns = link.slide is None
             size = link.along**2 + link.across**2
+            inertia += link.inertia + link.mass * size + beyond * link.length**2
             found |= {
                 f"joint_stiffness_{i}": link.stiffness,
                 f"cubic_joint_stiffness_{i}": link.cubic,
@@ -60,14 +81,18 @@ class Arm:
                 f"motor_offset_{i}": 0.0,
                 f"link_viscous_friction_{i}": 0.0 if self.carried else link.link_viscous,
                 f"link_coulomb_friction_{i}": 0.0 if self.carried else link.link_coulomb,
-                f"link_inertia_{i}": link.inertia + link.mass * size + beyond * link.length**2,
                 f"link_moment_along_{i}": link.mass * link.along + beyond * link.length,
                 f"link_moment_across_{i}": link.mass * link.across,
             }
-            if i > 1:
-                found[f"rotor_coupling_{i}"] = link.motor_inertia if self.carried else 0.0
-                if self.carried:
-                    found[f"link_inertia_{i - 1}"] += link.motor_inertia
+            beyond += link.mass + (ROTOR_MASS if self.carried else 0.0)
+            if turns:
+                found[f"link_inertia_{i}"] = inertia
+                if i > 1:
+                    found[f"rotor_coupling_{i}"] = link.motor_inertia if self.carried else 0.0
+                inertia = link.motor_inertia if self.carried else 0.0
+            else:  # it turns with the link before, on which its mass does not rest
+                found[f"link_mass_{i}"] = beyond
+                beyond = 0.0
         return found
 
 
@@ -104,7 +129,7 @@ def mjcf(arm: Arm, step: float) -> str:
             closing += "</body></body>"
         else:
             chain += (
-                f'<body pos="{before!r} 0 0"><joint name="link_{i}" axis="0 -1 0" '
+                f'<body pos="{before!r} 0 0"><joint name="link_{i}" {link.way} '
                 f'damping="{link.link_viscous!r}" frictionloss="{link.link_coulomb!r}" {tight}/>'
                 f"{inertial}"
             )
@@ -126,9 +151,14 @@ def mjcf(arm: Arm, step: float) -> str:
     )
 
 
-def random_arm(rng: np.random.Generator, joints: int = 2, harsh: bool = False) -> Arm:
-    """Draw an arm; harsh ones have inertias up to 5 to 1 and springs of 50 to 20 000 N m/rad."""
-    carried = bool(rng.random() < 0.25)
+def random_arm(
+    rng: np.random.Generator, joints: int = 2, harsh: bool = False, slides: bool = False
+) -> Arm:
+    """Draw an arm; harsh ones have inertias up to 5 to 1 and springs of 50 to 20 000 N m/rad.
+
+    Of one that slides at least one joint does, in any direction; no rotor is carried then.
+    """
+    carried = bool(rng.random() < 0.25) and not slides
     masses = 3.0 * 0.6 ** np.arange(joints) * np.exp(rng.uniform(-0.5, 0.5, joints))
     lengths = rng.uniform(0.2, 0.5, joints)
     centres = lengths * rng.uniform(0.35, 0.7, joints)
@@ -136,10 +166,11 @@ def random_arm(rng: np.random.Generator, joints: int = 2, harsh: bool = False) -
         sum(masses[k] * (np.sum(lengths[i:k]) + centres[k]) ** 2 for k in range(i, joints))
         for i in range(joints)
     ]
+    angles = _slides(rng, joints) if slides else [None] * joints
     links = []
     for i in range(joints):
         inertia = float(masses[i] * lengths[i] ** 2 / 12.0)
-        carries = float(reach[i] + inertia)
+        carries = float(np.sum(masses[i:])) if angles[i] is not None else float(reach[i] + inertia)
         spread = 5.0 if harsh else 2.0
         motor = carries * float(spread ** rng.uniform(-1.0, 1.0)) * 0.6
         frequency = float(np.exp(rng.uniform(np.log(4.0), np.log(12.0))))
@@ -162,7 +193,16 @@ def random_arm(rng: np.random.Generator, joints: int = 2, harsh: bool = False) -
                 float(size * rng.choice([0.0, 1.0]) * rng.uniform(0.5, 4.0)),
                 float(size * rng.uniform(0.0, 0.5)),
                 float(size * rng.choice([0.0, 0.0, 1.0]) * rng.uniform(0.2, 1.0)),
+                slide=angles[i],
             )
         )
     gravity = [(0.0, 0.0), (9.81, 0.0), (0.0, -9.81)][rng.integers(3)]
     return Arm(tuple(links), gravity, carried)
+
+
+def _slides(rng: np.random.Generator, joints: int) -> list[float | None]:
+    """Directions of those joints that slide."""
+    sliding = rng.random(joints) < 0.5
+    sliding[rng.integers(joints)] = True
+    angles = rng.choice([0.0, 0.5 * np.pi, 0.6], joints)
+    return [float(a) if slide else None for a, slide in zip(angles, sliding, strict=True)]

@@ -1,5 +1,6 @@
 """A log of a random arm: controlled motion in MuJoCo, through encoders that round and rustle."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,8 +9,12 @@ from numpy.typing import NDArray
 
 from benchmarks.arms.arm import Arm, mjcf
 from benchmarks.size import sized
+from flexid.models.motion import JointType, unit_of
+from flexid.models.planar_arm import carried_links, planar_arm
 
 Array = NDArray[np.float64]
+
+_PER_RADIAN: Mapping[JointType, float] = {"revolute": 1.0, "prismatic": 0.3}  # rad or m
 
 
 @dataclass(frozen=True)
@@ -20,7 +25,7 @@ class Motion:
     sample_time: float = 1e-3
     bits: int = 17
     noise: float = 1.0  # of an encoder, in its steps
-    amplitude: float = 0.6  # rad, of the slow reference
+    amplitude: float = 0.6  # rad, of the slow reference; of a joint that slides a third in m
     shake: float = 1.0  # of the torque beside the controller's, over what the inertia asks for
     torque_noise: float = 0.0  # of the log, over the torque's root mean square
     quiet_joint: int = 0  # whose motion is a tenth, if not 0
@@ -35,6 +40,7 @@ class Log:
     motor: Array
     link: Array
     torque: Array
+    types: tuple[JointType, ...]  # how each joint moves
 
 
 def random_motion(rng: np.random.Generator, harsh: bool = False) -> Motion:
@@ -86,10 +92,12 @@ def simulate(arm: Arm, motion: Motion, rng: np.random.Generator) -> Log:
     count = round(motion.duration / motion.sample_time)
     t = motion.sample_time * np.arange(count)
     truth = arm.truth()
+    balance = planar_arm(arm.known)
     inertia = np.array(
-        [truth[f"motor_inertia_{i}"] + truth[f"link_inertia_{i}"] for i in range(1, n + 1)]
+        [truth[f"motor_inertia_{i}"] + truth[carried_links(balance, i)[0]] for i in range(1, n + 1)]
     )
-    scale = np.ones(n)
+    per_radian = np.array([_PER_RADIAN[way] for way in balance.types])
+    scale = per_radian.copy()
     if motion.quiet_joint:
         scale[motion.quiet_joint - 1] = 0.1
     reference = np.stack([_sines(rng, (0.1, 1.5), 5, t) for _ in range(n)], axis=1)
@@ -97,7 +105,7 @@ def simulate(arm: Arm, motion: Motion, rng: np.random.Generator) -> Log:
     shake = np.stack([_sines(rng, (1.0, 25.0), 20, t) for _ in range(n)], axis=1)
     shake = 8.0 * motion.shake * scale * inertia * shake
     kp, kd = motion.gain * inertia * 60.0, motion.gain**0.5 * inertia * 10.0
-    step = 2.0 * np.pi / 2**motion.bits
+    step = per_radian * 2.0 * np.pi / 2**motion.bits
     motor, link, torque = (np.zeros((count, n)) for _ in range(3))
     for k in range(count):
         theta = data.qpos[places["motor"]]
@@ -112,7 +120,7 @@ def simulate(arm: Arm, motion: Motion, rng: np.random.Generator) -> Log:
         mujoco.mj_step(model, data, nstep=substeps)
     rms = np.sqrt(np.mean(torque**2, axis=0))
     logged = torque + motion.torque_noise * rms * rng.standard_normal(torque.shape)
-    return Log(t, motor, link, logged)
+    return Log(t, motor, link, logged, balance.types)
 
 
 def save(log: Log, path: Path) -> None:
@@ -120,7 +128,7 @@ def save(log: Log, path: Path) -> None:
     n = log.motor.shape[1]
     names, columns = ["time [s]"], [log.time]
     for i in range(n):
-        names += [f"{kind}_{i + 1} [{unit}]" for kind, unit in _CHANNELS]
+        names += [f"{kind}_{i + 1} [{unit_of(unit, log.types[i])}]" for kind, unit in _CHANNELS]
         columns += [log.motor[:, i], log.link[:, i], log.torque[:, i]]
     np.savetxt(path, np.column_stack(columns), "%.12g", ",", header=",".join(names), comments="")
 

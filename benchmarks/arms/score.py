@@ -32,15 +32,12 @@ class Score:
     failure: str = ""
 
 
-def trial(seed: int, joints: int, harsh: bool) -> Score:
+def trial(seed: int, joints: int, harsh: bool, slides: bool) -> Score:
     """Draw an arm, move it, identify it from the file of its log."""
     rng = np.random.default_rng([seed, joints, harsh])
-    arm, motion = random_arm(rng, joints, harsh), random_motion(rng, harsh)
+    arm, motion = random_arm(rng, joints, harsh, slides), random_motion(rng, harsh)
     log = simulate(arm, motion, rng)
-    known = PlanarArm(
-        tuple(link.length for link in arm.links),
-        (float(arm.gravity[0]), float(arm.gravity[1])),
-    )
+    known = arm.known
     with TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
         save(log, path)

@@ -8,11 +8,12 @@ from benchmarks.arms.arm import random_arm
 from benchmarks.arms.log import Motion, simulate
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.starts import starts
+from flexid.arms.units import ArmUnits
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, motion_kernel
 from flexid.identification.preparation.joint import ElasticArm
-from flexid.models.planar_arm import PlanarArm, planar_arm
+from flexid.models.planar_arm import planar_arm
 from flexid.recording.velocities import position_noise
 
 
@@ -21,11 +22,11 @@ def seven_joints(seed: int, joints: int = 7) -> None:
     rng = np.random.default_rng([seed, joints])
     arm = random_arm(rng, joints)
     log = simulate(arm, Motion(amplitude=0.3, bits=18), rng)
-    known = PlanarArm(tuple(link.length for link in arm.links), arm.gravity)
+    known = arm.known
     balance = planar_arm(known)
     positions = np.stack((log.link, log.motor), axis=2).reshape(len(log.time), -1)
     samples = Samples(positions, None, log.torque, float(log.time[1]))
-    fixed = fixed_parameters(known, ("N m",) * joints)
+    fixed = fixed_parameters(known, ArmUnits(known.types, ("N m",) * joints))
     truth = arm.truth()
     names = [f"joint_stiffness_{i}" for i in range(1, joints + 1)]
     clock = _Clock()

@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.arms.arm import random_arm
 from benchmarks.arms.log import Log, Motion, save, simulate
 from test_identify_arm import MADE
+from test_torque_balance import functions_of, rates
 from two_links import ARM, TRUTH, TwoLinks, accelerations
 
 from flexid.arms.result import ArmIdentification
@@ -21,7 +23,8 @@ from flexid.arrays import to_json
 from flexid.errors import SettingError
 from flexid.exports.mjcf_arm import arm_scene
 from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate
-from flexid.models.planar_arm import planar_arm
+from flexid.models.motion import unit_of
+from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_arm
 from made_estimates import with_parameter
@@ -29,10 +32,10 @@ from made_estimates import with_parameter
 Run = Callable[..., Any]
 
 
-def estimate(values: Mapping[str, float]) -> ArmIdentification:
+def estimate(values: Mapping[str, float], arm: PlanarArm = ARM) -> ArmIdentification:
     """Return the estimate of an arm with some values, each known to a thousandth."""
-    fixed = {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
-    sought = tuple(name for name in planar_arm(ARM).coefficients if name not in fixed)
+    fixed = {f"torque_constant_{joint}": 1.0 for joint in range(1, arm.joints + 1)}
+    sought = tuple(name for name in planar_arm(arm).coefficients if name not in fixed)
     found = np.array([values.get(name, 0.0) for name in sought])
     stds = 1e-3 * np.abs(found) + 1e-6
     parameters = {
@@ -44,11 +47,11 @@ def estimate(values: Mapping[str, float]) -> ArmIdentification:
     }  # fmt: skip
     return ArmIdentification(
         "arm",
-        ARM,
+        arm,
         parameters,
         Estimate(sought, found, np.diag(stds**2), (1e3,) * len(sought)),
         fixed,
-        ("N m", "N m"),
+        tuple(unit_of("N m", way) for way in arm.types),
         None,
         "",
         {},
@@ -71,7 +74,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save(log, found / "run.csv")
     late = [log.link[2:, 0], log.link[:-2, 1]]  # of which the second is two samples late
     timely = {name: getattr(log, name)[2:] for name in ("time", "motor", "torque")}
-    save(Log(link=np.column_stack(late), **timely), found / "late.csv")
+    save(Log(link=np.column_stack(late), types=log.types, **timely), found / "late.csv")
     truth = MADE.truth()
     softer = truth | {"joint_stiffness_2": 0.8 * truth["joint_stiffness_2"]}
     for name, values in (("true", truth), ("softer", softer)):
@@ -185,6 +188,33 @@ def test_a_scene_accelerates_as_the_textbook_says():
         assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
 
 
+# Seeds of joints that turn, slide and turn; slide, turn and slide; slide, slide and turn.
+@pytest.mark.parametrize("seed", [0, 16, 30])
+def test_a_scene_with_slides_accelerates_as_its_balance_says(seed: int):
+    """Assert that MuJoCo's forward dynamics are those of the balance with the same parameters."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    made = random_arm(np.random.default_rng(seed), 3, slides=True)
+    truth = {name: 0.0 if "coulomb" in name else x for name, x in made.truth().items()}
+    model = mujoco.MjModel.from_xml_string(arm_scene(estimate(truth, made.known)).xml)
+    data = mujoco.MjData(model)
+    joints = [model.joint(f"{side}_{i}") for i in (1, 2, 3) for side in ("link", "motor")]
+    balance = planar_arm(made.known)
+    functions = functions_of(balance)
+    values = {**truth, **{f"torque_constant_{i}": 1.0 for i in (1, 2, 3)}}
+    p = np.array([values[name] for name in balance.coefficients])
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        x, force = rng.standard_normal(12), rng.standard_normal(3)
+        for place, joint in enumerate(joints):
+            data.qpos[joint.qposadr[0]] = x[2 * place]
+            data.qvel[joint.dofadr[0]] = x[2 * place + 1]
+        data.ctrl[:] = force
+        mujoco.mj_forward(model, data)
+        found = [data.qacc[joint.dofadr[0]] for joint in joints]
+        wanted = rates(functions, x, force, p, made.known)[1::2]
+        assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
+
+
 def test_offsets_and_gains_of_a_scene():
     """Assert that a spring rests, and a motor is driven, where the balance says."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
@@ -213,4 +243,7 @@ def test_what_is_no_scene_of_an_arm(refusals: Run):
     rested = replace(found, fixed={**found.fixed, **held})
     for name in held:
         rested = with_parameter(rested, name, **unknown)
+    slides = PlanarArm((0.0, 0.3), slides=(0.0, None))  # and 1 kg at least turn on the first one
+    light = dict.fromkeys(planar_arm(slides).coefficients, 1.0) | {"link_mass_1": 0.1}
+    calls["a carriage that is too light"] = partial(arm_scene, estimate(light, slides))
     refusals(calls | {"a joint that rested": partial(arm_scene, rested)})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,11 @@ import pytest
 
 from flexid.arms.log import read_arm_log
 from flexid.models.model_file import read_arm
+from flexid.models.motion import JointType
 
+TYPES: Mapping[str, JointType] = {"R": "revolute", "P": "prismatic"}
+TURNING = (TYPES["R"],)
+TWO = TURNING * 2
 NAMES = ("motor_position_{} [deg]", "link_position_{} [deg]", "motor_torque_{} [N m]")
 
 
@@ -45,13 +50,13 @@ def log_of(path: Path, leave_out: str = "", joints: int = 2, bad: str = "", lost
 def test_usual_names_with_numbers(tmp_path: Path, names: tuple[str, ...]):
     """Assert that other logs' names mean the same, with the unit that stands in them."""
     path = log_of(tmp_path / "run.csv")
-    plain = read_arm_log(path, 2).recordings[0]
+    plain = read_arm_log(path, TWO).recordings[0]
     header, _, rows = path.read_text().partition("\n")
     for name, usual in zip(NAMES, names, strict=True):
         for joint in (1, 2):
             header = header.replace(name.format(joint), usual.format(joint))
     path.write_text(f"{header}\n{rows}")
-    (recording,) = read_arm_log(path, 2).recordings
+    (recording,) = read_arm_log(path, TWO).recordings
     np.testing.assert_array_equal(recording.positions, plain.positions)
     np.testing.assert_array_equal(recording.inputs, plain.inputs)
 
@@ -64,8 +69,8 @@ def test_a_column_map_with_numbers(tmp_path: Path):
         'motor_current_2 = {column = "motor_torque_2", scale = 2.0, unit = "A"}\n'
         'deflection_1 = {column = "link_position_2", scale = 0.01, unit = "deg"}\n'
     )
-    log = read_arm_log(path, 2, columns)
-    plain = read_arm_log(path, 2)
+    log = read_arm_log(path, TWO, columns)
+    plain = read_arm_log(path, TWO)
     assert log.input_units == ("N m", "A")
     scaled = 2.0 * plain.recordings[0].inputs[:, 1]
     np.testing.assert_allclose(log.recordings[0].inputs[:, 1], scaled)
@@ -78,6 +83,11 @@ LOGS: dict[str, tuple[dict[str, Any], int]] = {
     "three lengths": ({}, 3),
     "lost samples": ({"lost": 20}, 2),
     "no time": ({"leave_out": "time"}, 2),
+}
+SLIDING = {  # keys of a map, and types of the joints
+    "angles of a slide": ("gear_ratio_1 = 2.0", "RP"),
+    "a slide that turns by the file": ('motor_position_2 = {column = "{}", unit = "mm"}', "RR"),
+    "a ratio of a slide": ("gear_ratio_2 = 2.0", "RP"),
 }
 KEYS = ("gear_ratoi_2", "lead_1", "joint", "motor_position")
 BRAKED = {"motor_position_2": 0.0, "link_position_2": 0.01}
@@ -92,6 +102,10 @@ ARMS = {
     "too much gravity": "[arm]\nlengths = [0.3]\ngravity = 1e9\n",
     "a key that is none": "[arm]\nlengths = [0.3]\nmass = 2.0\n",
     "no arm": "name = 'x'\n",
+    "a slide without a length": "[arm]\nlengths = [0.3]\nslides = {2 = 0.0}\n",
+    "no length between turning joints": "[arm]\nlengths = [0.0, 0.3]\n",
+    "a slide that is no joint": "[arm]\nlengths = [0.3]\nslides = {first = 0.0}\n",
+    "no direction of a slide": "[arm]\nlengths = [0.3]\nslides = {1 = 'x'}\n",
 }
 
 
@@ -117,20 +131,31 @@ def without_common_samples(path: Path) -> Path:
     return written(path.name, "\n".join([header, *rows]) + "\n")
 
 
+def read_sliding(path: Path, letters: str, keys: str) -> object:
+    """Read the log of turning joints as one of others."""
+    types = [TYPES[letter] for letter in letters]
+    return read_arm_log(log_of(path), types, written("m.toml", keys))
+
+
 def test_what_cannot_be_used(tmp_path: Path, refusals: Any, monkeypatch: pytest.MonkeyPatch):
     """Assert that logs, column maps and files of arms are refused in a line, with the remedy."""
     monkeypatch.chdir(tmp_path)
     log = Path("run.csv")
     calls: dict[str, Callable[[], object]] = {
-        name: lambda made=made, joints=joints: read_arm_log(log_of(log, **made), joints)
+        name: lambda made=made, joints=joints: read_arm_log(log_of(log, **made), TURNING * joints)
         for name, (made, joints) in LOGS.items()
     }
     for key in KEYS:
         text = f"{key} = 100.0\n"
-        calls[f"a map's {key}"] = lambda t=text: read_arm_log(log_of(log), 2, written("m.toml", t))
+        calls[f"a map's {key}"] = lambda t=text: read_arm_log(
+            log_of(log), TWO, written("m.toml", t)
+        )
+    for name, (keys, letters) in SLIDING.items():
+        text = keys.replace("{}", NAMES[0].format(2))
+        calls[name] = partial(read_sliding, log, letters, text)
     for name, scales in RESTING.items():
-        calls[name] = lambda one=scales: read_arm_log(log_of(log), 2, scaled(one))
-    calls["no common samples"] = lambda: read_arm_log(without_common_samples(log_of(log)), 2)
+        calls[name] = lambda one=scales: read_arm_log(log_of(log), TWO, scaled(one))
+    calls["no common samples"] = lambda: read_arm_log(without_common_samples(log_of(log)), TWO)
     for name, text in ARMS.items():
         calls[f"an arm: {name}"] = lambda text=text: read_arm(written("arm.toml", text))
     refusals(calls | {"an arm that is not there": lambda: read_arm(Path("no.toml"))})
@@ -140,12 +165,12 @@ def test_a_joint_may_rest_while_another_one_moves(tmp_path: Path, monkeypatch: p
     """Assert that one braked joint is read as resting."""
     monkeypatch.chdir(tmp_path)
     path = log_of(Path("run.csv"))
-    assert [read_arm_log(path, 2, scaled(one)).resting for one in ({}, BRAKED)] == [(), (2,)]
+    assert [read_arm_log(path, TWO, scaled(one)).resting for one in ({}, BRAKED)] == [(), (2,)]
 
 
 def test_a_gap_of_one_joint_divides_the_recordings_of_all(tmp_path: Path):
     """Assert that all joints are cut where a cell of one of them holds no number."""
-    log = read_arm_log(log_of(tmp_path / "run.csv", bad="nan"), 2)
+    log = read_arm_log(log_of(tmp_path / "run.csv", bad="nan"), TWO)
     assert [len(recording) for recording in log.recordings] == [700, 799]
     assert log.recordings[1].start_time == pytest.approx(701 * 0.002)
 
@@ -164,7 +189,7 @@ def test_samples_that_a_fast_joint_shows_to_be_lost_are_put_back_in_all(tmp_path
     path = tmp_path / "run.csv"
     header = f"time,{names},motor_torque_1,motor_torque_2"
     np.savetxt(path, rows, "%.8g", ",", header=header, comments="")
-    (recording,) = read_arm_log(path, 2).recordings
+    (recording,) = read_arm_log(path, TWO).recordings
     assert recording.positions.shape == (3000, 4)
     assert np.abs(recording.positions - positions).max() < 2e-3
 
@@ -186,6 +211,38 @@ def test_late_stamps_are_judged_by_all_joints(tmp_path: Path):
     np.savetxt(
         path, table, fmt="%.9f", delimiter=",", header=",".join(["time [s]", *names]), comments=""
     )
-    (recording,) = read_arm_log(path, 2).recordings
+    (recording,) = read_arm_log(path, TWO).recordings
     np.testing.assert_allclose(recording.positions[:, 1], turned, atol=1e-9)
     np.testing.assert_allclose(recording.positions[:, 3], other[0], atol=1e-9)
+
+
+def test_a_joint_that_slides(tmp_path: Path):
+    """Assert that its positions are in m and its input in N, directly or behind a screw."""
+    path = log_of(tmp_path / "run.csv")
+    turned = read_arm_log(path, TWO).recordings[0]
+    header, _, rows = path.read_text().partition("\n")
+    slide = header.replace("motor_torque_2 [N m]", "motor_force_2 [kN]")
+    slide = slide.replace("position_2 [deg]", "position_2 [mm]")
+    path.write_text(f"{slide}\n{rows}")
+    types = TYPES["R"], TYPES["P"]
+    log = read_arm_log(path, types)
+    assert log.input_units == ("N m", "N")
+    found, per_mm = log.recordings[0], np.pi / 180.0 / 1e-3
+    np.testing.assert_array_equal(found.positions[:, :2], turned.positions[:, :2])
+    np.testing.assert_allclose(found.positions[:, 2:] * per_mm, turned.positions[:, 2:])
+    np.testing.assert_allclose(found.inputs, turned.inputs * [1.0, 1e3])
+    turning = slide.replace("motor_position_2 [mm]", "motor_position_2 [deg]")
+    path.write_text(f"{turning}\n{rows}")
+    screw = tmp_path / "map.toml"
+    screw.write_text("lead_2 = 0.36\n")  # m in a turn
+    behind = read_arm_log(path, types, screw).recordings[0]
+    np.testing.assert_allclose(behind.positions, found.positions)
+
+
+def test_an_arm_with_slides(tmp_path: Path):
+    """Assert that angles are read in degrees, and that all joints turn where none is named."""
+    path = tmp_path / "arm.toml"
+    path.write_text("[arm]\nlengths = [0.0, 0.3]\nslides = {1 = 90.0}\n")
+    assert read_arm(path).slides == (pytest.approx(np.pi / 2), None)
+    path.write_text("[arm]\nlengths = [0.1, 0.3]\n")
+    assert read_arm(path).types == TWO

@@ -29,6 +29,7 @@ from flexid.arms.fitting import FittedArm, begun, exact_fits, promises, unusual_
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
 from flexid.arms.starts import starts
+from flexid.arms.units import ArmUnits
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.balance_columns import balance_columns
@@ -42,7 +43,7 @@ from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.planar_arm import planar_arm
 
 NOISE = 0.03  # of the torque's root mean square
-FIXED = fixed_parameters(ARM, ("N m", "N m"))
+FIXED = fixed_parameters(ARM, ArmUnits(ARM.types, ("N m", "N m")))
 STRUCTURE = Structure(ElasticArm(planar_arm(ARM)), frozenset(), Timing("zero"), FIXED)
 
 

@@ -60,6 +60,44 @@ def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path
     assert document["hold"] == "zero"
 
 
+SLIDES = Arm(  # with units of N and m at the second joint
+    (MADE.links[0], Link(0.3, 1.0, 0.15, 0.02, 0.01, 9e3, 3.0, 3.0, 9.0, 4.0, 1.0, 0.0, slide=0.6)),
+    (0.0, -9.81),
+)
+
+
+@pytest.mark.thorough  # 20 s, for most of which its motion is compiled
+def test_an_arm_with_a_slide(flexid: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that a mass, moments and stiffnesses are found, in m, N and kg, and predict a log."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    monkeypatch.chdir(tmp_path)
+    for seed in (7, 8):
+        motion = Motion(duration=6.0, sample_time=2e-3, bits=17)
+        save(simulate(SLIDES, motion, np.random.default_rng(seed)), Path(f"{seed}.csv"))
+    angle = np.degrees(0.6)
+    text = f"[arm]\nlengths = [0.4, 0.3]\ngravity = [0.0, -9.81]\nslides = {{2 = {angle}}}\n"
+    Path("arm.toml").write_text(text)
+    flexid("identify", "7.csv", "--model", "arm.toml", "--out", "out")
+    found = json.loads(Path("out/estimate.json").read_text())["parameters"]
+    units = (
+        ("stiffness_over_inertia_2", "1/s^2"),
+        ("joint_stiffness_2", "N/m"),
+        ("link_mass_2", "kg"),
+    )
+    for name, unit in (*units, ("link_moment_across_2", "kg m"), ("joint_stiffness_1", "N m/rad")):
+        assert (found[name]["unit"], found[name]["verdict"]) == (unit, "determined")
+    truth = SLIDES.truth() | {"stiffness_over_inertia_2": 9e3}
+    own = [(found[name], value) for name, value in truth.items() if name in found]
+    held = [f["interval"][0] <= value <= f["interval"][1] for f, value in own]
+    assert np.mean(held) > 0.8
+    for name in ("joint_stiffness_1", "joint_stiffness_2", "link_mass_2", "link_moment_along_2"):
+        assert abs(found[name]["value"] / truth[name] - 1.0) < 5e-3
+    assert "N s/m" in Path("out/report.html").read_text()
+    done = flexid("validate", "out", "8.csv", "--min-fit", "90")
+    assert done.status == 0
+    assert "(rad or m, RMS)" in done.stdout
+
+
 @pytest.mark.parametrize("noise", [True, False])
 def test_a_joint_that_rests(tmp_path: Path, noise: bool):
     """Assert that the other joint is found, and what only motion of this one shows is not."""
@@ -92,8 +130,8 @@ def test_a_joint_that_hardly_creeps(
     rng = np.random.default_rng([3, 2, True])
     arm, motion = random_arm(rng, 2, True), random_motion(rng, True)
     save(simulate(arm, motion, rng), tmp_path / "run.csv")
-    known = PlanarArm(tuple(link.length for link in arm.links), arm.gravity)
-    log = read_arm_log(tmp_path / "run.csv", 2)
+    known = arm.known
+    log = read_arm_log(tmp_path / "run.csv", known.types)
     assert log.resting == (1,)
     if seed is not None:
         log = rounded_otherwise(log, seed)
@@ -113,7 +151,7 @@ def test_a_coupling_that_makes_up_for_inertia(tmp_path: Path):
     rng = np.random.default_rng([13, 2, True])
     arm, motion = random_arm(rng, 2, True), random_motion(rng, True)
     save(simulate(arm, motion, rng), tmp_path / "run.csv")
-    known = PlanarArm(tuple(link.length for link in arm.links), arm.gravity)
+    known = arm.known
     lower, upper = (
         identify_arm(tmp_path / "run.csv", known).parameters["joint_stiffness_2"].interval
     )

@@ -18,7 +18,7 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.kernels.store import template
 from flexid.models.planar_arm import PlanarArm, planar_arm
-from flexid.models.torque_balance import TorqueBalance
+from flexid.models.torque_balance import BodyTerm, TorqueBalance
 
 BALANCE = planar_arm(ARM)
 HELD = 25  # samples
@@ -75,14 +75,20 @@ def test_accelerations_of_the_textbook(functions: dict[str, Any]):
         np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [0, 3, 6])
-def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int):
+# Of the last ones some joints slide, as the letters of their types say.
+@pytest.mark.parametrize(
+    ("seed", "slides"),
+    [(0, ""), (3, ""), (6, ""), (0, "RPR"), (16, "PRP"), (30, "PPR"), (51, "RRP")],
+)
+def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int, slides: str):
     """Assert that random arms, rotors carried or not, accelerate as they do in MuJoCo."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     rng = np.random.default_rng(seed)
-    arm = random_arm(rng)
-    known = PlanarArm((arm.links[0].length, arm.links[1].length), arm.gravity)
-    truth = {**arm.truth(), "torque_constant_1": 1.0, "torque_constant_2": 1.0}
+    arm = random_arm(rng, max(len(slides), 2), slides=bool(slides))
+    known, n = arm.known, arm.joints
+    assert not slides or [way[0].upper() for way in known.types] == [*slides]
+    functions = functions_of(planar_arm(known)) if slides else functions
+    truth = {**arm.truth(), **{f"torque_constant_{i + 1}": 1.0 for i in range(n)}}
     for name in truth:  # MuJoCo's dry friction is soft
         if "coulomb" in name:
             truth[name] = 0.0
@@ -90,19 +96,41 @@ def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int):
     model = mujoco.MjModel.from_xml_string(mjcf(arm, 1e-4))
     model.dof_frictionloss[:] = 0.0
     data = mujoco.MjData(model)
-    places = {s: [model.joint(f"{s}_{i}").id for i in (1, 2)] for s in ("link", "motor")}
+    places = {s: [model.joint(f"{s}_{i}").id for i in range(1, n + 1)] for s in ("link", "motor")}
     for _ in range(5):
-        x, u = rng.normal(size=8), rng.normal(size=2)
-        shift = np.array([x[2:4], x[6:8]]) if arm.carried else np.zeros((2, 2))
-        data.qpos[places["link"]] = x[[0, 4]] - shift[:, 0]
-        data.qvel[places["link"]] = x[[1, 5]] - shift[:, 1]
-        data.qpos[places["motor"]], data.qvel[places["motor"]] = x[[2, 6]], x[[3, 7]]
+        x, u = rng.normal(size=4 * n), rng.normal(size=n)
+        shift = np.array([x[2::4], x[3::4]]) * arm.carried
+        data.qpos[places["link"]] = x[::4] - shift[0]
+        data.qvel[places["link"]] = x[1::4] - shift[1]
+        data.qpos[places["motor"]], data.qvel[places["motor"]] = x[2::4], x[3::4]
         data.qfrc_applied[places["motor"]] = u
         mujoco.mj_forward(model, data)
         found = rates(functions, x, u, p, known)
         link = data.qacc[places["link"]] + (data.qacc[places["motor"]] if arm.carried else 0.0)
-        np.testing.assert_allclose(found[[1, 5]], link, rtol=1e-6, atol=1e-8)
-        np.testing.assert_allclose(found[[3, 7]], data.qacc[places["motor"]], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(found[1::4], link, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(found[3::4], data.qacc[places["motor"]], rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("types", ["RR", "RP", "PR", "PP", "RPR", "PRP"])
+@pytest.mark.parametrize("gravity", [(0.0, 0.0), (3.0, -9.0)])
+def test_parameters_of_the_links_are_a_base(types: str, gravity: tuple[float, float]):
+    """Assert that motion separates all, but for the first moment where no gravity acts on it."""
+    rng = np.random.default_rng(5)
+    slides = tuple(None if way == "R" else float(rng.uniform(-2.0, 2.0)) for way in types)
+    n, arm = len(types), PlanarArm((0.4, 0.3, 0.2)[: len(types)], gravity, slides=slides)
+    balance = planar_arm(arm)
+    x, u, a = (rng.normal(size=(100, width)) for width in (4 * n, n, 2 * n))
+    columns = np.zeros((100, 2 * n, len(balance.coefficients)))
+    constants = np.array(list(balance.constants.values()))
+    functions_of(balance)["columns"](x, u, np.sign(x[:, 1::2]), constants, a, columns)
+    links = [k for k, (_, _, term) in enumerate(balance.placed()) if isinstance(term, BodyTerm)]
+    own = columns.reshape(-1, len(balance.coefficients))[:, links]
+    sizes = np.linalg.norm(own, axis=0)
+    unfelt = {balance.coefficients[links[k]] for k in np.flatnonzero(sizes == 0.0)}
+    moments = {"link_moment_along_1", "link_moment_across_1"}
+    assert unfelt == (moments if types[0] == "R" and not any(gravity) else set())
+    shown = own[:, sizes > 0.0] / sizes[sizes > 0.0]
+    assert np.linalg.matrix_rank(shown, tol=1e-4) == shown.shape[1]
 
 
 def held_torques(rng: np.random.Generator, count: int) -> FloatArray:

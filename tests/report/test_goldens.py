@@ -187,6 +187,7 @@ VALIDATED = EstimateValidation(
     runs=(FreeRun(TIME, SEEN, SEEN + 1e-3 * np.cos(50.0 * TIME)[:, None]),),
     horizons={0.05: {"motor_position": 99.1}},
     model="rigid",
+    types=("revolute",),
     residuals={0.05: {"motor_position": 5e-4}, inf: {"motor_position": 1e-3}},
     noise={"motor_position": 4e-4},
     provenance={"flexid_version": "0", "inputs": [{"file": "runs/my log.csv", "sha256": "ab"}]},

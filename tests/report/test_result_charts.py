@@ -35,7 +35,9 @@ def test_residuals_that_repeat_leave_the_band():
     noise = generator.standard_normal(len(time))
     measured = np.column_stack([noise, noise + np.sin(2.0 * time)])
     runs = (FreeRun(time, measured, np.zeros_like(measured)),)
-    chart = residual_chart(Validation({"link_position": 1.0, "motor_position": 1.0}, runs))
+    chart = residual_chart(
+        Validation({"link_position": 1.0, "motor_position": 1.0}, runs), ("revolute",)
+    )
     assert [panel.x.label for panel in chart.panels] == ["time", "lag"] * 2
     shares = []
     for panel in chart.panels[1::2]:
@@ -46,7 +48,9 @@ def test_residuals_that_repeat_leave_the_band():
     assert 0.03 < shares[0] < 0.07
     assert shares[1] > 0.8
     diverged = (FreeRun(time, measured, np.full_like(measured, np.inf)),)
-    lost = residual_chart(Validation({"link_position": -np.inf, "motor_position": 0.0}, diverged))
+    lost = residual_chart(
+        Validation({"link_position": -np.inf, "motor_position": 0.0}, diverged), ("revolute",)
+    )
     assert not marks(lost.panels[1], Line)
 
 

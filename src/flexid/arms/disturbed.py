@@ -40,6 +40,7 @@ from flexid.identification.full_model.model import Data, Structure, encoder_nois
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.structure.validation import HORIZONS, validate_with
 from flexid.identification.vocabulary.evidence import Estimate, Validation
+from flexid.models.planar_arm import carried_links
 from flexid.models.torque_balance import TorqueBalance
 
 # Per sample: those of a resonance at the Nyquist frequency, at most.
@@ -298,8 +299,8 @@ def _about_to_slip(found: DisturbedFit, start: Mapping[str, float]) -> dict[str,
         )
         torques = np.concatenate([r.inputs[:, joint - 1] for r in samples])
         torques = torques + start[f"joint_stiffness_{joint}"] * (bent - bent.mean())
-        carried = range(joint, found.job.balance.joints + 1)
-        moved[f"motor_inertia_{joint}"] = sum(abs(start[f"link_inertia_{k}"]) for k in carried)
+        carried = carried_links(found.job.balance, joint)
+        moved[f"motor_inertia_{joint}"] = sum(abs(start[name]) for name in carried)
         friction = np.quantile(np.abs(torques), 1.0 - _SLIPS)
         moved[f"motor_coulomb_friction_{joint}"] = float(friction)
     return moved
@@ -357,7 +358,8 @@ def as_physical(balance: TorqueBalance, start: Mapping[str, float]) -> dict[str,
             moved[coupling] = 0.0
             moved[f"motor_inertia_{joint}"] += more
             moved[f"link_inertia_{joint}"] -= more
-            moved[f"link_inertia_{joint - 1}"] += more
+            before = max(k for k in range(1, joint) if balance.types[k - 1] == "revolute")
+            moved[f"link_inertia_{before}"] += more
     return moved
 
 
@@ -366,7 +368,8 @@ def resonances(balance: TorqueBalance, values: Mapping[str, float]) -> FloatArra
     least = np.finfo(float).tiny
     found = []
     for joint in range(1, balance.joints + 1):
-        names = (f"{name}_{joint}" for name in ("joint_stiffness", "motor_inertia", "link_inertia"))
+        own = carried_links(balance, joint)[0]
+        names = (f"joint_stiffness_{joint}", f"motor_inertia_{joint}", own)
         stiffness, motor, link = (max(abs(values[name]), least) for name in names)
         found.append(np.sqrt(stiffness * (1.0 / motor + 1.0 / link)))
     return np.array(found)

@@ -181,7 +181,8 @@ def looks_like_a_term(found: DisturbedFit) -> FloatArray:
 def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
     """What a balance leaves unexplained makes its inertia look heavier or lighter in part."""
     sides = ((*row.split("_"), share) for row, share in found.shares().items())
-    shares = {f"{side}_inertia_{joint}": share for side, joint, share in sides}
+    kinds = ("inertia", "mass")
+    shares = {f"{side}_{kind}_{joint}": share for side, joint, share in sides for kind in kinds}
     named = found.fitted.by_name.items()
     return np.diag([LIKE_THE_ACCELERATION * shares.get(n, 0.0) ** 2 * value for n, value in named])
 
@@ -300,14 +301,14 @@ def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[Segmen
 
     `deflections` are the places of links whose position is from a deflection.
     """
-    outputs = fitted.problem.segments.outputs
+    outputs, types = fitted.problem.segments.outputs, fitted.structure.joint.balance.types
     for motor in range(1, outputs.shape[1], 2):
         yield otherwise_shown(fitted, motor, CALIBRATION * outputs[:, motor])
         link = motor - 1
         if link in deflections:
             bent = outputs[:, link] - outputs[:, motor]
             yield otherwise_shown(fitted, link, GAUGE * bent)
-        else:  # once per turn, at any angle
+        elif types[link // 2] == "revolute":  # once per turn, at any angle
             for wave in (np.sin, np.cos):
                 error = ECCENTRICITY / np.sqrt(2.0) * wave(outputs[:, link])
                 yield otherwise_shown(fitted, link, error)

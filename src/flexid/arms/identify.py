@@ -24,6 +24,7 @@ from flexid.arms.fitting import (
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.result import ArmIdentification, joint_of_name
 from flexid.arms.starts import backward_inputs
+from flexid.arms.units import ArmUnits
 from flexid.errors import ConvergenceError, RecordingError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.estimators.excitation import excitation_of_gram
@@ -40,12 +41,10 @@ from flexid.identification.vocabulary.evidence import (
     ValueEstimate,
 )
 from flexid.models.physical import Quotient
-from flexid.models.planar_arm import PlanarArm, planar_arm
-from flexid.models.torque_balance import BodyTerm, JointTerm
+from flexid.models.planar_arm import PlanarArm, carried_links, planar_arm
 from flexid.recording.recording import INPUTS, Caution, Rank, ranked
 from flexid.recording.velocities import is_noise
 
-_CALIBRATED = "N m"
 _CONFUSED = 0.9  # correlation from which on two parameters are named together
 _OF_A_SPRING = ("joint_stiffness", "joint_damping", "motor_inertia", "stiffness_over_inertia")
 _HELD = {
@@ -57,7 +56,7 @@ _HELD = {
     "rotor_coupling": 0.0,
 }
 """What the motor of a joint that rests is taken to be: whatever its values, friction holds it."""
-_POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia")
+_POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia", "link_mass")
 _ENDLESS = 10.0  # standard deviations, of the next step: friction that sticks leaves up to 3
 _NO_TORQUE = 1e-100  # N m, of a balance that nothing is known of
 
@@ -69,8 +68,8 @@ def identify_arm(
     progress: Callable[[str], None] = lambda _step: None,
 ) -> ArmIdentification:
     """Identify an arm from its log."""
-    log = read_arm_log(path, arm.joints, columns)
-    fixed = fixed_parameters(arm, log.input_units, log.resting)
+    log = read_arm_log(path, arm.types, columns)
+    fixed = fixed_parameters(arm, ArmUnits(arm.types, log.input_units, log.resting))
     _check_signs(log, arm, fixed)
     model = ElasticArm(planar_arm(arm), log.resting)
     held = held_motors(model)
@@ -146,20 +145,16 @@ def _found(
     return _Found(fitted, estimate, predicted(fitted), {}, reason=reason)
 
 
-def fixed_parameters(
-    arm: PlanarArm, input_units: tuple[str, ...], resting: tuple[int, ...] = ()
-) -> dict[str, float]:
+def fixed_parameters(arm: PlanarArm, units: ArmUnits) -> dict[str, float]:
     """Parameters that are not sought to begin with: what is unusual, and what the units say.
 
     Where no torque is calibrated, torques have the unit of the first joint's input that moves.
     """
     fixed = dict.fromkeys(planar_arm(arm).unusual, 0.0)
-    for joint, unit in enumerate(input_units, 1):
-        if unit == _CALIBRATED:
-            fixed[f"torque_constant_{joint}"] = 1.0
-    if _CALIBRATED not in input_units:
-        fixed[f"torque_constant_{_reference(input_units, resting)}"] = 1.0
-    if not arm.has_gravity:  # the first link's moment is felt by gravity alone
+    known = units.calibrated or (units.reference,)
+    fixed |= {f"torque_constant_{joint}": 1.0 for joint in known}
+    if arm.types[0] == "revolute" and not arm.has_gravity:
+        # The first link's moment is felt by gravity alone.
         fixed |= {"link_moment_along_1": 0.0, "link_moment_across_1": 0.0}
     return fixed
 
@@ -170,22 +165,22 @@ def held_motors(model: ElasticArm) -> dict[str, float]:
     return {name: value for name, value in held.items() if name in model.balance.coefficients}
 
 
-def _reference(input_units: tuple[str, ...], resting: tuple[int, ...]) -> int:
-    """The joint in whose input's unit torques are given where none is calibrated."""
-    return next(joint for joint in range(1, len(input_units) + 1) if joint not in resting)
-
-
 def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
     fitted, estimate = found.fitted, found.estimate
     structure = fitted.structure
     balance, fixed = structure.joint.balance, structure.fixed
     parameters: dict[str, ValueEstimate] = {}
     shares = _shares(found, log)
+    units = ArmUnits(arm.types, log.input_units, log.resting)
     for name, joint, term in balance.placed():
-        unit = _unit(term, log, joint)
+        unit = units.of(term, joint)
         if name in fitted.names:
             parameters[name] = _judged(name, unit, found, shares)
-        elif joint in structure.joint.resting and term.name in _HELD and unit != "N m/N m":
+        elif (
+            joint in structure.joint.resting
+            and term.name in _HELD
+            and not (term.name == "torque_constant" and joint in units.calibrated)
+        ):
             unknown = np.nan, np.inf, (-np.inf, np.inf), "undetermined"
             parameters[name] = ValueEstimate(name, unit, *unknown)
     for joint in range(1, arm.joints + 1):
@@ -272,7 +267,8 @@ def _doubts(
         doubts.append(({*parameters}, Caution(said, Rank.MOTION)))
     for joint in found.fitted.structure.joint.resting:
         # So little motion hardly tells gravity from the spring.
-        own = {n for n in parameters if joint_of_name(n) == joint} - {f"link_inertia_{joint}"}
+        carried = {f"link_inertia_{joint}", f"link_mass_{joint}"}
+        own = {n for n in parameters if joint_of_name(n) == joint} - carried
         doubts.append((own, Caution(f"joint {joint} rests: let it move", Rank.MOTION)))
     for joint, share in found.periods.items():
         shares = found.shares or {}
@@ -281,8 +277,8 @@ def _doubts(
             weak = weak_spring(f"joint {joint}", "a period", f"{max(share, 0.0):.0f} %")
             doubts.append(({f"{name}_{joint}" for name in _OF_A_SPRING}, weak))
     for joint in {*map(joint_of_name, parameters)}:
-        names = (f"{name}_{joint}" for name in _POSITIVE)
-        negative = [name for name in names if parameters[name].value <= 0.0]
+        names = {f"{name}_{joint}" for name in _POSITIVE} & parameters.keys()
+        negative = [name for name in parameters if name in names and parameters[name].value <= 0.0]
         if negative:
             # Where the fit has not ended it may have run away, and links are coupled.
             alone = has_ended(found.fitted)
@@ -300,25 +296,10 @@ def doubt_of_negative(found: Sequence[ValueEstimate]) -> Caution:
     return Caution(f"{said}, and may as well be positive", Rank.MODEL)
 
 
-def _unit(term: JointTerm | BodyTerm, log: ArmLog, joint: int) -> str:
-    """Unit of a parameter; relative to the first input where no torque is calibrated."""
-    input_units = log.input_units
-    first, own = input_units[_reference(input_units, log.resting) - 1], input_units[joint - 1]
-    if term.name == "torque_constant":
-        return f"N m/{own}" if _CALIBRATED in input_units else f"{first}/{own}"
-    if _CALIBRATED in input_units:
-        return term.unit
-    return (
-        term.unit.replace("kg m^2", f"{first} s^2/rad")
-        .replace("N m", first)
-        .replace("kg m", f"{first} s^2/(m rad)")
-    )
-
-
 def _ratio(
     arm: PlanarArm, joint: int, values: Mapping[str, float], estimate: Estimate
 ) -> ValueEstimate:
-    """Stiffness over the inertia that a joint turns where the arm is straight and motors stand.
+    """Stiffness over what a joint moves where the arm is straight, slides at 0, and motors stand.
 
     It is the square of the antiresonance with all other joints locked, and needs no scale.
     """
@@ -328,11 +309,15 @@ def _ratio(
 
 
 def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:
-    """Parameters that make up the inertia that a joint turns, by name, with their weights."""
-    n = arm.joints
-    found = {f"link_inertia_{k}": 1.0 for k in range(joint, n + 1)}
-    for k in range(joint + 1, n + 1):
-        found[f"link_moment_along_{k}"] = 2.0 * sum(arm.lengths[joint - 1 : k - 1])
+    """Parameters that make up what a joint moves, by name, with their weights."""
+    found = dict.fromkeys(carried_links(planar_arm(arm), joint), 1.0)
+    if arm.types[joint - 1] == "prismatic":
+        return found
+    for k in range(joint + 1, arm.joints + 1):
+        reach = sum(arm.lengths[joint - 1 : k - 1])
+        found[f"link_moment_along_{k}"] = 2.0 * reach
+        if arm.types[k - 1] == "prismatic":
+            found[f"link_mass_{k}"] = reach**2
     return found
 
 

@@ -12,6 +12,7 @@ from flexid.errors import RecordingError
 from flexid.estimators.samples import Samples
 from flexid.files import shown
 from flexid.identification.full_model.model import Data, encoder_noise
+from flexid.models.motion import JointType
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
 from flexid.recording.names import folded, named_channel, nearest_name, split_header
@@ -28,7 +29,8 @@ _NEEDED = (
     ("link_position", "deflection"),
     INPUTS,
 )
-_SHARED = ("time", "sample_time", "gear_ratio")  # keys of a column map that need no number
+_SHARED = ("time", "sample_time", "gear_ratio", "lead")  # keys of a column map that need no number
+_RATIOS: Mapping[JointType, str] = {"revolute": "gear_ratio", "prismatic": "lead"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,20 +68,20 @@ def arm_data(recordings: Sequence[Samples], relative_to: Mapping[str, str] | Non
     return Data(tuple(recordings), groups, noise, relative_to or {}, largest_delay=0.0)
 
 
-def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog:
-    """Read the log of an arm."""
-    file = shown(path)
+def read_arm_log(path: Path, types: Sequence[JointType], columns: Path | None = None) -> ArmLog:
+    """Read the log of an arm whose joints move as `types` says."""
+    file, joints = shown(path), len(types)
     is_text = format_of(path) is None
     table = read_table(path) if is_text else _names(path)
     given = {} if columns is None else map_in_file(columns)
     _check_joints(file, table, given, joints)
     if columns is not None:
-        _check_keys(columns, given, joints)
-    maps = [_columns_of(file, table, given, joint, joints) for joint in range(1, joints + 1)]
+        _check_keys(columns, given, types)
+    maps = [_columns_of(file, table, given, joint, types) for joint in range(1, joints + 1)]
     logs = logs_of_joints([(table if is_text else table_of_file(path, own), own) for own in maps])
-    for joint, log in enumerate(logs, 1):
-        if log.recordings[0].joint == "prismatic":
-            reason = "slides, and the joints of a planar arm turn: identify it alone"
+    for joint, (log, way) in enumerate(zip(logs, types, strict=True), 1):
+        if log.recordings[0].joint != way:
+            reason = "has units of a slide, and turns by the arm's file: add it to slides in [arm]"
             raise RecordingError(file, f"joint {joint}", reason)
     return ArmLog(
         _together(logs),
@@ -118,28 +120,33 @@ def _check_joints(file: str, table: Table, given: dict[str, Any], joints: int) -
             )
 
 
-def _check_keys(columns: Path, given: Mapping[str, Any], joints: int) -> None:
+def _check_keys(columns: Path, given: Mapping[str, Any], types: Sequence[JointType]) -> None:
     """Raise for a key of a column map that no joint reads."""
-    numbers = range(1, joints + 1)
-    known = [*_SHARED, *(f"{name}_{n}" for name in (*SI_UNITS, "gear_ratio") for n in numbers)]
+    own = [f"{name}_{n}" for n, way in enumerate(types, 1) for name in (*SI_UNITS, _RATIOS[way])]
+    known = [*_SHARED, *own]
     for key in given:
         if key not in known:
             reason = (
-                f"this is not a channel of a joint{nearest_name(key, known)}: give a channel or "
-                f"gear_ratio the number of its joint, as in motor_position_1"
+                f"this is not a channel of a joint{nearest_name(key, known)}: give a channel, the "
+                f"gear_ratio of a joint that turns, or the lead of one that slides the number of "
+                f"its joint, as in motor_position_1"
             )
             raise RecordingError(shown(columns), f"key {key!r}", reason)
 
 
 def _columns_of(
-    file: str, table: Table, given: dict[str, Any], joint: int, joints: int
+    file: str, table: Table, given: dict[str, Any], joint: int, types: Sequence[JointType]
 ) -> dict[str, Any]:
     """The column map of one joint: its numbered entries, and columns by their names."""
-    found = {key: value for key, value in given.items() if key in _SHARED}
-    for channel in (*SI_UNITS, "gear_ratio"):
+    joints, way = len(types), types[joint - 1]
+    others = {*_RATIOS.values()} - {_RATIOS[way]}
+    found = {key: value for key, value in given.items() if key in {*_SHARED} - others}
+    for channel in (*SI_UNITS, *_RATIOS.values()):
         if f"{channel}_{joint}" in given:
             found[channel] = given[f"{channel}_{joint}"]
-    named = _named(table, joint, joints)
+    if way == "prismatic":
+        found["joint"] = way
+    named = _named(table, joint, types)
     for choices in _NEEDED:
         if any(channel in found for channel in choices):
             continue
@@ -156,13 +163,13 @@ def _columns_of(
     return found
 
 
-def _named(table: Table, joint: int, joints: int) -> dict[str, Any]:
+def _named(table: Table, joint: int, types: Sequence[JointType]) -> dict[str, Any]:
     """Columns of a joint by the channels that their usual names stand for.
 
     The name of a single joint's channel may have no number. A position without a side is the link's
-    beside the motor's.
+    beside the motor's, and a force the motor's where the joint slides.
     """
-    numbers = {str(joint), *([""] if joints == 1 else [])}
+    numbers = {str(joint), *([""] if len(types) == 1 else [])}
     found: dict[str, Any] = {}
     for header in table.names:
         usual = named_channel(table.short_name(header))
@@ -175,6 +182,8 @@ def _named(table: Table, joint: int, joints: int) -> dict[str, Any]:
         found.setdefault(usual.channel, column)
     if "position" in found and "motor_position" in found:
         found.setdefault("link_position", found["position"])
+    if "force" in found and types[joint - 1] == "prismatic":
+        found.setdefault("motor_torque", found["force"])
     return found
 
 

@@ -57,11 +57,19 @@ class Shape(NamedTuple):
     size: float  # m, its radius
 
 
+class Hinge(NamedTuple):
+    """How a body moves."""
+
+    type: str  # in MuJoCo's words
+    axis: str
+
+
 @dataclass(frozen=True)
 class Body:
     """A body on a hinge."""
 
     name: str  # of the hinge as well
+    hinge: Hinge
     side: Side  # what brakes the hinge
     mass: float
     inertia: float  # about its centre
@@ -83,17 +91,7 @@ class Joint(NamedTuple):
     link_offset: float = 0.0
 
 
-class Hinge(NamedTuple):
-    """How all bodies of a scene move."""
-
-    type: str  # in MuJoCo's words
-    axis: str
-
-
-_HINGES: Mapping[JointType, Hinge] = {
-    "revolute": Hinge("hinge", "0 1 0"),
-    "prismatic": Hinge("slide", "1 0 0"),
-}
+_TURNING = Hinge("hinge", "0 1 0")
 
 
 @dataclass(frozen=True)
@@ -105,11 +103,13 @@ class Scene:
     notes: tuple[str, ...]
 
 
-def rotor(name: str, side: Side, turning: float = 0.0, **more: float | Shape | None) -> Body:
+def rotor(
+    name: str, hinge: Hinge, side: Side, turning: float = 0.0, **more: float | Shape | None
+) -> Body:
     """A motor: but for what turns with the body that carries it, it is the hinge's armature."""
     little = NOTHING * side.inertia
     armature = side.inertia - turning if turning else side.inertia
-    return Body(name, side, little, turning or little, armature=armature, **more)  # pyright: ignore[reportArgumentType]
+    return Body(name, hinge, side, little, turning or little, armature=armature, **more)  # pyright: ignore[reportArgumentType]
 
 
 def possible(value: float, name: str, notes: list[str], owner: str = "hinge") -> float:
@@ -136,7 +136,6 @@ def scene(
     joints: Sequence[Joint],
     *,
     gravity: tuple[float, float, float],
-    hinge: Hinge,
     delay: float,  # s, of the inputs
     step: float,  # s
 ) -> Scene:
@@ -149,7 +148,6 @@ def scene(
         bodies=bodies,
         joints=joints,
         gravity=gravity,
-        hinge=hinge,
         # The engine draws straight lines between inputs that are held over a step: half a step.
         delay=delay + 0.5 * step if delay > 0.0 else 0.0,
         step=step,
@@ -248,7 +246,7 @@ def mjcf_scene(
         bodies = [_pendulum("motor", motor)]
     else:
         seen = Shape("cylinder", (0.0, 0.05, 0.0, 0.0, 0.1, 0.0), 0.05)
-        bodies = [_pendulum("link", link), rotor("motor", motor, shape=seen)]
+        bodies = [_pendulum("link", link), rotor("motor", _TURNING, motor, shape=seen)]
     link_offset = 0.0 if link is None else link.offset
     return scene(
         "rigid joint" if link is None else "flexible joint",
@@ -257,7 +255,6 @@ def mjcf_scene(
         bodies,
         [Joint("", spring, gain * motor.inertia, motor.offset, link_offset)],
         gravity=(0.0, 0.0, -_GRAVITY),
-        hinge=_HINGES[joint],
         delay=delay,
         step=timestep(fastest, dry=dry),
     )
@@ -267,7 +264,7 @@ def _carriage(name: str, side: Side) -> Body:
     """A body that slides."""
     place = 0.1 if name == "motor" else 0.0
     shape = Shape("capsule", (0.0, place, 0.0, 0.1, place, 0.0), 0.04)
-    return Body(name, side, side.inertia, _SLIDING, shape=shape)
+    return Body(name, Hinge("slide", "1 0 0"), side, side.inertia, _SLIDING, shape=shape)
 
 
 def _pendulum(name: str, side: Side) -> Body:
@@ -279,6 +276,7 @@ def _pendulum(name: str, side: Side) -> Body:
     along, across = sin(down), -cos(down)
     return Body(
         name,
+        _TURNING,
         side,
         mass,
         side.inertia - mass * lever**2,

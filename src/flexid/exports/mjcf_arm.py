@@ -1,6 +1,7 @@
-"""An identified arm as a MuJoCo scene: links turn in the plane of x and z, from x towards z."""
+"""An identified arm as a MuJoCo scene, in the plane of x and z: links turn from x towards z."""
 
 from collections.abc import Mapping
+from math import cos, sin
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,8 @@ from flexid.exports.mjcf import (
     timestep,
 )
 from flexid.exports.request import check_known, doubts_of, impossible
-from flexid.models.planar_arm import PlanarArm, planar_arm
+from flexid.models.motion import FORCES
+from flexid.models.planar_arm import PlanarArm, carried_links, planar_arm
 
 _HINGE = Hinge("hinge", "0 -1 0")  # about which x turns towards z
 _SLACKS = (2.0, 1.2, 1.02)  # mass over the least that a body of some moment and inertia has
@@ -46,7 +48,7 @@ def arm_scene(result: ArmIdentification) -> Scene:
     values = {**result.fit.by_name, **result.fixed}
     # What a joint that rests was taken for is no value of it.
     check_known({name: p.value for name, p in result.parameters.items() if name in values})
-    if "N m" not in result.input_units:
+    if not {*FORCES} & {*result.input_units}:
         notes.append(
             "no input is a torque, so that no inertia is known: the torque constant of joint 1 is "
             "set to 1, and all inertias follow from that"
@@ -65,12 +67,12 @@ def arm_scene(result: ArmIdentification) -> Scene:
     world: list[Body] = []
     before = world
     for joint in joints:
-        turning, reach = rotors[joint], links[joint - 1].reach
-        home, place = (before, reach) if turning else (world, 0.0)
+        turning, link = rotors[joint], links[joint - 1]
+        home, place = (before, link.reach) if turning else (world, 0.0)
         own = max(turning, NOTHING * motors[joint].inertia)
-        home.append(rotor(f"motor_{joint}", motors[joint], own, reach=place))
-        before.append(links[joint - 1])
-        before = links[joint - 1].carried
+        home.append(rotor(f"motor_{joint}", link.hinge, motors[joint], own, reach=place))
+        before.append(link)
+        before = link.carried
     along, across = arm.gravity
     return scene(
         f"planar arm of {arm.joints}",
@@ -87,7 +89,6 @@ def arm_scene(result: ArmIdentification) -> Scene:
             for joint in joints
         ],
         gravity=(along, 0.0, across),
-        hinge=_HINGE,
         delay=result.input_delay,
         step=timestep(float(resonances(planar_arm(arm), values).max()), dry=dry),
     )
@@ -105,9 +106,8 @@ def _links(
         found = _bodies(arm, values, rotors, sides, slack)
         if len(found) == arm.joints:
             return found
-    joint = arm.joints - len(found)
-    name = f"link_inertia_{joint}"
-    why = "less than what the links beyond it weigh at their distance, which no body has"
+    name = carried_links(planar_arm(arm), arm.joints - len(found))[0]
+    why = "less than what the links beyond it add to it, which no body has"
     raise impossible(name, f"{values[name]:g}", why)
 
 
@@ -120,20 +120,25 @@ def _bodies(
 ) -> list[Body]:
     """Bodies from the last link on; up to the first that would have no inertia."""
     found: list[Body] = []
-    beyond = 0.0
+    beyond = carried = 0.0  # mass that turns on a link, and inertia that slides on it
     for joint in range(arm.joints, 0, -1):
         length = arm.lengths[joint - 1] if joint < arm.joints else 0.0
-        felt = joint > 1 or arm.has_gravity  # or the centre of mass is anywhere
-        along = (values[f"link_moment_along_{joint}"] - beyond * length) * felt
-        across = values[f"link_moment_across_{joint}"] * felt
-        inertia = values[f"link_inertia_{joint}"] - rotors.get(joint + 1, 0.0) - beyond * length**2
-        if inertia <= 0.0:
-            return found
+        turns = arm.types[joint - 1] == "revolute"
+        along, across = _moments(arm, values, joint, beyond * length)
+        carried += rotors.get(joint + 1, 0.0) + beyond * length**2
         square = along**2 + across**2
-        mass = slack * square / inertia if square else inertia
+        if turns:
+            inertia = values[f"link_inertia_{joint}"] - carried
+            mass = slack * square / inertia if square and inertia > 0.0 else inertia
+        else:
+            mass = values[f"link_mass_{joint}"] - beyond
+            inertia = (square / mass if mass else 0.0) + NOTHING * mass
+        if inertia <= 0.0 or mass <= 0.0:
+            return found[::-1]
         found.append(
             Body(
                 f"link_{joint}",
+                _hinge(arm, joint),
                 sides[joint],
                 mass,
                 inertia - square / mass,
@@ -142,8 +147,23 @@ def _bodies(
                 reach=arm.lengths[joint - 2] if joint > 1 else 0.0,
             )
         )
-        beyond += mass
+        beyond, carried = (beyond + mass, 0.0) if turns else (0.0, carried + inertia)
     return found[::-1]
+
+
+def _moments(
+    arm: PlanarArm, values: Mapping[str, float], joint: int, beyond: float
+) -> tuple[float, float]:
+    """Moments of a link's own mass; none where no motion shows them: its centre may be anywhere."""
+    along, across = (f"link_moment_{way}_{joint}" for way in ("along", "across"))
+    felt = joint > 1 or arm.has_gravity  # of the first joint there are none if it slides
+    return (values[along] - beyond, values[across]) if felt and along in values else (0.0, 0.0)
+
+
+def _hinge(arm: PlanarArm, joint: int) -> Hinge:
+    """How a link moves: it turns, or slides at an angle from the link before it."""
+    angle = arm.slides[joint - 1] if arm.slides else None
+    return _HINGE if angle is None else Hinge("slide", f"{cos(angle):.12g} 0 {sin(angle):.12g}")
 
 
 def _rotor(values: Mapping[str, float], joint: int, notes: list[str]) -> float:
@@ -165,7 +185,7 @@ def _side(values: Mapping[str, float], side: str, joint: int, notes: list[str]) 
     """What brakes one side alone."""
     names = {word: f"{side}_{word}_friction_{joint}" for word in ("viscous", "coulomb")}
     found = {word: possible(values[name], name, notes) for word, name in names.items()}
-    inertia = values[f"{side}_inertia_{joint}"]
+    inertia = values.get(f"{side}_inertia_{joint}", 0.0)  # a link that slides has a mass instead
     return Side(inertia, offset=-values.get(f"{side}_offset_{joint}", 0.0), **found)
 
 

@@ -1,7 +1,7 @@
 """Model files: a `ParametricSystem`, or an arm, written down in TOML."""
 
 from functools import partial
-from math import isfinite
+from math import isfinite, radians
 from pathlib import Path
 from typing import Annotated
 
@@ -93,8 +93,10 @@ def _plausible(value: float) -> float:
     return value
 
 
-_Length = Annotated[float, Field(gt=0.0, le=_LONGEST)]
+_Length = Annotated[float, Field(ge=0.0, le=_LONGEST)]
 _Acceleration = Annotated[float, AfterValidator(_plausible)]
+_Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
+_Number = Annotated[int, Field(ge=1, le=MOST_JOINTS)]
 
 
 class _Arm(BaseModel):
@@ -102,6 +104,7 @@ class _Arm(BaseModel):
 
     lengths: list[_Length] = Field(min_length=1, max_length=MOST_JOINTS)
     gravity: _Acceleration | tuple[_Acceleration, _Acceleration] = 0.0
+    slides: dict[_Number, _Degrees] = {}
 
 
 class _ArmFile(BaseModel):
@@ -111,9 +114,20 @@ class _ArmFile(BaseModel):
 
 
 def read_arm(path: Path) -> PlanarArm:
-    """Read an arm: the table ``[arm]`` of a TOML file, with lengths and gravity."""
+    """Read an arm: the table ``[arm]`` of a TOML file: lengths, gravity, and which joints slide."""
     refuse = partial(_refused, shown(path))
     content = parse_toml(read_small(path, "a TOML file", refuse), refuse)
     arm = validated(content, _ArmFile, refuse).arm
     along, across = arm.gravity if isinstance(arm.gravity, tuple) else (arm.gravity, 0.0)
-    return PlanarArm(tuple(arm.lengths), (float(along), float(across)), shown(path))
+    joints = range(1, len(arm.lengths) + 1)
+    slides = tuple(radians(arm.slides[j]) if j in arm.slides else None for j in joints)
+    for joint in arm.slides:
+        if joint not in joints:
+            reason = f"names joint {joint}, and there are lengths of {len(joints)}: add its length"
+            raise refuse("arm.slides", reason)
+    for joint in joints[:-1]:
+        if arm.lengths[joint - 1] == 0.0 and joint not in arm.slides:
+            reason = f"is 0 for joint {joint}, and only a link that slides may have no length"
+            raise refuse("arm.lengths", reason)
+    gravity = float(along), float(across)
+    return PlanarArm(tuple(arm.lengths), gravity, shown(path), slides if arm.slides else ())

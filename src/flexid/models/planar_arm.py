@@ -1,8 +1,11 @@
-"""The planar serial arm with elastic joints: its terms, each declared once."""
+"""The planar serial arm, whose elastic joints turn or slide: its terms, each declared once."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from flexid.models.flexible_joint import DECLARED
+from flexid.models.motion import JointType
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
 JOINT_TERMS = tuple(JointTerm(name, **content) for name, content in DECLARED["arm"].items())
@@ -17,6 +20,9 @@ class PlanarArm:
     # acceleration in m/s² along link 1 at q1 = 0, and across it towards positive angles
     gravity: tuple[float, float] = (0.0, 0.0)
     source: str = "arm"  # where this was read, for messages
+    # of each joint that slides, the angle in rad from along the link before it; None: it turns.
+    # Empty where all joints turn
+    slides: tuple[float | None, ...] = ()
 
     @property
     def joints(self) -> int:
@@ -28,38 +34,103 @@ class PlanarArm:
         """Whether gravity acts in the arm's plane."""
         return self.gravity != (0.0, 0.0)
 
+    @property
+    def types(self) -> tuple[JointType, ...]:
+        """How each joint moves."""
+        angles = self.slides or (None,) * self.joints
+        return tuple("revolute" if angle is None else "prismatic" for angle in angles)
 
+
+# With m a link's mass, c the distance from joint to centre of mass, I its inertia about its joint
+# and m' the mass of all that turns on it: link_inertia I + m' l², link_moment m c + m' l. A link
+# that slides turns with the one before it: its inertia is added to that one's, and its mass counts.
 def planar_arm(arm: PlanarArm) -> TorqueBalance:
     """The torque balance of an arm in base parameters."""
-    n = arm.joints
-    body: list[BodyTerm] = []
-    for k in range(1, n + 1):
-        speed, angle = _sum("v", 1, k), _sum("q", 1, k)
-        body.append(
-            BodyTerm(f"link_inertia_{k}", k, f"({speed})**2/2", "0", "kg m^2", 1, "see below")
-        )
-        along, across = ["0"], ["0"]
-        for i in range(1, k):
-            product = f"l{i}*({_sum('v', 1, i)})*({speed})"
-            along.append(f"{product}*cos({_sum('q', i + 1, k)})")
-            across.append(f"-{product}*sin({_sum('q', i + 1, k)})")
-        weights = (
-            f"-gx*cos({angle}) - gy*sin({angle})",
-            f"gx*sin({angle}) - gy*cos({angle})",
-        )
-        for name, kinetic, weight in zip(
-            ("along", "across"), (along, across), weights, strict=True
-        ):
-            body.append(BodyTerm(f"link_moment_{name}_{k}", k, " + ".join(kinetic), weight, "kg m"))
-        if k > 1:
-            coupling = f"w{k}*({_sum('v', 1, k - 1)})"
-            body.append(BodyTerm(f"rotor_coupling_{k}", k, coupling, "0", "kg m^2", 1))
     constants = {f"l{i}": length for i, length in enumerate(arm.lengths, 1)}
     constants |= {"gx": arm.gravity[0], "gy": arm.gravity[1]}
-    # With m a link's mass, c the distance from joint to centre of mass, I its inertia about
-    # its joint and m' the mass of all beyond it: link_inertia I + m' l², link_moment m c + m' l.
-    return TorqueBalance(f"planar arm of {n}", n, JOINT_TERMS, tuple(body), constants)
+    constants |= {f"d{i}": angle for i, angle in enumerate(arm.slides, 1) if angle is not None}
+    links = _Links(arm.types)
+    body = tuple(term for k in range(1, arm.joints + 1) for term in links.terms(k))
+    return TorqueBalance(f"planar arm of {arm.joints}", arm.types, JOINT_TERMS, body, constants)
 
 
-def _sum(letter: str, first: int, last: int) -> str:
-    return " + ".join(f"{letter}{i}" for i in range(first, last + 1))
+def carried_links(balance: TorqueBalance, joint: int) -> list[str]:
+    """Names of the inertias, or masses, that a joint moves, its own link's first."""
+    kind = "mass" if balance.types[joint - 1] == "prismatic" else "inertia"
+    names = (f"link_{kind}_{k}" for k in range(joint, balance.joints + 1))
+    return [name for name in names if name in balance.coefficients]
+
+
+class _Part(NamedTuple):
+    """A part of a velocity: an amount in a direction, given along and across a link."""
+
+    amount: str
+    along: str
+    across: str
+
+
+class _Links(NamedTuple):
+    """Energies of links by the types of their joints."""
+
+    types: Sequence[JointType]
+
+    def terms(self, k: int) -> Iterator[BodyTerm]:
+        """The parameters of link k."""
+        speed = self._sum("v", 1, k)
+        parts = [*self._velocity(k)]
+        if self.types[k - 1] == "revolute":
+            yield BodyTerm(f"link_inertia_{k}", k, f"({speed})**2/2", "0", "kg m^2", 1)
+        else:
+            along = " + ".join(f"{p.amount}*{p.along}" for p in parts)
+            across = " + ".join(f"{p.amount}*{p.across}" for p in parts)
+            kinetic = f"(({along})**2 + ({across})**2)/2"
+            yield BodyTerm(f"link_mass_{k}", k, kinetic, self._height(k), "kg", 1)
+        if speed == "0":
+            return
+        angle = self._sum("q", 1, k)
+        energies = {
+            "along": (
+                [f"{p.amount}*({speed})*{p.across}" for p in parts],
+                f"-gx*cos({angle}) - gy*sin({angle})",
+            ),
+            "across": (
+                [f"-{p.amount}*({speed})*{p.along}" for p in parts],
+                f"gx*sin({angle}) - gy*cos({angle})",
+            ),
+        }
+        for name, (kinetic, weight) in energies.items():
+            total = " + ".join(["0", *kinetic])
+            yield BodyTerm(f"link_moment_{name}_{k}", k, total, weight, "kg m")
+        carrying = self._sum("v", 1, k - 1)
+        # A rotor that drives a slide turns about an axis in the plane, as that of a screw does.
+        if self.types[k - 1] == "revolute" and carrying != "0":
+            coupling = f"w{k}*({carrying})"
+            yield BodyTerm(f"rotor_coupling_{k}", k, coupling, "0", "kg m^2", 1)
+
+    def _sum(self, letter: str, first: int, last: int) -> str:
+        """Sum over the joints that turn: a link's angle, or its speed."""
+        joints = range(first, last + 1)
+        return " + ".join(f"{letter}{i}" for i in joints if self.types[i - 1] == "revolute") or "0"
+
+    def _sliding(self, k: int) -> list[int]:
+        return [j for j in range(1, k + 1) if self.types[j - 1] == "prismatic"]
+
+    def _velocity(self, k: int) -> Iterator[_Part]:
+        """Parts of the velocity of joint k, along and across link k."""
+        for i in range(1, k):
+            if (speed := self._sum("v", 1, i)) != "0":
+                apart = self._sum("q", i + 1, k)
+                yield _Part(f"l{i}*({speed})", f"sin({apart})", f"cos({apart})")
+        for j in self._sliding(k):
+            apart = f"d{j} - ({self._sum('q', j + 1, k)})"
+            yield _Part(f"v{j}", f"cos({apart})", f"sin({apart})")
+            if (speed := self._sum("v", 1, j)) != "0":
+                yield _Part(f"q{j}*({speed})", f"(-sin({apart}))", f"cos({apart})")
+
+    def _height(self, k: int) -> str:
+        """Potential of a mass at joint k."""
+        lengths = [(f"l{i}", self._sum("q", 1, i)) for i in range(1, k)]
+        lengths += [(f"q{j}", f"{self._sum('q', 1, j)} + d{j}") for j in self._sliding(k)]
+        return " + ".join(
+            f"{length}*(-gx*cos({angle}) - gy*sin({angle}))" for length, angle in lengths
+        )

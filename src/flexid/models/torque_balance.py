@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
+from flexid.models.motion import JointType
+
 Place = Literal["link", "motor", "spring", "input"]
 """Where a joint term acts: on one side, on both with opposite signs, or as the motor's torque."""
 
@@ -56,11 +58,16 @@ class TorqueBalance:
     """Balances of n joints: of link 1, motor 1, link 2, motor 2, and so on."""
 
     name: str
-    joints: int
+    types: tuple[JointType, ...]  # how each joint moves
     joint_terms: tuple[JointTerm, ...]  # what every joint has
     body_terms: tuple[BodyTerm, ...]  # what couples them
     # what is known, by name: lengths and gravity. The values are no part of the equations
     constants: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def joints(self) -> int:
+        """How many."""
+        return len(self.types)
 
     def placed(self) -> Iterator[tuple[str, int, JointTerm | BodyTerm]]:
         """Each parameter with its joint and its declaration, joint by joint."""

@@ -176,9 +176,9 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
         return factor, si_unit
     if unit_of(si_unit, "prismatic") in {*si_units} & {*_SLIDING}:
         raise UnitError(
-            f"the unit [{text}] is that of a rotation, and another column has one of a slide: "
-            f"correct one, or write the lead of a motor that turns in a column map, as 0.005 for "
-            f"5 mm in a turn"
+            f"the unit [{text}] is that of a rotation, and another column, or the arm's file, says "
+            f"that this joint slides: correct one, or write the lead of a motor that turns in a "
+            f"column map, as 0.005 for 5 mm in a turn"
         )
     if si_unit in _SLIDING and {*si_units} & {*_TURNING}:
         raise UnitError(

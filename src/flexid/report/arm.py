@@ -46,7 +46,8 @@ def charts(result: ArmIdentification) -> list[Chart]:
     """The free run over the held-out data, of an arm that was identified just now."""
     if not result.validation.runs:
         return []
-    return [free_run_chart("fit", "Free run over the held-out data", result.validation, {})]
+    title = "Free run over the held-out data"
+    return [free_run_chart("fit", title, result.validation, {}, result.arm.types)]
 
 
 def heading(result: ArmIdentification) -> tuple[str, str]:

@@ -8,7 +8,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
-from flexid.models.motion import unit_of
+from flexid.models.motion import JointType, unit_of, unit_of_channel
 from flexid.recording.recording import Log
 from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Mark, Panel, with_margin
 from flexid.report.identification import format_fit
@@ -24,12 +24,16 @@ _BELOW = 0.5  # height of a panel of residuals over that of the motion above it
 
 
 def free_run_chart(
-    name: str, title: str, validation: Validation, noise: Mapping[str, float], unit: str = "rad"
+    name: str,
+    title: str,
+    validation: Validation,
+    noise: Mapping[str, float],
+    types: Sequence[JointType],  # how each joint moves
 ) -> Chart:
     """Free runs channel by channel, with the residual below each; what is cut off is said."""
     panels = []
     for place, (channel, fit) in enumerate(validation.fit_percent.items()):
-        label = channel.replace("_", " ")
+        label, unit = channel.replace("_", " "), unit_of_channel(channel, types)
         panels += _panels(label, fit, validation.runs, place, noise.get(channel), unit)
     says = (
         "The model runs from the first state alone, on data not used for the fit. Below each "
@@ -92,7 +96,7 @@ _LONGEST_LAG = 0.1  # of the longest run
 _SIGNIFICANT = 1.96  # standard deviations of the autocorrelation of white noise
 
 
-def residual_chart(validation: Validation, unit: str = "rad") -> Chart:
+def residual_chart(validation: Validation, types: Sequence[JointType]) -> Chart:
     """Residual of each channel over time, and its autocorrelation with the band of white noise."""
     longest = max(validation.runs, key=lambda run: len(run.time))
     panels = []
@@ -102,7 +106,7 @@ def residual_chart(validation: Validation, unit: str = "rad") -> Chart:
             Line("residual", run.time, _finite(_error(run, place)), "blue", 0.7)
             for run in validation.runs
         ]
-        time, below = Axis("time", "s"), Axis("residual", unit)
+        time, below = Axis("time", "s"), Axis("residual", unit_of_channel(channel, types))
         panels.append(Panel(label, time, below, tuple(lines)))
         panels.append(_autocorrelation_panel(label, longest.time, _error(longest, place)))
     says = (
@@ -265,7 +269,7 @@ def identification_charts(result: Identification) -> Sequence[Chart]:
     bode = bode_chart(frequency_response(result))
     if not result.validation.runs:
         return (bode,)
-    return fit_chart(result), residual_chart(result.validation, unit_of("rad", result.joint)), bode
+    return fit_chart(result), residual_chart(result.validation, (result.joint,)), bode
 
 
 def fit_chart(result: Identification) -> Chart:
@@ -274,4 +278,4 @@ def fit_chart(result: Identification) -> Chart:
     flexible = result.model == "flexible"  # a link's deflection has no noise of the motor's encoder
     noise = {"deflection": deviation} if flexible and 0.0 < deviation < np.inf else {}
     title = "Free run of the model over data kept out of the fit"
-    return free_run_chart("fit", title, result.validation, noise, unit_of("rad", result.joint))
+    return free_run_chart("fit", title, result.validation, noise, (result.joint,))

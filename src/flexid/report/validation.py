@@ -60,8 +60,8 @@ def fits_table(result: Validation) -> Table:
 
 def _errors_table(result: EstimateValidation) -> Table:
     columns = (Column("channel"), *numbers("sensor noise", *map(_horizon, result.residuals)))
-    unit = unit_of("rad", result.joint)
-    table = Table(f"Prediction error by horizon ({unit}, RMS)", columns)
+    units = " or ".join(dict.fromkeys(unit_of("rad", way) for way in result.types))
+    table = Table(f"Prediction error by horizon ({units}, RMS)", columns)
     for channel, noise in result.noise.items():
         off = (found[channel] for found in result.residuals.values())
         table.add(channel, number(noise, 3), *(number(x, 3) if isfinite(x) else "–" for x in off))
@@ -70,7 +70,7 @@ def _errors_table(result: EstimateValidation) -> Table:
 
 def _drive(result: EstimateValidation) -> str:
     words = {"arm": "an arm", "link": "a link alone"}.get(result.model, f"a {result.model} joint")
-    return f"{words} that slides" if result.joint == "prismatic" else words
+    return f"{words} that slides" if "revolute" not in result.types else words
 
 
 def _horizon(horizon: float) -> str:
@@ -92,10 +92,9 @@ def heading(result: EstimateValidation) -> tuple[str, str]:
 
 def charts(result: EstimateValidation) -> tuple[Chart, Chart]:
     """Free run over each log, channel by channel, and its residuals."""
-    unit = unit_of("rad", result.joint)
     title = "Free run of the estimate over other logs"
-    free_run = free_run_chart("validation", title, result, result.noise, unit)
-    return free_run, residual_chart(result, unit)
+    free_run = free_run_chart("validation", title, result, result.noise, result.types)
+    return free_run, residual_chart(result, result.types)
 
 
 def document(result: EstimateValidation) -> dict[str, Any]:

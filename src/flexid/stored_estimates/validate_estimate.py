@@ -43,7 +43,7 @@ class EstimateValidation(Validation):
     model: Kind | Literal["arm"]
     residuals: Mapping[float, Mapping[str, float]]
     noise: Mapping[str, float]  # standard deviation of each channel's noise
-    joint: JointType = "revolute"  # how it moves, which the unit of the channels follows
+    types: tuple[JointType, ...]  # how each joint moves, which the units of the channels follow
     warnings: tuple[str, ...] = ()  # what limits the test
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -92,7 +92,7 @@ def _predicted(
         found.runs,
         found.horizons,
         model=made.model,
-        joint=made.joint if isinstance(made, Identification) else "revolute",
+        types=(made.joint,) if isinstance(made, Identification) else made.arm.types,
         residuals=_residuals(found, channels, samples, starts),
         noise=_noise(channels, data),
         warnings=ranked([*(w for log in logs for w in log.warnings), *warnings]),
@@ -224,7 +224,7 @@ def validate_arm(
     """Predict logs with an arm's estimate as it is; see `validate_estimate`."""
     stored = estimate.result
     assert isinstance(stored, ArmIdentification)
-    logs = [read_arm_log(path, stored.arm.joints, columns) for path in paths]
+    logs = [read_arm_log(path, stored.arm.types, columns) for path in paths]
     check_distinct(logs)
     for log in logs:
         if log.input_units != stored.input_units:
