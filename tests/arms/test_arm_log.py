@@ -14,7 +14,7 @@ from flexid.arms.log import read_arm_log
 from flexid.models.model_file import read_arm
 from flexid.models.motion import JointType
 
-TYPES: Mapping[str, JointType] = {"R": "revolute", "P": "prismatic"}
+TYPES: dict[str, JointType] = {"R": "revolute", "P": "prismatic"}
 TURNING = (TYPES["R"],)
 TWO = TURNING * 2
 NAMES = ("motor_position_{} [deg]", "link_position_{} [deg]", "motor_torque_{} [N m]")
