@@ -133,7 +133,7 @@ def without_common_samples(path: Path) -> Path:
 
 def read_sliding(path: Path, letters: str, keys: str) -> object:
     """Read the log of turning joints as one of others."""
-    types = [TYPES[letter] for letter in letters]
+    types: list[JointType] = [TYPES[letter] for letter in letters]
     return read_arm_log(log_of(path), types, written("m.toml", keys))
 
 

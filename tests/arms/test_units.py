@@ -13,9 +13,8 @@ SLIDES: JointType = "prismatic"
 
 Case = tuple[tuple[JointType, JointType], tuple[str, str], str]
 
-UNITS: dict[
-    str, Case
-] = {  # of joint 1's stiffness, and of joint 2's stiffness, damping, inertia or mass, constant
+# Of joint 1's stiffness; of joint 2's stiffness, damping, inertia or mass, and constant.
+UNITS: dict[str, Case] = {
     "all in torques": ((TURNS, TURNS), ("N m", "N m"), "N m/rad N m/rad N m s/rad kg m^2 N m/N m"),
     "a force": ((TURNS, SLIDES), ("N m", "N"), "N m/rad N/m N s/m kg N/N"),
     "one current": ((TURNS, SLIDES), ("N m", "A"), "N m/rad N/m N s/m kg N/A"),
