@@ -32,7 +32,7 @@ class Link:
         return f"{self.stiffness!r} 0 {self.cubic!r}" if self.cubic else repr(self.stiffness)
 
     @property
-    def way(self) -> str:
+    def motion(self) -> str:
         """How its joint moves, as MuJoCo has it."""
         if self.slide is None:
             return 'axis="0 -1 0"'
@@ -41,7 +41,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Arm:
-    """Links from the base on; `carried`: each rotor spins on the link before it, without a gear."""
+    """Links from the base on; `carried`: rotors spin on the link before them, without a gear.
+
+    Those of slides never do.
+    """
 
     links: tuple[Link, ...]
     gravity: tuple[float, float]
@@ -51,6 +54,11 @@ class Arm:
     def joints(self) -> int:
         """How many."""
         return len(self.links)
+
+    @property
+    def spun(self) -> list[bool]:
+        """Of which joints the rotor spins on the link before."""
+        return [self.carried and link.slide is None for link in self.links]
 
     @property
     def known(self) -> PlanarArm:
@@ -67,7 +75,7 @@ class Arm:
         found: dict[str, float] = {}
         beyond, inertia = 0.0, 0.0  # of what the link carries
         for i, link in reversed([*enumerate(self.links, 1)]):
-            turns = link.slide is None
+            turns, spun = link.slide is None, self.spun[i - 1]
             size = link.along**2 + link.across**2
             inertia += link.inertia + link.mass * size + beyond * link.length**2
             found |= {
@@ -79,17 +87,17 @@ class Arm:
                 f"motor_viscous_friction_{i}": link.motor_viscous,
                 f"motor_coulomb_friction_{i}": link.motor_coulomb,
                 f"motor_offset_{i}": 0.0,
-                f"link_viscous_friction_{i}": 0.0 if self.carried else link.link_viscous,
-                f"link_coulomb_friction_{i}": 0.0 if self.carried else link.link_coulomb,
+                f"link_viscous_friction_{i}": 0.0 if spun else link.link_viscous,
+                f"link_coulomb_friction_{i}": 0.0 if spun else link.link_coulomb,
                 f"link_moment_along_{i}": link.mass * link.along + beyond * link.length,
                 f"link_moment_across_{i}": link.mass * link.across,
             }
-            beyond += link.mass + (ROTOR_MASS if self.carried else 0.0)
+            beyond += link.mass + (ROTOR_MASS if spun else 0.0)
             if turns:
                 found[f"link_inertia_{i}"] = inertia
                 if i > 1:
-                    found[f"rotor_coupling_{i}"] = link.motor_inertia if self.carried else 0.0
-                inertia = link.motor_inertia if self.carried else 0.0
+                    found[f"rotor_coupling_{i}"] = link.motor_inertia if spun else 0.0
+                inertia = link.motor_inertia if spun else 0.0
             else:  # it turns with the link before, on which its mass does not rest
                 found[f"link_mass_{i}"] = beyond
                 beyond = 0.0
@@ -119,7 +127,7 @@ def mjcf(arm: Arm, step: float) -> str:
             f'frictionloss="{link.motor_coulomb!r}" {tight}'
         )
         j = link.motor_inertia
-        if arm.carried:
+        if arm.spun[i - 1]:
             chain += (
                 f'<body pos="{before!r} 0 0"><joint name="motor_{i}" {motor}/>'
                 f'<inertial pos="0 0 0" mass="{ROTOR_MASS}" diaginertia="{j!r} {j!r} {j!r}"/>'
@@ -129,7 +137,7 @@ def mjcf(arm: Arm, step: float) -> str:
             closing += "</body></body>"
         else:
             chain += (
-                f'<body pos="{before!r} 0 0"><joint name="link_{i}" {link.way} '
+                f'<body pos="{before!r} 0 0"><joint name="link_{i}" {link.motion} '
                 f'damping="{link.link_viscous!r}" frictionloss="{link.link_coulomb!r}" {tight}/>'
                 f"{inertial}"
             )
@@ -156,9 +164,9 @@ def random_arm(
 ) -> Arm:
     """Draw an arm; harsh ones have inertias up to 5 to 1 and springs of 50 to 20 000 N m/rad.
 
-    Of one that slides at least one joint does, in any direction; no rotor is carried then.
+    With `slides`, at least one joint slides, in any direction.
     """
-    carried = bool(rng.random() < 0.25) and not slides
+    carried = bool(rng.random() < 0.25)
     masses = 3.0 * 0.6 ** np.arange(joints) * np.exp(rng.uniform(-0.5, 0.5, joints))
     lengths = rng.uniform(0.2, 0.5, joints)
     centres = lengths * rng.uniform(0.35, 0.7, joints)
@@ -202,7 +210,7 @@ def random_arm(
 
 def _slides(rng: np.random.Generator, joints: int) -> list[float | None]:
     """Directions of those joints that slide."""
-    sliding = rng.random(joints) < 0.5
-    sliding[rng.integers(joints)] = True
+    pattern = int(rng.integers(1, 2**joints))
+    sliding = [pattern >> joint & 1 for joint in range(joints)]
     angles = rng.choice([0.0, 0.5 * np.pi, 0.6], joints)
     return [float(a) if slide else None for a, slide in zip(angles, sliding, strict=True)]

@@ -96,7 +96,7 @@ def simulate(arm: Arm, motion: Motion, rng: np.random.Generator) -> Log:
     inertia = np.array(
         [truth[f"motor_inertia_{i}"] + truth[carried_links(balance, i)[0]] for i in range(1, n + 1)]
     )
-    per_radian = np.array([_PER_RADIAN[way] for way in balance.types])
+    per_radian = np.array([_PER_RADIAN[joint_type] for joint_type in balance.types])
     scale = per_radian.copy()
     if motion.quiet_joint:
         scale[motion.quiet_joint - 1] = 0.1
@@ -109,7 +109,7 @@ def simulate(arm: Arm, motion: Motion, rng: np.random.Generator) -> Log:
     motor, link, torque = (np.zeros((count, n)) for _ in range(3))
     for k in range(count):
         theta = data.qpos[places["motor"]]
-        q = data.qpos[places["link"]] + (theta if arm.carried else 0.0)
+        q = data.qpos[places["link"]] + theta * arm.spun
         noise = motion.noise * step * rng.standard_normal((2, n))
         motor[k] = step * np.rint((theta + noise[0]) / step)
         link[k] = step * np.rint((q + noise[1]) / step)

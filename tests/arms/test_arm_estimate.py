@@ -188,8 +188,9 @@ def test_a_scene_accelerates_as_the_textbook_says():
         assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
 
 
-# Seeds of joints that turn, slide and turn; slide, turn and slide; slide, slide and turn.
-@pytest.mark.parametrize("seed", [0, 16, 30])
+# Seeds of joints that turn, slide and turn; slide, turn and slide; turn, turn and slide: the rotors
+# of those that turn are carried.
+@pytest.mark.parametrize("seed", [34, 53, 3])
 def test_a_scene_with_slides_accelerates_as_its_balance_says(seed: int):
     """Assert that MuJoCo's forward dynamics are those of the balance with the same parameters."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")

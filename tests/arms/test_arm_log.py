@@ -246,3 +246,36 @@ def test_an_arm_with_slides(tmp_path: Path):
     assert read_arm(path).slides == (pytest.approx(np.pi / 2), None)
     path.write_text("[arm]\nlengths = [0.1, 0.3]\n")
     assert read_arm(path).types == TWO
+
+
+def test_a_slide_beside_other_joints_has_no_scale_of_its_own(tmp_path: Path):
+    """Assert that a warning of scales is for a slide alone: an arm's weight varies with others."""
+    path = log_of(tmp_path / "run.csv")
+    header, _, rows = path.read_text().partition("\n")
+    header = header.replace("position_2 [deg]", "position_2 [mm]").replace("2 [N m]", "2 [N]")
+    table = np.loadtxt(rows.splitlines(), delimiter=",")
+    table[:, 4] += 8.0 * np.sin(11.0 * table[:, 0]) + 3.0 * np.sin(29.0 * table[:, 0])
+    table[:, 5] = 0.985 * table[:, 4] + 0.01 * np.random.default_rng(1).normal(size=len(table))
+
+    def warned(columns: list[int], types: tuple[JointType, ...]) -> bool:
+        names = [header.split(",")[column] for column in columns]
+        np.savetxt(path, table[:, columns], "%.6f", ",", header=",".join(names), comments="")
+        return any("times as far" in word for word in read_arm_log(path, types).warnings)
+
+    assert not warned([*range(7)], (*TURNING, TYPES["P"]))
+    header = header.replace("_1 ", "_3 ").replace("_2 ", "_1 ")
+    assert warned([0, 4, 5, 6], (TYPES["P"],))
+
+
+def test_a_named_input_comes_before_a_force(tmp_path: Path):
+    """Assert that a slide's current is its input, though there is a force without a side."""
+    path = log_of(tmp_path / "run.csv")
+    header, _, rows = path.read_text().partition("\n")
+    header = header.replace("position_2 [deg]", "position_2 [mm]")
+    header = header.replace("motor_torque_2 [N m]", "force_2 [N]")
+    path.write_text(f"{header}\n{rows}")
+    types = (*TURNING, TYPES["P"])
+    assert read_arm_log(path, types).input_units == ("N m", "N")
+    extended = [f"{row},{row.rsplit(',', 1)[1]}" for row in rows.splitlines()]
+    path.write_text("\n".join([f"{header},motor_current_2 [A]", *extended]))
+    assert read_arm_log(path, types).input_units == ("N m", "A")

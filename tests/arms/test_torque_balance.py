@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 from benchmarks.arms.arm import mjcf, random_arm
 from two_links import ARM, TRUTH, TwoLinks, accelerations, motion, truth_values
 
+from flexid.arms.disturbed import as_physical
+from flexid.arms.doubts import rig_errors
+from flexid.arms.identify import carried_inertia
 from flexid.arrays import FloatArray
 from flexid.derivation.torque_balance import balance_functions
 from flexid.estimators.channel_timing import Timing
@@ -75,10 +79,10 @@ def test_accelerations_of_the_textbook(functions: dict[str, Any]):
         np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-# Of the last ones some joints slide, as the letters of their types say.
+# Of the last ones some joints slide, as the letters of their types say; some rotors are carried.
 @pytest.mark.parametrize(
     ("seed", "slides"),
-    [(0, ""), (3, ""), (6, ""), (0, "RPR"), (16, "PRP"), (30, "PPR"), (51, "RRP")],
+    [(0, ""), (3, ""), (6, ""), (34, "RPR"), (53, "PRP"), (27, "PPR"), (3, "RRP")],
 )
 def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int, slides: str):
     """Assert that random arms, rotors carried or not, accelerate as they do in MuJoCo."""
@@ -99,14 +103,14 @@ def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int, slides: s
     places = {s: [model.joint(f"{s}_{i}").id for i in range(1, n + 1)] for s in ("link", "motor")}
     for _ in range(5):
         x, u = rng.normal(size=4 * n), rng.normal(size=n)
-        shift = np.array([x[2::4], x[3::4]]) * arm.carried
+        shift = np.array([x[2::4], x[3::4]]) * arm.spun
         data.qpos[places["link"]] = x[::4] - shift[0]
         data.qvel[places["link"]] = x[1::4] - shift[1]
         data.qpos[places["motor"]], data.qvel[places["motor"]] = x[2::4], x[3::4]
         data.qfrc_applied[places["motor"]] = u
         mujoco.mj_forward(model, data)
         found = rates(functions, x, u, p, known)
-        link = data.qacc[places["link"]] + (data.qacc[places["motor"]] if arm.carried else 0.0)
+        link = data.qacc[places["link"]] + data.qacc[places["motor"]] * arm.spun
         np.testing.assert_allclose(found[1::4], link, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(found[3::4], data.qacc[places["motor"]], rtol=1e-6, atol=1e-8)
 
@@ -131,6 +135,58 @@ def test_parameters_of_the_links_are_a_base(types: str, gravity: tuple[float, fl
     assert unfelt == (moments if types[0] == "R" and not any(gravity) else set())
     shown = own[:, sizes > 0.0] / sizes[sizes > 0.0]
     assert np.linalg.matrix_rank(shown, tol=1e-4) == shown.shape[1]
+
+
+@pytest.mark.parametrize("types", ["RR", "RP", "PR", "PP", "RPR"])
+def test_what_a_joint_carries_is_its_entry_of_the_mass_matrix(types: str):
+    """Assert the weights of inertias, masses and moments, where the arm is straight."""
+    slides = tuple(None if letter == "R" else 0.6 for letter in types)
+    arm = PlanarArm((0.4, 0.3, 0.2)[: len(types)], slides=slides)
+    balance, n = planar_arm(arm), arm.joints
+    constants = np.array(list(balance.constants.values()))
+    functions = functions_of(balance)
+    for joint in range(1, n + 1):
+        columns = np.zeros((2 * n, len(balance.coefficients)))
+        accelerated = np.eye(2 * n)[2 * joint - 2]
+        still = np.zeros(4 * n), np.zeros(n), np.zeros(2 * n)
+        functions["columns_at"](*still, constants, accelerated, columns)
+        links = [k for k, (_, _, term) in enumerate(balance.placed()) if isinstance(term, BodyTerm)]
+        entry = {balance.coefficients[k]: columns[2 * joint - 2, k] for k in links}
+        wanted = {name: weight for name, weight in entry.items() if abs(weight) > 1e-12}
+        assert carried_inertia(arm, joint) == pytest.approx(wanted)
+
+
+def test_a_physical_start_beyond_a_slide_moves_as_before():
+    """Assert that a backward coupling of a stiff joint goes to the link before it that turns."""
+    balance = planar_arm(PlanarArm((0.4, 0.3, 0.2), (9.81, 0.0), slides=(None, 0.6, None)))
+    rng = np.random.default_rng(2)
+    values = {name: 0.0 if "friction" in name else 1.0 for name in balance.coefficients}
+    values["rotor_coupling_3"] = -0.3
+    moved = as_physical(balance, values)
+    assert moved["rotor_coupling_3"] == 0.0
+    x, u, a = rng.normal(size=(20, 12)), rng.normal(size=(20, 3)), rng.normal(size=(20, 6))
+    x[:, 10:], a[:, 5] = x[:, 8:10], a[:, 4]  # motor 3 is link 3
+    columns = np.zeros((20, 6, len(balance.coefficients)))
+    constants = np.array(list(balance.constants.values()))
+    functions_of(balance)["columns"](x, u, np.sign(x[:, 1::2]), constants, a, columns)
+    before, after = (columns @ np.array([*own.values()]) for own in (values, moved))
+    np.testing.assert_allclose(after[:, :4], before[:, :4], atol=1e-9)
+    np.testing.assert_allclose(after[:, 4:].sum(axis=1), before[:, 4:].sum(axis=1), atol=1e-9)
+
+
+def test_errors_of_a_rig_with_a_slide():
+    """Assert that a slide has no eccentric encoder, and a direction that errs beside the length."""
+    arm = ElasticArm(planar_arm(PlanarArm((0.4, 0.3), slides=(None, 0.6))))
+    segments = divide([Samples(np.ones((50, 4)), None, np.zeros((50, 2)), 2e-3)], 0.1)
+    problem = arm.motion(segments, Timing("zero"), arm.unknowns((), {}))
+    fitted: Any = SimpleNamespace(problem=problem, structure=SimpleNamespace(joint=arm))
+    rigs = [*rig_errors(fitted, ())]
+    names = [*arm.balance.constants]
+    changed = [
+        [name for name, x, y in zip(names, rig.constants, problem.constants, strict=True) if x != y]
+        for rig in rigs
+    ]
+    assert changed == [[], [], [], [], ["l1"], ["d2"]]  # a sine, a cosine and two scales first
 
 
 def held_torques(rng: np.random.Generator, count: int) -> FloatArray:

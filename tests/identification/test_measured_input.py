@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from benchmarks.trials.generate import make_trial
 from benchmarks.trials.integrator import Law
 from benchmarks.trials.realistic.drive import Plant, simulate
 from made_joint import (
@@ -18,17 +19,19 @@ from made_joint import (
     log,
     made,
     pushed,
+    recording,
     seen,
     structure,
 )
 
 from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.samples import Samples
 from flexid.identification.estimation.disturbed import fit_disturbed
 from flexid.identification.estimation.disturbed_estimate import pulled
 from flexid.identification.estimation.model_error import input_noise, lagged, widened
-from flexid.identification.full_model.amplifier import _is_crossed
+from flexid.identification.full_model.amplifier import _is_crossed, shows_saturation
 from flexid.identification.full_model.fitting import fit_to
-from flexid.identification.full_model.model import Fitted, Structure, data_of
+from flexid.identification.full_model.model import Data, Fitted, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
@@ -224,6 +227,38 @@ def test_a_torque_that_was_commanded_has_a_limit(limit: float):
         assert 1e-3 * true < parameter.std < 0.02 * true
         assert parameter.verdict == "determined"
     assert any("had a limit of" in warning for warning in found.warnings)
+
+
+WAVE = np.sin(np.linspace(0.0, 40.0, 4000))
+WAVES = {  # whether a cube shows in it
+    "switched": (np.sign(WAVE), False),
+    "switched between 1 and 2": (1.5 + 0.5 * np.sign(WAVE), False),
+    "of three steps": (np.round(1.4 * WAVE), False),
+    "of five steps": (np.round(2.0 * WAVE), True),
+    "a sine": (WAVE, True),
+}
+
+
+@pytest.mark.parametrize("noise", [0.005, 0.05])
+@pytest.mark.parametrize("wave", WAVES)
+def test_what_shows_a_cube_of_the_input(wave: str, noise: float):
+    """Assert that a gain and an offset stand for a cube where an input has two or three levels."""
+    inputs, shows = WAVES[wave]
+    noisy = inputs + noise * np.random.default_rng(1).standard_normal(len(inputs))
+    samples = Samples(np.zeros((len(inputs), 2)), None, noisy[:, None], SAMPLE_TIME)
+    assert shows_saturation(Data((samples,), (0,), np.ones(2))) == shows
+
+
+def test_noise_of_a_switched_torque_is_no_saturation():
+    """Assert that values are right, of which such a term made a third less."""
+    trial = make_trial("torque_steps", 2001)
+    noise = 0.01 * np.random.default_rng(2).standard_normal(len(trial.torque))
+    sides = trial.link_position, trial.motor_position
+    noisy = trial.torque + noise * np.std(trial.torque)
+    found = identify([log(recording(trial.time, *sides, noisy))]).parameters
+    for name in ("link_inertia", "motor_inertia", "joint_stiffness", "gravity_torque"):
+        assert found[name].value == pytest.approx(trial.truth[name], rel=0.02)
+        assert found[name].verdict == "determined"
 
 
 @pytest.mark.parametrize(

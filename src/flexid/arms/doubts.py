@@ -106,7 +106,7 @@ def noise_of_the_inputs(found: DisturbedFit) -> FloatArray:
 
 
 def errors_of_the_rig(found: DisturbedFit) -> FloatArray:
-    """Encoders, scales and lengths err, by as much as the log does not contradict."""
+    """Encoders, scales, lengths and directions err, as much as the log does not contradict."""
     return likely_changes(found.fitted, [*rig_errors(found.fitted, found.job.deflections)])
 
 
@@ -197,7 +197,7 @@ def play(found: DisturbedFit) -> FloatArray:
 DOUBTS: Mapping[Doubt, str] = {
     calibration: "",
     noise_of_the_inputs: "noise of the logged torque: excite harder, or log it finer",
-    errors_of_the_rig: "the encoders, their scales or the lengths may be wrong",
+    errors_of_the_rig: "the encoders, their scales, the lengths or directions may be wrong",
     halves_of_the_log: OF_A_HALF,
     another_band: OF_A_BAND,
     other_minima: "another set of values explains the log as well",
@@ -294,6 +294,7 @@ def _spring(
 
 
 LENGTH = 0.005  # of a length, standard deviation: a rule misses joints by 1 or 2 mm
+DIRECTION = 0.01  # rad, of a slide, standard deviation: a square is held askew by half a degree
 
 
 def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[SegmentedMotion]:
@@ -312,8 +313,11 @@ def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[Segmen
             for wave in (np.sin, np.cos):
                 error = ECCENTRICITY / np.sqrt(2.0) * wave(outputs[:, link])
                 yield otherwise_shown(fitted, link, error)
-    names = [*fitted.structure.joint.balance.constants]
-    for joint in range(1, fitted.structure.joint.balance.joints):  # the last length has no effect
-        constants = fitted.problem.constants.copy()
-        constants[names.index(f"l{joint}")] *= 1.0 + SHARE * LENGTH
-        yield replace(fitted.problem, constants=constants)
+    known = fitted.structure.joint.balance.constants
+    unfelt = f"l{len(types)}"  # the last length
+    for place, (name, value) in enumerate(known.items()):
+        error = {"l": LENGTH * value, "d": DIRECTION}.get(name[0], 0.0)
+        if error and name != unfelt:
+            constants = fitted.problem.constants.copy()
+            constants[place] += SHARE * error
+            yield replace(fitted.problem, constants=constants)

@@ -257,7 +257,8 @@ def _doubts(
                 {*parameters},
                 Caution(
                     f"the model leaves {excess[worst]:.3g} times the encoder's noise of {worst}, "
-                    f"and no disturbances explain it: check units, signs, lengths and gear ratios",
+                    f"and no disturbances explain it: check units, signs, lengths, gear ratios and "
+                    f"leads",
                     Rank.SCALE,
                 ),
             )
@@ -277,20 +278,20 @@ def _doubts(
             weak = weak_spring(f"joint {joint}", "a period", f"{max(share, 0.0):.0f} %")
             doubts.append(({f"{name}_{joint}" for name in _OF_A_SPRING}, weak))
     for joint in {*map(joint_of_name, parameters)}:
-        names = {f"{name}_{joint}" for name in _POSITIVE} & parameters.keys()
-        negative = [name for name in parameters if name in names and parameters[name].value <= 0.0]
+        own = (parameters.get(f"{name}_{joint}") for name in _POSITIVE)
+        negative = [parameter for parameter in own if parameter and parameter.value <= 0.0]
         if negative:
             # Where the fit has not ended it may have run away, and links are coupled.
             alone = has_ended(found.fitted)
             own = {name for name in parameters if joint_of_name(name) == joint or not alone}
-            doubts.append((own, doubt_of_negative([parameters[name] for name in negative])))
+            doubts.append((own, doubt_of_negative(negative)))
     return doubts
 
 
 def doubt_of_negative(found: Sequence[ValueEstimate]) -> Caution:
     """What springs and inertias below zero tell: of signs, unless they may as well be positive."""
     names = ", ".join(parameter.name for parameter in found)
-    said = f"{names} came out negative, which no spring or inertia can be"
+    said = f"{names} came out negative, which no spring, inertia or mass can be"
     if any(parameter.interval[1] < 0.0 for parameter in found):
         return Caution(f"{said}: check the signs of this joint", Rank.SCALE)
     return Caution(f"{said}, and may as well be positive", Rank.MODEL)

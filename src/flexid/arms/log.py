@@ -15,9 +15,10 @@ from flexid.identification.full_model.model import Data, encoder_noise
 from flexid.models.motion import JointType
 from flexid.readers.formats import format_of
 from flexid.readers.guard import Reading
+from flexid.recording.columns import read_channels
 from flexid.recording.names import folded, named_channel, nearest_name, split_header
 from flexid.recording.read import logs_of_joints, table_of_file
-from flexid.recording.recipes import map_in_file
+from flexid.recording.recipes import ARGUMENT, map_in_file
 from flexid.recording.recording import INPUTS, SI_UNITS, Log
 from flexid.recording.series import names_of
 from flexid.recording.table import Table
@@ -29,7 +30,7 @@ _NEEDED = (
     ("link_position", "deflection"),
     INPUTS,
 )
-_SHARED = ("time", "sample_time", "gear_ratio", "lead")  # keys of a column map that need no number
+_SHARED = ("time", "sample_time")  # keys of a column map that need no number, beside ratios
 _RATIOS: Mapping[JointType, str] = {"revolute": "gear_ratio", "prismatic": "lead"}
 
 
@@ -78,11 +79,7 @@ def read_arm_log(path: Path, types: Sequence[JointType], columns: Path | None = 
     if columns is not None:
         _check_keys(columns, given, types)
     maps = [_columns_of(file, table, given, joint, types) for joint in range(1, joints + 1)]
-    logs = logs_of_joints([(table if is_text else table_of_file(path, own), own) for own in maps])
-    for joint, (log, way) in enumerate(zip(logs, types, strict=True), 1):
-        if log.recordings[0].joint != way:
-            reason = "has units of a slide, and turns by the arm's file: add it to slides in [arm]"
-            raise RecordingError(file, f"joint {joint}", reason)
+    logs = _logs(file, [(table if is_text else table_of_file(path, own), own) for own in maps])
     return ArmLog(
         _together(logs),
         tuple(log.recordings[0].input_unit for log in logs),
@@ -99,6 +96,22 @@ def read_arm_log(path: Path, types: Sequence[JointType], columns: Path | None = 
             "joints": [log.provenance["columns"] for log in logs],
         },
     )
+
+
+def _logs(file: str, parts: Sequence[tuple[Table, dict[str, Any]]]) -> list[Log]:
+    """The logs of all joints; errors name the joint, of which the map in a part is made here."""
+    try:
+        return logs_of_joints(parts)
+    except RecordingError as error:
+        if error.file != ARGUMENT:
+            raise
+        for joint, (table, columns) in enumerate(parts, 1):
+            try:
+                read_channels(table, columns)
+            except RecordingError as own:
+                place = f"joint {joint}, {own.place.removeprefix('key ')}"
+                raise RecordingError(file, place, own.reason) from None
+        raise
 
 
 def _names(path: Path) -> Table:
@@ -122,14 +135,16 @@ def _check_joints(file: str, table: Table, given: dict[str, Any], joints: int) -
 
 def _check_keys(columns: Path, given: Mapping[str, Any], types: Sequence[JointType]) -> None:
     """Raise for a key of a column map that no joint reads."""
-    own = [f"{name}_{n}" for n, way in enumerate(types, 1) for name in (*SI_UNITS, _RATIOS[way])]
-    known = [*_SHARED, *own]
+    ratios = [_RATIOS[joint_type] for joint_type in types]
+    own = [f"{name}_{n}" for n, ratio in enumerate(ratios, 1) for name in (*SI_UNITS, ratio)]
+    known = [*_SHARED, *ratios, *own]
     for key in given:
         if key not in known:
+            near = "" if key.startswith((*_RATIOS.values(),)) else nearest_name(key, known)
             reason = (
-                f"this is not a channel of a joint{nearest_name(key, known)}: give a channel, the "
-                f"gear_ratio of a joint that turns, or the lead of one that slides the number of "
-                f"its joint, as in motor_position_1"
+                f"this is not a channel of a joint{near}: give a channel, the gear_ratio of a "
+                f"joint that turns, or the lead of one that slides the number of its joint, as in "
+                f"motor_position_1"
             )
             raise RecordingError(shown(columns), f"key {key!r}", reason)
 
@@ -138,14 +153,13 @@ def _columns_of(
     file: str, table: Table, given: dict[str, Any], joint: int, types: Sequence[JointType]
 ) -> dict[str, Any]:
     """The column map of one joint: its numbered entries, and columns by their names."""
-    joints, way = len(types), types[joint - 1]
-    others = {*_RATIOS.values()} - {_RATIOS[way]}
-    found = {key: value for key, value in given.items() if key in {*_SHARED} - others}
-    for channel in (*SI_UNITS, *_RATIOS.values()):
+    joints, joint_type = len(types), types[joint - 1]
+    ratio = _RATIOS[joint_type]
+    found = {key: value for key, value in given.items() if key in (*_SHARED, ratio)}
+    found["joint"] = joint_type
+    for channel in (*SI_UNITS, ratio):
         if f"{channel}_{joint}" in given:
             found[channel] = given[f"{channel}_{joint}"]
-    if way == "prismatic":
-        found["joint"] = way
     named = _named(table, joint, types)
     for choices in _NEEDED:
         if any(channel in found for channel in choices):
@@ -182,8 +196,8 @@ def _named(table: Table, joint: int, types: Sequence[JointType]) -> dict[str, An
         found.setdefault(usual.channel, column)
     if "position" in found and "motor_position" in found:
         found.setdefault("link_position", found["position"])
-    if "force" in found and types[joint - 1] == "prismatic":
-        found.setdefault("motor_torque", found["force"])
+    if "force" in found and types[joint - 1] == "prismatic" and not {*INPUTS} & found.keys():
+        found["motor_torque"] = found["force"]
     return found
 
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 from flexid.models.motion import FORCES, JointType, unit_of
 from flexid.models.torque_balance import BodyTerm, JointTerm
 
-# What stands in place of a torque, a force, and what they move, where an input's unit {} is that of
-# the torques or forces at a joint that turns or slides; and of a unit per m more.
+# Units where no input is calibrated, by the type of the reference joint: the unit of its input, {},
+# takes the place of that of its torque or force.
 _IN_PLACE = {
     "revolute": {
         "kg m^2": "{} s^2/rad",
@@ -46,11 +46,12 @@ class ArmUnits(NamedTuple):
 
     def of(self, term: JointTerm | BodyTerm, joint: int) -> str:
         """Unit of a parameter; relative to the first input where no torque is calibrated."""
-        own, way = self.inputs[joint - 1], self.types[joint - 1]
+        own, joint_type = self.inputs[joint - 1], self.types[joint - 1]
         if term.name == "torque_constant":
-            torque, _, per = self._relative(unit_of("N m", way)).partition("/")
+            torque, _, per = self._relative(unit_of("N m", joint_type)).partition("/")
             return f"{torque}/({per} {own})" if per else f"{torque}/{own}"
-        return self._relative(unit_of(term.unit, way) if isinstance(term, JointTerm) else term.unit)
+        in_joint = isinstance(term, JointTerm)
+        return self._relative(unit_of(term.unit, joint_type) if in_joint else term.unit)
 
     def _relative(self, unit: str) -> str:
         if self.calibrated:

@@ -57,32 +57,32 @@ class Shape(NamedTuple):
     size: float  # m, its radius
 
 
-class Hinge(NamedTuple):
+class Axis(NamedTuple):
     """How a body moves."""
 
-    type: str  # in MuJoCo's words
-    axis: str
+    type: str  # a hinge or a slide, as MuJoCo says
+    direction: str
 
 
 @dataclass(frozen=True)
 class Body:
-    """A body on a hinge."""
+    """A body on an axis."""
 
-    name: str  # of the hinge as well
-    hinge: Hinge
-    side: Side  # what brakes the hinge
+    name: str  # of the axis as well
+    axis: Axis
+    side: Side  # what brakes it
     mass: float
     inertia: float  # about its centre
-    along: float = 0.0  # m, of its centre from the hinge, and across
+    along: float = 0.0  # m, of its centre from the axis, and across
     across: float = 0.0
     armature: float = 0.0
-    reach: float = 0.0  # m, of the hinge along what carries it
+    reach: float = 0.0  # m, of the axis along what carries it
     shape: Shape | None = None
     carried: list["Body"] = field(default_factory=list)
 
 
 class Joint(NamedTuple):
-    """What acts on the hinges ``link`` and ``motor``, whose names end with a number."""
+    """What acts on the axes ``link`` and ``motor``, whose names end with a number."""
 
     number: str
     spring: Spring | None  # None: there is a motor alone
@@ -91,7 +91,7 @@ class Joint(NamedTuple):
     link_offset: float = 0.0
 
 
-_TURNING = Hinge("hinge", "0 1 0")
+_TURNING = Axis("hinge", "0 1 0")
 
 
 @dataclass(frozen=True)
@@ -104,12 +104,12 @@ class Scene:
 
 
 def rotor(
-    name: str, hinge: Hinge, side: Side, turning: float = 0.0, **more: float | Shape | None
+    name: str, axis: Axis, side: Side, turning: float = 0.0, **more: float | Shape | None
 ) -> Body:
-    """A motor: but for what turns with the body that carries it, it is the hinge's armature."""
+    """A motor: but for what turns with the body that carries it, it is the axis's armature."""
     little = NOTHING * side.inertia
     armature = side.inertia - turning if turning else side.inertia
-    return Body(name, hinge, side, little, turning or little, armature=armature, **more)  # pyright: ignore[reportArgumentType]
+    return Body(name, axis, side, little, turning or little, armature=armature, **more)  # pyright: ignore[reportArgumentType]
 
 
 def possible(value: float, name: str, notes: list[str], owner: str = "hinge") -> float:
@@ -264,7 +264,7 @@ def _carriage(name: str, side: Side) -> Body:
     """A body that slides."""
     place = 0.1 if name == "motor" else 0.0
     shape = Shape("capsule", (0.0, place, 0.0, 0.1, place, 0.0), 0.04)
-    return Body(name, Hinge("slide", "1 0 0"), side, side.inertia, _SLIDING, shape=shape)
+    return Body(name, Axis("slide", "1 0 0"), side, side.inertia, _SLIDING, shape=shape)
 
 
 def _pendulum(name: str, side: Side) -> Body:

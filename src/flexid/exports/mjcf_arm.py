@@ -10,8 +10,8 @@ from flexid.arms.disturbed import resonances
 from flexid.arms.result import ArmIdentification
 from flexid.exports.mjcf import (
     NOTHING,
+    Axis,
     Body,
-    Hinge,
     Joint,
     Scene,
     Side,
@@ -25,10 +25,10 @@ from flexid.exports.request import check_known, doubts_of, impossible
 from flexid.models.motion import FORCES
 from flexid.models.planar_arm import PlanarArm, carried_links, planar_arm
 
-_HINGE = Hinge("hinge", "0 -1 0")  # about which x turns towards z
+_AXIS = Axis("hinge", "0 -1 0")  # about which x turns towards z
 _SLACKS = (2.0, 1.2, 1.02)  # mass over the least that a body of some moment and inertia has
 _HEADING = (
-    "An arm that flexid identified. SI units; angles at the link's side of the gear.",
+    "An arm that flexid identified. SI units; positions at the link's side of the gear.",
     "A log shows base parameters alone: other masses with the same ones move alike.",
 )
 
@@ -50,8 +50,8 @@ def arm_scene(result: ArmIdentification) -> Scene:
     check_known({name: p.value for name, p in result.parameters.items() if name in values})
     if not {*FORCES} & {*result.input_units}:
         notes.append(
-            "no input is a torque, so that no inertia is known: the torque constant of joint 1 is "
-            "set to 1, and all inertias follow from that"
+            "no input is a torque or a force, so that no inertia is known: the torque constant of "
+            "joint 1 is set to 1, and all inertias follow from that"
         )
     if result.input_delay < 0.0:
         notes.append(
@@ -70,7 +70,7 @@ def arm_scene(result: ArmIdentification) -> Scene:
         turning, link = rotors[joint], links[joint - 1]
         home, place = (before, link.reach) if turning else (world, 0.0)
         own = max(turning, NOTHING * motors[joint].inertia)
-        home.append(rotor(f"motor_{joint}", link.hinge, motors[joint], own, reach=place))
+        home.append(rotor(f"motor_{joint}", link.axis, motors[joint], own, reach=place))
         before.append(link)
         before = link.carried
     along, across = arm.gravity
@@ -138,7 +138,7 @@ def _bodies(
         found.append(
             Body(
                 f"link_{joint}",
-                _hinge(arm, joint),
+                _axis(arm, joint),
                 sides[joint],
                 mass,
                 inertia - square / mass,
@@ -155,15 +155,15 @@ def _moments(
     arm: PlanarArm, values: Mapping[str, float], joint: int, beyond: float
 ) -> tuple[float, float]:
     """Moments of a link's own mass; none where no motion shows them: its centre may be anywhere."""
-    along, across = (f"link_moment_{way}_{joint}" for way in ("along", "across"))
+    along, across = f"link_moment_along_{joint}", f"link_moment_across_{joint}"
     felt = joint > 1 or arm.has_gravity  # of the first joint there are none if it slides
     return (values[along] - beyond, values[across]) if felt and along in values else (0.0, 0.0)
 
 
-def _hinge(arm: PlanarArm, joint: int) -> Hinge:
+def _axis(arm: PlanarArm, joint: int) -> Axis:
     """How a link moves: it turns, or slides at an angle from the link before it."""
     angle = arm.slides[joint - 1] if arm.slides else None
-    return _HINGE if angle is None else Hinge("slide", f"{cos(angle):.12g} 0 {sin(angle):.12g}")
+    return _AXIS if angle is None else Axis("slide", f"{cos(angle):.12g} 0 {sin(angle):.12g}")
 
 
 def _rotor(values: Mapping[str, float], joint: int, notes: list[str]) -> float:

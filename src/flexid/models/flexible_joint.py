@@ -210,6 +210,9 @@ HARDENING = frozenset(TERMS["cubic_stiffness"].coefficients)
 DAMPING = frozenset(TERMS["joint_damping"].coefficients)
 """Coefficients of the damping of the spring."""
 
+SATURATION = frozenset(SHAPE_TERMS["torque_saturation"].coefficients)
+"""Coefficients of a torque that falls behind the input where that is large."""
+
 
 def resonance(coefficients: Mapping[str, float]) -> float:
     """Angular frequency in rad/s of the joint on its spring, as far as coefficients say."""

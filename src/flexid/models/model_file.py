@@ -95,8 +95,8 @@ def _plausible(value: float) -> float:
 
 _Length = Annotated[float, Field(ge=0.0, le=_LONGEST)]
 _Acceleration = Annotated[float, AfterValidator(_plausible)]
-_Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
-_Number = Annotated[int, Field(ge=1, le=MOST_JOINTS)]
+_Degrees = Annotated[float, Field(ge=-360.0, le=360.0, strict=True)]
+_Number = Annotated[str, StringConstraints(pattern=f"^[1-{MOST_JOINTS}]$")]
 
 
 class _Arm(BaseModel):
@@ -119,15 +119,16 @@ def read_arm(path: Path) -> PlanarArm:
     content = parse_toml(read_small(path, "a TOML file", refuse), refuse)
     arm = validated(content, _ArmFile, refuse).arm
     along, across = arm.gravity if isinstance(arm.gravity, tuple) else (arm.gravity, 0.0)
+    angles = {int(joint): radians(angle) for joint, angle in arm.slides.items()}
     joints = range(1, len(arm.lengths) + 1)
-    slides = tuple(radians(arm.slides[j]) if j in arm.slides else None for j in joints)
-    for joint in arm.slides:
+    slides = tuple(angles.get(joint) for joint in joints)
+    for joint in angles:
         if joint not in joints:
             reason = f"names joint {joint}, and there are lengths of {len(joints)}: add its length"
             raise refuse("arm.slides", reason)
     for joint in joints[:-1]:
-        if arm.lengths[joint - 1] == 0.0 and joint not in arm.slides:
-            reason = f"is 0 for joint {joint}, and only a link that slides may have no length"
+        if arm.lengths[joint - 1] == 0.0 and not {joint, joint + 1} & angles.keys():
+            reason = f"is 0 between joints {joint} and {joint + 1}, which turn: give the distance"
             raise refuse("arm.lengths", reason)
     gravity = float(along), float(across)
     return PlanarArm(tuple(arm.lengths), gravity, shown(path), slides if arm.slides else ())

@@ -73,7 +73,7 @@ def logs_of_joints(parts: Sequence[tuple[Table, MapSource | None]]) -> list[Log]
     rest = [len(drafts) > 1 and checks.is_resting(draft) for draft in drafts]
     grid = even_grid(drafts)
     return [
-        _log_of(draft, table, grid, rests=own and not all(rest))
+        _log_of(draft, table, grid, rests=own and not all(rest), alone=len(parts) == 1)
         for draft, (table, _), own in zip(drafts, parts, rest, strict=True)
     ]
 
@@ -163,7 +163,7 @@ def _sparse_velocities(there: Mapping[str, NDArray[np.bool_]]) -> set[str]:
     }
 
 
-def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool) -> Log:
+def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool, alone: bool) -> Log:
     """Recordings on an even grid, of channels that make sense together."""
     origins = {name: channel.origin for name, channel in log.channels.items()}
     if not rests:
@@ -181,7 +181,7 @@ def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool) -> Log:
     unused = {name: None for name in measured if not is_used(log, name, recordings)}
     recordings = [replace(recording, **unused) for recording in recordings]
     if not rests:
-        check_motion(log, max(recordings, key=len))
+        check_motion(log, max(recordings, key=len), alone=alone)
     return Log(tuple(recordings), tuple(log.warnings), log.file, table.sha256, origins, rests)
 
 

@@ -53,10 +53,14 @@ _SMALLEST, _LARGEST = 0.003, 0.1
 joint, or one that is moved from outside, whose deflection the motion does not explain."""
 
 
-def check_motion(log: Draft, recording: Recording) -> None:
-    """Warn of scales and units of positions that the motion in a recording contradicts."""
+def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
+    """Warn of scales and units of positions that the motion in a recording contradicts.
+
+    Of a joint that is not alone, gravity along a slide varies with the angles of others.
+    """
     place, wrong = log.those_of(ENCODERS), _wrong_unit(recording)
-    share, error = (0.0, 0.0) if wrong else scales_apart(recording)
+    known = alone or recording.joint == "revolute"
+    share, error = scales_apart(recording) if known and not wrong else (0.0, 0.0)
     if wrong:
         log.warn(place, wrong, Rank.SCALE)
     elif share:

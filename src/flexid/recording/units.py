@@ -183,7 +183,8 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     if si_unit in _SLIDING and {*si_units} & {*_TURNING}:
         raise UnitError(
             f"the unit [{text}] is that of a slide, and this joint turns: write the unit of an "
-            f"angle or a torque, or joint = 'prismatic' in a column map"
+            f"angle or a torque, or joint = 'prismatic' in a column map; of an arm, slides in its "
+            f"file"
         )
     raise UnitError(
         f"the unit [{text}] is not known for this column: write {_accepted(si_units)}, or the unit "

@@ -60,7 +60,7 @@ def fits_table(result: Validation) -> Table:
 
 def _errors_table(result: EstimateValidation) -> Table:
     columns = (Column("channel"), *numbers("sensor noise", *map(_horizon, result.residuals)))
-    units = " or ".join(dict.fromkeys(unit_of("rad", way) for way in result.types))
+    units = " or ".join(dict.fromkeys(unit_of("rad", joint_type) for joint_type in result.types))
     table = Table(f"Prediction error by horizon ({units}, RMS)", columns)
     for channel, noise in result.noise.items():
         off = (found[channel] for found in result.residuals.values())

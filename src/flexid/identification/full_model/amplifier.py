@@ -10,7 +10,7 @@ and the inertias' ratio up to 13 % wrong.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import sqrt
+from math import comb, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -39,8 +39,29 @@ _SLOW = 0.1  # of the motor's usual speed, up to which it may stick
 # equations as dead zones of 4 to 10 % that are none.
 _REMEMBERED = 0.02
 _FORGOTTEN = 12.0  # time constants, after which a filter remembers less than 1e-4
+_MOSTLY = 0.5  # of a cube's squares: of square waves noise makes all, of sines with 5 % of it 0.07
+_NORMAL = 0.6745  # median of what is normally distributed, without its sign
 _FEWEST = 100  # equations of a moving motor: ten for each coefficient
 _DRIVEN = ("motor", "rigid")  # rows that an input drives
+
+
+def shows_saturation(data: Data) -> bool:
+    """Whether a cube of the input is more than a gain, an offset and its noise.
+
+    Of a square wave it is not: as a term it would take the noise of the input away, and make the
+    gain half as large again.
+    """
+    inputs = [own.inputs[:, 0] for own in data.samples]
+    every = np.concatenate(inputs)
+    gain, offset = np.polyfit(every, every**3, 1)
+    beyond = np.sum((every**3 - gain * every - offset) ** 2)
+    noise = sum(np.sum((_white_noise(u) * (3.0 * u**2 - gain)) ** 2) for u in inputs)
+    return bool(noise < _MOSTLY * beyond)
+
+
+def _white_noise(values: FloatArray) -> float:
+    """Standard deviation of what is white between the jumps of an input, by a median."""
+    return float(np.median(np.abs(np.diff(values, 4)))) / (_NORMAL * sqrt(comb(8, 4)))
 
 
 def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Amplifier:

@@ -16,6 +16,7 @@ from scipy.special import fdtrc
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.normal_equations import least_with, scaled_inverse
+from flexid.identification.full_model.amplifier import shows_saturation
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     best_hold,
@@ -28,7 +29,7 @@ from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.evidence import Estimate, SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, coefficients_of
+from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, SATURATION, coefficients_of
 
 _TAKEN = 0.5  # share of what exceeds the noise from which on unusual terms explain most of it
 _NO_WORSE = 1.01  # ratio of excesses: with more terms residuals are no larger, but for rough steps
@@ -193,6 +194,8 @@ def _wider(
     """
     joint = best.structure.joint
     shapes = joint.shapes - joint.remembered - SOUGHT_COEFFICIENTS
+    if shapes & SATURATION and not shows_saturation(best.data):
+        shapes -= SATURATION
     if not shapes:
         return best, by_length
     extended = replace(best.structure, absent=best.structure.absent - shapes)
