@@ -23,6 +23,7 @@ from made_joint import (
     seen,
     structure,
 )
+from scipy.signal import lfilter
 
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
@@ -230,9 +231,12 @@ def test_a_torque_that_was_commanded_has_a_limit(limit: float):
 
 
 WAVE = np.sin(np.linspace(0.0, 40.0, 4000))
+EDGES = np.sign(WAVE) * np.minimum(np.abs(WAVE) / 0.1, 1.0)  # slow ones, of 6 % of the time
 WAVES = {  # whether a cube shows in it
     "switched": (np.sign(WAVE), False),
     "switched between 1 and 2": (1.5 + 0.5 * np.sign(WAVE), False),
+    "switched slowly": (EDGES, False),
+    "switched and drifting": (np.sign(WAVE) + np.linspace(-0.1, 0.1, len(WAVE)), False),
     "of three steps": (np.round(1.4 * WAVE), False),
     "of five steps": (np.round(2.0 * WAVE), True),
     "a sine": (WAVE, True),
@@ -249,16 +253,23 @@ def test_what_shows_a_cube_of_the_input(wave: str, noise: float):
     assert shows_saturation(Data((samples,), (0,), np.ones(2))) == shows
 
 
-def test_noise_of_a_switched_torque_is_no_saturation():
-    """Assert that values are right, of which such a term made a third less."""
-    trial = make_trial("torque_steps", 2001)
-    noise = 0.01 * np.random.default_rng(2).standard_normal(len(trial.torque))
+@pytest.mark.parametrize("fault", ["noise", "drift", "low-passed"])
+def test_a_switched_torque_that_is_not_the_one_that_acts(fault: str):
+    """Assert that values are right, of which a saturation or a limit made a third or less."""
+    trial = make_trial("torque_steps", 2023 if fault == "low-passed" else 2021)
+    drawn = np.random.default_rng(2).standard_normal(len(trial.torque))
+    kept = np.exp(-(trial.time[1] - trial.time[0]) / 5e-3)
+    logged = {
+        "noise": trial.torque + 0.01 * np.std(trial.torque) * drawn,
+        "drift": trial.torque + 0.05 * np.std(trial.torque) * np.sin(0.5 * trial.time),
+        "low-passed": lfilter([1.0 - kept], [1.0, -kept], trial.torque),
+    }
     sides = trial.link_position, trial.motor_position
-    noisy = trial.torque + noise * np.std(trial.torque)
-    found = identify([log(recording(trial.time, *sides, noisy))]).parameters
-    for name in ("link_inertia", "motor_inertia", "joint_stiffness", "gravity_torque"):
-        assert found[name].value == pytest.approx(trial.truth[name], rel=0.02)
-        assert found[name].verdict == "determined"
+    found = identify([log(recording(trial.time, *sides, logged[fault]))])
+    assert found.choices.amplifier.limit is None
+    for name in ("link_inertia", "motor_inertia", "joint_stiffness"):
+        assert found.parameters[name].value == pytest.approx(trial.truth[name], rel=0.02)
+        assert found.parameters[name].verdict == "determined"
 
 
 @pytest.mark.parametrize(

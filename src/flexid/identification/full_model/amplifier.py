@@ -30,6 +30,7 @@ _RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
 # 4 % save half and more where an input takes all values, and hardly anything where it is a square
 # wave, whose dead zone is a smaller gain.
 _LEAST_SAVED = 0.1
+_LAGS = np.geomspace(1e-3, 0.03, 8)  # s, of filters of a drive for the current that it logs
 _REFINED = 0.01  # the same of one that is corrected already, once the other one is
 # Of a recording's samples, those that are at least on either side of a limit: a square wave is on
 # one side, and what passes for a limit is a gain that differs between two of them.
@@ -39,7 +40,9 @@ _SLOW = 0.1  # of the motor's usual speed, up to which it may stick
 # equations as dead zones of 4 to 10 % that are none.
 _REMEMBERED = 0.02
 _FORGOTTEN = 12.0  # time constants, after which a filter remembers less than 1e-4
-_MOSTLY = 0.5  # of a cube's squares: of square waves noise makes all, of sines with 5 % of it 0.07
+# Of a cube's squares, the share beyond a gain: 0.1 of a sine, 0.16 of random levels, and 0.005 of
+# square waves that drift by 5 % or whose edges take 5 ms.
+_BEYOND = 0.03
 _NORMAL = 0.6745  # median of what is normally distributed, without its sign
 _FEWEST = 100  # equations of a moving motor: ten for each coefficient
 _DRIVEN = ("motor", "rigid")  # rows that an input drives
@@ -48,15 +51,16 @@ _DRIVEN = ("motor", "rigid")  # rows that an input drives
 def shows_saturation(data: Data) -> bool:
     """Whether a cube of the input is more than a gain, an offset and its noise.
 
-    Of a square wave it is not: as a term it would take the noise of the input away, and make the
-    gain half as large again.
+    Of a square wave it is not: as a term it would take noise and drift of the input away, or
+    sharpen its edges, and make the gain half as large again and more.
     """
     inputs = [own.inputs[:, 0] for own in data.samples]
     every = np.concatenate(inputs)
-    gain, offset = np.polyfit(every, every**3, 1)
-    beyond = np.sum((every**3 - gain * every - offset) ** 2)
+    cube = every**3
+    gain, offset = np.polyfit(every, cube, 1)
+    beyond = np.sum((cube - gain * every - offset) ** 2)
     noise = sum(np.sum((_white_noise(u) * (3.0 * u**2 - gain)) ** 2) for u in inputs)
-    return bool(noise < _MOSTLY * beyond)
+    return bool(beyond - noise > _BEYOND * np.sum((cube - cube.mean()) ** 2))
 
 
 def _white_noise(values: FloatArray) -> float:
@@ -85,6 +89,8 @@ def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Ampli
             remaining = driven.misfits(best)
             saved = _LEAST_SAVED if getattr(found, field) == getattr(IDEAL, field) else _REFINED
             if _is_crossed(data, best) and np.all(remaining < (1.0 - saved) * left):
+                if field == "limit" and np.any(remaining > (1.0 - saved) * driven.sharpened(found)):
+                    continue
                 found, left = best, remaining
     return found
 
@@ -152,11 +158,20 @@ class _Driven:
         )
         return corrected(float(least.x))
 
-    def misfits(self, amplifier: Amplifier, rates: Sequence[float] = _RATES) -> FloatArray:
-        """Sums of squares that are left behind an amplifier, by filter."""
+    def sharpened(self, amplifier: Amplifier) -> FloatArray:
+        """What is left at least, by filter, of an input that was low-passed into the log.
+
+        Its edges are slow, and a limit makes those of a square wave as sharp as they were.
+        """
+        return np.min([self.misfits(amplifier, lag=lag) for lag in _LAGS], axis=0)
+
+    def misfits(
+        self, amplifier: Amplifier, rates: Sequence[float] = _RATES, lag: float = 0.0
+    ) -> FloatArray:
+        """Sums of squares that are left behind an amplifier, by filter, if the log lags by s."""
         sums = []
         for rate in rates:
-            row, values = self._fitted(amplifier, rate)
+            row, values = self._fitted(amplifier, rate, lag)
             left = (row.left_hand_side - values @ row.regressors)[self.moves[rate]]
             sums.append(float(left @ left))
         return np.array(sums)
@@ -166,18 +181,24 @@ class _Driven:
         row, values = self._fitted(amplifier, rate)
         return dict(zip(row.coefficients, values.tolist(), strict=True))
 
-    def _fitted(self, amplifier: Amplifier, rate: float) -> tuple[RowFit, FloatArray]:
+    def _fitted(
+        self, amplifier: Amplifier, rate: float, lag: float = 0.0
+    ) -> tuple[RowFit, FloatArray]:
         """The row, and least squares of it."""
         samples = tuple(
-            replace(
-                own,
-                inputs=np.column_stack((amplifier.passed(own.inputs[:, 0]), own.inputs[:, 1:])),
-            )
+            replace(own, inputs=np.column_stack((amplifier.passed(sharp), own.inputs[:, 1:])))
             for own in self.data.samples
+            for sharp in [_before(own.inputs[:, 0], lag / own.sample_time)]
         )
         _, fit = least_squares_start(self.structure, replace(self.data, samples=samples), rate)
         (row,) = (row for row in fit.rows if row.name in _DRIVEN)
         return row, row.over(self.moves[rate])
+
+
+def _before(values: FloatArray, lag: float) -> FloatArray:
+    """A channel before a first-order lag of so many samples."""
+    kept = np.exp(-1.0 / lag) if lag else 0.0
+    return np.append(values[:1], (values[1:] - kept * values[:-1]) / (1.0 - kept))
 
 
 def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
