@@ -120,27 +120,36 @@ def late(recording: Recording) -> Fitted:
     return fit_to(sought, data(recording), {**COEFFICIENTS, INPUT: 1e-3}, 1.0)[0]
 
 
+def low_passed(values: np.ndarray, lag: float) -> np.ndarray:
+    """A channel behind a first-order lag, in samples."""
+    kept = lag / (1.0 + lag)
+    return lfilter([1.0 - kept], [1.0, -kept], values - values[0]) + values[0]
+
+
 @cache
-def behind_a_lag(noise: float) -> Fitted:
-    """The same where the torque lags by 6 ms behind its record."""
+def behind_a_lag(noise: float, lag: float) -> Fitted:
+    """The same where the torque lags so many s behind its record, or the record behind it."""
     recording = made(1, noise=noise)
     torque = recording.needed_input
-    ahead = torque + 6e-3 * np.gradient(torque, SAMPLE_TIME)
-    return late(replace(recording, input=ahead))
+    logged = torque + lag * np.gradient(torque, SAMPLE_TIME)
+    if lag < 0.0:
+        logged = low_passed(torque, -lag / SAMPLE_TIME)
+    return late(replace(recording, input=logged))
 
 
 @pytest.mark.parametrize(
-    ("noise", "share"),
+    ("noise", "lag", "share"),
     [
-        (3e-4, 1.0),  # the log says that it is a lag
-        (3e-2, 3.0**-0.5),  # it does not say
+        (3e-4, 6e-3, 1.0),  # the log says that it is a lag
+        (3e-4, -6e-3, 1.0),
+        (3e-2, 6e-3, 3.0**-0.5),  # it does not say
     ],
 )
-def test_a_lag_in_a_delays_place_has_the_error_that_it_makes(noise, share):
+def test_a_lag_in_a_delays_place_has_the_error_that_it_makes(noise, lag, share):
     """Assert the error of the motor's gain, 0.4 % of it, and that the delay has none."""
-    place = behind_a_lag(3e-4).names.index("beta1")
-    error = COEFFICIENTS["beta1"] - behind_a_lag(3e-4).values[place]
-    found = lagged(behind_a_lag(noise))
+    place = behind_a_lag(3e-4, lag).names.index("beta1")
+    error = COEFFICIENTS["beta1"] - behind_a_lag(3e-4, lag).values[place]
+    found = lagged(behind_a_lag(noise, lag))
     assert found[place] == pytest.approx(share * error, rel=0.1)
     assert found[-1] == 0.0
 
@@ -230,6 +239,19 @@ def test_a_torque_that_was_commanded_has_a_limit(limit: float):
     assert any("had a limit of" in warning for warning in found.warnings)
 
 
+def test_a_log_that_was_low_passed_is_in_the_intervals():
+    """Assert that disturbed fits hold the truth, though a delay stands for the filter of 20 ms."""
+    trial = make_trial("coulomb", 2020)
+    logged = low_passed(trial.torque, 20e-3 / (trial.time[1] - trial.time[0]))
+    sides = trial.link_position, trial.motor_position
+    found = identify([log(recording(trial.time, *sides, logged))])
+    assert found.disturbances is not None
+    for name in ("link_inertia", "motor_inertia", "joint_stiffness"):
+        lower, upper = found.parameters[name].interval
+        assert lower < trial.truth[name] < upper
+        assert upper - lower < 0.3 * trial.truth[name]
+
+
 WAVE = np.sin(np.linspace(0.0, 40.0, 4000))
 EDGES = np.sign(WAVE) * np.minimum(np.abs(WAVE) / 0.1, 1.0)  # slow ones, of 6 % of the time
 WAVES = {  # whether a cube shows in it
@@ -258,11 +280,10 @@ def test_a_switched_torque_that_is_not_the_one_that_acts(fault: str):
     """Assert that values are right, of which a saturation or a limit made a third or less."""
     trial = make_trial("torque_steps", 2023 if fault == "low-passed" else 2021)
     drawn = np.random.default_rng(2).standard_normal(len(trial.torque))
-    kept = np.exp(-(trial.time[1] - trial.time[0]) / 5e-3)
     logged = {
         "noise": trial.torque + 0.01 * np.std(trial.torque) * drawn,
         "drift": trial.torque + 0.05 * np.std(trial.torque) * np.sin(0.5 * trial.time),
-        "low-passed": lfilter([1.0 - kept], [1.0, -kept], trial.torque),
+        "low-passed": low_passed(trial.torque, 5e-3 / (trial.time[1] - trial.time[0])),
     }
     sides = trial.link_position, trial.motor_position
     found = identify([log(recording(trial.time, *sides, logged[fault]))])

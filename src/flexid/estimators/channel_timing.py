@@ -31,6 +31,11 @@ def later(values: FloatArray, samples: float) -> FloatArray:
     return moved[: len(values)] + own.first + own.slope * places
 
 
+def before_a_lag(values: FloatArray, samples: float) -> FloatArray:
+    """A channel in front of a first-order lag of so many samples, shape (n,)."""
+    return values + samples * np.diff(values, prepend=values[:1])
+
+
 def rate_of_later(values: FloatArray, samples: float) -> FloatArray:
     """Derivative of `later` by the number of samples, shape (n,)."""
     if len(values) < 2:

@@ -13,6 +13,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.samples import Samples, side_by_side
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.steady_gains import Sizes
@@ -33,7 +34,7 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
-from flexid.identification.estimation.model_error import SEED, with_more
+from flexid.identification.estimation.model_error import SEED, lagged, with_more
 from flexid.identification.estimation.rig_errors import likely_changes, otherwise_shown
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
@@ -67,6 +68,7 @@ def disturbed_estimate(
         by_eccentricity(fitted),
         pulled(fitted, found.sizes, data.samples, found.factor),
         by_play if PLAY.isdisjoint(names) else 0.0,
+        lagged(fitted) if fitted.by_name.get(INPUT, 0.0) < 0.0 else None,
     )
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     if fitted.converged:  # or nothing is known that others could contradict

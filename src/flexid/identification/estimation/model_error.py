@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.channel_timing import INPUT
+from flexid.estimators.channel_timing import INPUT, before_a_lag
 from flexid.identification.full_model.fitting import beyond_noise, fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
 from flexid.identification.structure.gap import CHANCE, PLAY, is_dead_zone
@@ -209,15 +209,17 @@ def _under(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[floa
 def lagged(fitted: Fitted) -> FloatArray:
     """Error of each value, shape (k,), where the input's delay may be a first-order lag.
 
-    There is none where the log says that it is a delay, or has none.
+    An input that acts before it was logged may have been low-passed on its way into the log. There
+    is no error where the log says that it is a delay, or has none.
     """
     delay = fitted.by_name.get(INPUT, 0.0)
-    if delay <= 0.0:
+    if delay == 0.0:
         return np.zeros(len(fitted.names))
     signal = fitted.problem.segments.inputs[:, 0].copy()
     bounds = fitted.problem.segments.recording_starts
     for samples, first, last in zip(fitted.data.samples, bounds[:-1], bounds[1:], strict=True):
-        signal[first:last] = _low_passed(signal[first:last], delay / samples.sample_time)
+        other = _low_passed if delay > 0.0 else before_a_lag
+        signal[first:last] = other(signal[first:last], abs(delay) / samples.sample_time)
     own = np.array([name == INPUT for name in fitted.names])
     more, change = _under(fitted, signal, np.where(own, 0.0, fitted.values))
     chance = CHANCE * max(fitted.excess, 1.0)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.estimators.channel_timing import before_a_lag
 from flexid.estimators.state_variable_filter import RowFit
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import least_squares_start
@@ -188,17 +189,11 @@ class _Driven:
         samples = tuple(
             replace(own, inputs=np.column_stack((amplifier.passed(sharp), own.inputs[:, 1:])))
             for own in self.data.samples
-            for sharp in [_before(own.inputs[:, 0], lag / own.sample_time)]
+            for sharp in [before_a_lag(own.inputs[:, 0], lag / own.sample_time)]
         )
         _, fit = least_squares_start(self.structure, replace(self.data, samples=samples), rate)
         (row,) = (row for row in fit.rows if row.name in _DRIVEN)
         return row, row.over(self.moves[rate])
-
-
-def _before(values: FloatArray, lag: float) -> FloatArray:
-    """A channel before a first-order lag of so many samples."""
-    kept = np.exp(-1.0 / lag) if lag else 0.0
-    return np.append(values[:1], (values[1:] - kept * values[:-1]) / (1.0 - kept))
 
 
 def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
