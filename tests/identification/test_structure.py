@@ -266,9 +266,12 @@ def test_unusual_terms_have_to_be_far_better_or_fewer(monkeypatch, usual, unusua
     assert found == ((UNUSUAL, ("unusual",)) if taken else (USUAL, ("usual",)))
 
 
-@pytest.mark.parametrize("explained", [True, False])
-def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained):
-    """Assert that unusual terms join as far as they lead there, and not at all elsewhere."""
+@pytest.mark.parametrize(("explained", "saturates"), [(True, True), (True, False), (False, True)])
+def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained, saturates):
+    """Assert that unusual terms join as far as they lead there, and not at all elsewhere.
+
+    A saturation does not, of an input that cannot show one.
+    """
     excess = THRESHOLDS.sensor_excess + (-0.001 if explained else 0.001)
     shapes = JOINT.shapes
     without = Structure(JOINT, shapes, Timing("zero"))
@@ -276,9 +279,11 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained):
 
     def led_from(fitted, structure, *, steps):
         assert (fitted, steps.insist) == (narrow, False)
-        assert structure.absent == shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
+        left = shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
+        assert structure.absent == (left if saturates else left | elimination.SATURATION)
         return made_fit(excess, structure=structure)
 
+    monkeypatch.setattr(elimination, "shows_saturation", lambda _: saturates)
     monkeypatch.setattr(elimination, "fit_like", lambda *_: None)
     monkeypatch.setattr(elimination, "led_from", led_from)
     by_length: Any = SimpleNamespace(found=(narrow,), holds=("zero",))
