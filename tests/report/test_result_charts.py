@@ -15,7 +15,7 @@ from flexid.report.chart import Band, Line, Panel
 from flexid.report.page import page_html
 from flexid.report.reproduction import charts as reproduction_charts
 from flexid.report.reproduction import parts
-from flexid.report.response_charts import residual_chart
+from flexid.report.response_charts import free_run_chart, residual_chart
 from flexid.report.simulated_run import motion_chart, observer_chart
 from flexid.report.terminal import print_parts
 from flexid.simulation.closed_loop import Run
@@ -26,6 +26,17 @@ M = TypeVar("M")
 def marks(panel: Panel, kind: type[M]) -> list[M]:
     """Marks of one kind."""
     return [mark for mark in panel.marks if isinstance(mark, kind)]
+
+
+def test_channels_of_several_joints_have_units_of_their_own():
+    """Assert that axes say what is drawn, of joints that turn and slide."""
+    seen = np.random.default_rng(3).standard_normal((20, 2))
+    runs = (FreeRun(np.arange(20.0), seen, np.zeros_like(seen)),)
+    fits = {"link_position_1": 90.0, "deflection_2": 80.0}
+    chart = free_run_chart("fit", "", Validation(fits, runs), {}, ("revolute", "prismatic"))
+    axes = [(panel.y.label, panel.y.unit) for panel in chart.panels]
+    assert axes[::2] == [("position", "rad"), ("deflection", "m")]
+    assert axes[1::2] == [("residual", "rad"), ("residual", "m")]
 
 
 def test_residuals_that_repeat_leave_the_band():

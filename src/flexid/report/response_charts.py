@@ -67,9 +67,10 @@ def _panels(
         motion.append(Line("free run of the model", run.time, predicted, "blue", 1.0))
         residuals.append(Line("residual", run.time, seen - predicted, "red", 0.7))
     levels = [] if noise is None else [-2.0 * noise, 2.0 * noise]
+    quantity = [word for word in label.split() if not word.isdigit()][-1]  # of any joint
     twice = [Level("twice the encoders' noise", edge, "y", "ink", "dashed") for edge in levels]
     return (
-        Panel(title, time, Axis(label.split()[-1], unit, limits=frame), tuple(motion)),
+        Panel(title, time, Axis(quantity, unit, limits=frame), tuple(motion)),
         Panel(
             f"{label}: residual",
             time,
