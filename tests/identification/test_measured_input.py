@@ -257,6 +257,7 @@ EDGES = np.sign(WAVE) * np.minimum(np.abs(WAVE) / 0.1, 1.0)  # slow ones, of 6 %
 WAVES = {  # whether a cube shows in it
     "switched": (np.sign(WAVE), False),
     "switched between 1 and 2": (1.5 + 0.5 * np.sign(WAVE), False),
+    "constant": (np.full(len(WAVE), 2.0), False),
     "switched slowly": (EDGES, False),
     "switched and drifting": (np.sign(WAVE) + np.linspace(-0.1, 0.1, len(WAVE)), False),
     "of three steps": (np.round(1.4 * WAVE), False),
@@ -265,7 +266,7 @@ WAVES = {  # whether a cube shows in it
 }
 
 
-@pytest.mark.parametrize("noise", [0.005, 0.05])
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.05])
 @pytest.mark.parametrize("wave", WAVES)
 def test_what_shows_a_cube_of_the_input(wave: str, noise: float):
     """Assert that a gain and an offset stand for a cube where an input has two or three levels."""

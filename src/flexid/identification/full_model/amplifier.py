@@ -58,7 +58,8 @@ def shows_saturation(data: Data) -> bool:
     inputs = [own.inputs[:, 0] for own in data.samples]
     every = np.concatenate(inputs)
     cube = every**3
-    gain, offset = np.polyfit(every, cube, 1)
+    columns = np.column_stack((every, np.ones_like(every)))
+    gain, offset = np.linalg.lstsq(columns, cube)[0]
     beyond = np.sum((cube - gain * every - offset) ** 2)
     noise = sum(np.sum((_white_noise(u) * (3.0 * u**2 - gain)) ** 2) for u in inputs)
     return bool(beyond - noise > _BEYOND * np.sum((cube - cube.mean()) ** 2))
