@@ -62,7 +62,7 @@ def shows_saturation(data: Data) -> bool:
     gain, offset = np.linalg.lstsq(columns, cube)[0]
     beyond = np.sum((cube - gain * every - offset) ** 2)
     noise = sum(np.sum((_white_noise(u) * (3.0 * u**2 - gain)) ** 2) for u in inputs)
-    return bool(beyond - noise > _BEYOND * np.sum((cube - cube.mean()) ** 2))
+    return bool(beyond - noise > _BEYOND * (cube @ cube))
 
 
 def _white_noise(values: FloatArray) -> float:
