@@ -200,7 +200,7 @@ def test_a_scene_with_slides_accelerates_as_its_balance_says(seed: int):
     data = mujoco.MjData(model)
     joints = [model.joint(f"{side}_{i}") for i in (1, 2, 3) for side in ("link", "motor")]
     balance = planar_arm(made.known)
-    functions = functions_of(balance)
+    functions = functions_of(balance.types)
     values = {**truth, **{f"torque_constant_{i}": 1.0 for i in (1, 2, 3)}}
     p = np.array([values[name] for name in balance.coefficients])
     rng = np.random.default_rng(4)

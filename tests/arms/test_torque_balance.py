@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,8 +23,9 @@ from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.kernels.store import template
+from flexid.models.motion import JointType
 from flexid.models.planar_arm import PlanarArm, planar_arm
-from flexid.models.torque_balance import BodyTerm, TorqueBalance
+from flexid.models.torque_balance import BodyTerm
 
 BALANCE = planar_arm(ARM)
 HELD = 25  # samples
@@ -38,8 +41,10 @@ def rates(
     return found
 
 
-def functions_of(balance: TorqueBalance) -> dict[str, Any]:
-    """The generated functions as plain Python."""
+@cache
+def functions_of(types: tuple[JointType, ...]) -> dict[str, Any]:
+    """The generated functions of an arm's joints as plain Python, which no constant is part of."""
+    balance = planar_arm(arm_of(types))
     names: dict[str, Any] = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("numba.njit", lambda **_: lambda function: function)
@@ -48,10 +53,18 @@ def functions_of(balance: TorqueBalance) -> dict[str, Any]:
     return names
 
 
+def arm_of(types: Sequence[JointType], gravity: tuple[float, float] = (0.0, 0.0)) -> PlanarArm:
+    """An arm with slides in any direction."""
+    angles = np.random.default_rng(5).uniform(-2.0, 2.0, len(types))
+    ways = zip(types, angles.tolist(), strict=True)
+    slides = tuple(None if joint_type == "revolute" else angle for joint_type, angle in ways)
+    return PlanarArm((0.4, 0.3, 0.2)[: len(types)], gravity, slides=slides)
+
+
 @pytest.fixture(scope="module")
 def functions() -> dict[str, Any]:
     """Return those of two joints."""
-    return functions_of(BALANCE)
+    return functions_of(BALANCE.types)
 
 
 def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None) -> SegmentedMotion:
@@ -84,14 +97,14 @@ def test_accelerations_of_the_textbook(functions: dict[str, Any]):
     ("seed", "slides"),
     [(0, ""), (3, ""), (6, ""), (34, "RPR"), (53, "PRP"), (27, "PPR"), (3, "RRP")],
 )
-def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int, slides: str):
+def test_accelerations_of_mujoco(seed: int, slides: str):
     """Assert that random arms, rotors carried or not, accelerate as they do in MuJoCo."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     rng = np.random.default_rng(seed)
     arm = random_arm(rng, max(len(slides), 2), slides=bool(slides))
     known, n = arm.known, arm.joints
     assert not slides or [way[0].upper() for way in known.types] == [*slides]
-    functions = functions_of(planar_arm(known)) if slides else functions
+    functions = functions_of(known.types)
     truth = {**arm.truth(), **{f"torque_constant_{i + 1}": 1.0 for i in range(n)}}
     for name in truth:  # MuJoCo's dry friction is soft
         if "coulomb" in name:
@@ -115,36 +128,37 @@ def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int, slides: s
         np.testing.assert_allclose(found[3::4], data.qacc[places["motor"]], rtol=1e-6, atol=1e-8)
 
 
-@pytest.mark.parametrize("types", ["RR", "RP", "PR", "PP", "RPR", "PRP"])
+TYPES: dict[str, JointType] = {"R": "revolute", "P": "prismatic"}
+
+
+@pytest.mark.parametrize("letters", ["RR", "RP", "PR", "PP", "RPR", "PRP"])
 @pytest.mark.parametrize("gravity", [(0.0, 0.0), (3.0, -9.0)])
-def test_parameters_of_the_links_are_a_base(types: str, gravity: tuple[float, float]):
+def test_parameters_of_the_links_are_a_base(letters: str, gravity: tuple[float, float]):
     """Assert that motion separates all, but for the first moment where no gravity acts on it."""
-    rng = np.random.default_rng(5)
-    slides = tuple(None if way == "R" else float(rng.uniform(-2.0, 2.0)) for way in types)
-    n, arm = len(types), PlanarArm((0.4, 0.3, 0.2)[: len(types)], gravity, slides=slides)
-    balance = planar_arm(arm)
+    types: list[JointType] = [TYPES[letter] for letter in letters]
+    rng, n, balance = np.random.default_rng(5), len(types), planar_arm(arm_of(types, gravity))
     x, u, a = (rng.normal(size=(100, width)) for width in (4 * n, n, 2 * n))
     columns = np.zeros((100, 2 * n, len(balance.coefficients)))
     constants = np.array(list(balance.constants.values()))
-    functions_of(balance)["columns"](x, u, np.sign(x[:, 1::2]), constants, a, columns)
+    functions_of(balance.types)["columns"](x, u, np.sign(x[:, 1::2]), constants, a, columns)
     links = [k for k, (_, _, term) in enumerate(balance.placed()) if isinstance(term, BodyTerm)]
     own = columns.reshape(-1, len(balance.coefficients))[:, links]
     sizes = np.linalg.norm(own, axis=0)
     unfelt = {balance.coefficients[links[k]] for k in np.flatnonzero(sizes == 0.0)}
     moments = {"link_moment_along_1", "link_moment_across_1"}
-    assert unfelt == (moments if types[0] == "R" and not any(gravity) else set())
+    assert unfelt == (moments if letters[0] == "R" and not any(gravity) else set())
     shown = own[:, sizes > 0.0] / sizes[sizes > 0.0]
     assert np.linalg.matrix_rank(shown, tol=1e-4) == shown.shape[1]
 
 
-@pytest.mark.parametrize("types", ["RR", "RP", "PR", "PP", "RPR"])
-def test_what_a_joint_carries_is_its_entry_of_the_mass_matrix(types: str):
+@pytest.mark.parametrize("letters", ["RR", "RP", "PR", "PP", "RPR"])
+def test_what_a_joint_carries_is_its_entry_of_the_mass_matrix(letters: str):
     """Assert the weights of inertias, masses and moments, where the arm is straight."""
-    slides = tuple(None if letter == "R" else 0.6 for letter in types)
-    arm = PlanarArm((0.4, 0.3, 0.2)[: len(types)], slides=slides)
+    types: list[JointType] = [TYPES[letter] for letter in letters]
+    arm = arm_of(types)
     balance, n = planar_arm(arm), arm.joints
     constants = np.array(list(balance.constants.values()))
-    functions = functions_of(balance)
+    functions = functions_of(balance.types)
     for joint in range(1, n + 1):
         columns = np.zeros((2 * n, len(balance.coefficients)))
         accelerated = np.eye(2 * n)[2 * joint - 2]
@@ -158,7 +172,7 @@ def test_what_a_joint_carries_is_its_entry_of_the_mass_matrix(types: str):
 
 def test_a_physical_start_beyond_a_slide_moves_as_before():
     """Assert that a backward coupling of a stiff joint goes to the link before it that turns."""
-    balance = planar_arm(PlanarArm((0.4, 0.3, 0.2), (9.81, 0.0), slides=(None, 0.6, None)))
+    balance = planar_arm(arm_of(("revolute", "prismatic", "revolute"), (9.81, 0.0)))
     rng = np.random.default_rng(2)
     values = {name: 0.0 if "friction" in name else 1.0 for name in balance.coefficients}
     values["rotor_coupling_3"] = -0.3
@@ -168,7 +182,7 @@ def test_a_physical_start_beyond_a_slide_moves_as_before():
     x[:, 10:], a[:, 5] = x[:, 8:10], a[:, 4]  # motor 3 is link 3
     columns = np.zeros((20, 6, len(balance.coefficients)))
     constants = np.array(list(balance.constants.values()))
-    functions_of(balance)["columns"](x, u, np.sign(x[:, 1::2]), constants, a, columns)
+    functions_of(balance.types)["columns"](x, u, np.sign(x[:, 1::2]), constants, a, columns)
     before, after = (columns @ np.array([*own.values()]) for own in (values, moved))
     np.testing.assert_allclose(after[:, :4], before[:, :4], atol=1e-9)
     np.testing.assert_allclose(after[:, 4:].sum(axis=1), before[:, 4:].sum(axis=1), atol=1e-9)
