@@ -93,9 +93,15 @@ def test_accelerations_of_the_textbook(functions: dict[str, Any]):
 
 
 # Of the last ones some joints slide, as the letters of their types say; some rotors are carried.
+SLIDING = [(34, "RPR"), (53, "PRP"), (27, "PPR"), (3, "RRP")]
+
+
 @pytest.mark.parametrize(
     ("seed", "slides"),
-    [(0, ""), (3, ""), (6, ""), (34, "RPR"), (53, "PRP"), (27, "PPR"), (3, "RRP")],
+    [
+        *((seed, "") for seed in (0, 3, 6)),
+        *(pytest.param(*each, marks=pytest.mark.thorough) for each in SLIDING),  # 5 s each
+    ],
 )
 def test_accelerations_of_mujoco(seed: int, slides: str):
     """Assert that random arms, rotors carried or not, accelerate as they do in MuJoCo."""

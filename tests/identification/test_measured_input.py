@@ -239,6 +239,7 @@ def test_a_torque_that_was_commanded_has_a_limit(limit: float):
     assert any("had a limit of" in warning for warning in found.warnings)
 
 
+@pytest.mark.thorough  # 6 s
 def test_a_log_that_was_low_passed_is_in_the_intervals():
     """Assert that disturbed fits hold the truth, though a delay stands for the filter of 20 ms."""
     trial = make_trial("coulomb", 2020)
@@ -276,6 +277,7 @@ def test_what_shows_a_cube_of_the_input(wave: str, noise: float):
     assert shows_saturation(Data((samples,), (0,), np.ones(2))) == shows
 
 
+@pytest.mark.thorough  # 4 s each
 @pytest.mark.parametrize("fault", ["noise", "drift", "low-passed"])
 def test_a_switched_torque_that_is_not_the_one_that_acts(fault: str):
     """Assert that values are right, of which a saturation or a limit made a third or less."""
