@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from test_torque_balance import functions_of, rates
 from two_links import ARM, TRUTH, TwoLinks, accelerations
 
 from flexid.arms.result import ArmIdentification
-from flexid.arrays import to_json
+from flexid.arrays import FloatArray, to_json
 from flexid.errors import SettingError
 from flexid.exports.mjcf_arm import arm_scene
 from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate
@@ -165,25 +165,33 @@ def test_what_takes_no_arm_says_so(
     assert re.search(said, done.stderr)
 
 
+def accelerations_of_scene(
+    model: Any, joints: Sequence[Any], x: FloatArray, inputs: FloatArray
+) -> list[float]:
+    """MuJoCo's forward dynamics at positions and velocities of some joints in turn."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    data = mujoco.MjData(model)
+    for place, joint in enumerate(joints):
+        data.qpos[joint.qposadr[0]] = x[2 * place]
+        data.qvel[joint.dofadr[0]] = x[2 * place + 1]
+    data.ctrl[:] = inputs
+    mujoco.mj_forward(model, data)
+    return [data.qacc[joint.dofadr[0]] for joint in joints]
+
+
 def test_a_scene_accelerates_as_the_textbook_says():
     """Assert that MuJoCo's forward dynamics are those of two links, friction and coupling too."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     scene = arm_scene(estimate(TRUTH))
     assert scene.notes == ()
     model = mujoco.MjModel.from_xml_string(scene.xml)
-    data = mujoco.MjData(model)
     joints = [model.joint(name) for name in ("link_1", "motor_1", "link_2", "motor_2")]
     rng = np.random.default_rng(4)
     for _ in range(20):
         x, torque = rng.standard_normal(8), rng.standard_normal(2)
         x[::2] *= 0.2
         x[1::2] += np.sign(x[1::2])  # fast, as MuJoCo's friction is dry within some steps only
-        for place, joint in enumerate(joints):
-            data.qpos[joint.qposadr[0]] = x[2 * place]
-            data.qvel[joint.dofadr[0]] = x[2 * place + 1]
-        data.ctrl[:] = torque
-        mujoco.mj_forward(model, data)
-        found = [data.qacc[joint.dofadr[0]] for joint in joints]
+        found = accelerations_of_scene(model, joints, x, torque)
         wanted = accelerations(TwoLinks(torque), 0.0, x, np.sign(x[1::2]))
         assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
 
@@ -197,7 +205,6 @@ def test_a_scene_with_slides_accelerates_as_its_balance_says(seed: int):
     made = random_arm(np.random.default_rng(seed), 3, slides=True)
     truth = {name: 0.0 if "coulomb" in name else x for name, x in made.truth().items()}
     model = mujoco.MjModel.from_xml_string(arm_scene(estimate(truth, made.known)).xml)
-    data = mujoco.MjData(model)
     joints = [model.joint(f"{side}_{i}") for i in (1, 2, 3) for side in ("link", "motor")]
     balance = planar_arm(made.known)
     functions = functions_of(balance.types)
@@ -206,12 +213,7 @@ def test_a_scene_with_slides_accelerates_as_its_balance_says(seed: int):
     rng = np.random.default_rng(4)
     for _ in range(5):
         x, force = rng.standard_normal(12), rng.standard_normal(3)
-        for place, joint in enumerate(joints):
-            data.qpos[joint.qposadr[0]] = x[2 * place]
-            data.qvel[joint.dofadr[0]] = x[2 * place + 1]
-        data.ctrl[:] = force
-        mujoco.mj_forward(model, data)
-        found = [data.qacc[joint.dofadr[0]] for joint in joints]
+        found = accelerations_of_scene(model, joints, x, force)
         wanted = rates(functions, x, force, p, made.known)[1::2]
         assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
 

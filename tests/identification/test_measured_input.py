@@ -267,7 +267,7 @@ WAVES = {  # whether a cube shows in it
 }
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.005, 0.05])
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.05, 0.15])
 @pytest.mark.parametrize("wave", WAVES)
 def test_what_shows_a_cube_of_the_input(wave: str, noise: float):
     """Assert that a gain and an offset stand for a cube where an input has two or three levels."""

@@ -31,8 +31,8 @@ _RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
 # 4 % save half and more where an input takes all values, and hardly anything where it is a square
 # wave, whose dead zone is a smaller gain.
 _LEAST_SAVED = 0.1
-_LAGS = np.geomspace(1e-3, 0.03, 8)  # s, of filters of a drive for the current that it logs
 _REFINED = 0.01  # the same of one that is corrected already, once the other one is
+_LAGS = np.geomspace(1e-3, 0.03, 8)  # s, of filters of a drive for the current that it logs
 # Of a recording's samples, those that are at least on either side of a limit: a square wave is on
 # one side, and what passes for a limit is a gain that differs between two of them.
 _CROSSING = 0.01
@@ -41,11 +41,11 @@ _SLOW = 0.1  # of the motor's usual speed, up to which it may stick
 # equations as dead zones of 4 to 10 % that are none.
 _REMEMBERED = 0.02
 _FORGOTTEN = 12.0  # time constants, after which a filter remembers less than 1e-4
+_FEWEST = 100  # equations of a moving motor: ten for each coefficient
 # Of a cube's squares, the share beyond a gain: 0.1 of a sine, 0.16 of random levels, and 0.005 of
 # square waves that drift by 5 % or whose edges take 5 ms.
 _BEYOND = 0.03
 _NORMAL = 0.6745  # median of what is normally distributed, without its sign
-_FEWEST = 100  # equations of a moving motor: ten for each coefficient
 _DRIVEN = ("motor", "rigid")  # rows that an input drives
 
 
