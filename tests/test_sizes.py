@@ -84,10 +84,10 @@ def test_an_estimate_nested_deep(raw: bytes, tmp_path: Path):
     assert "is no JSON" in refusal(tmp_path / "estimate.json", raw, read_estimate)
 
 
-def test_a_header_of_a_million_columns(tmp_path: Path):
+def test_a_header_of_very_many_columns(tmp_path: Path):
     """Assert that a header longer than a megabyte is refused, and one of very many columns."""
-    header = ",".join(f"c{number}" for number in range(1_000_000))
-    rows = "\n" + ",".join("1" * 1_000_000)
+    header = ",".join(f"c{number}" for number in range(160_000))
+    rows = "\n" + ",".join("1" * 160_000)
     message = refusal(tmp_path / "log.csv", (header + 2 * rows).encode(), read_log)
     assert "line 1: the line has more than 1000000 bytes" in message
     header = ",".join(f"c{number}" for number in range(20_000))

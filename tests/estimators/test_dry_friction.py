@@ -1,6 +1,8 @@
 """Dry friction, play and memory, against closed forms, another integrator and SciPy."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -269,17 +271,18 @@ def test_a_spring_remembers_as_scipy_says():
 
 
 @pytest.mark.parametrize(
-    ("problem", "at", "accuracy"),
+    ("posed", "at", "accuracy"),
     [
-        (problem_of(PLAY, FORCE, H, substeps=4), AT, 2e-3),
-        (problem_of(REMEMBERING, LASTING, FINE), GRIPPED, 1e-4),
+        (partial(problem_of, PLAY, FORCE, H, substeps=4), AT, 2e-3),
+        (partial(problem_of, REMEMBERING, LASTING, FINE), GRIPPED, 1e-4),
     ],
     ids=["play", "memory"],
 )
 def test_gradient_is_that_of_the_sum_of_squares(
-    problem: SegmentedMotion, at: Point, accuracy: float
+    posed: Callable[[], SegmentedMotion], at: Point, accuracy: float
 ):
     """Assert that the derivatives go through corners unchanged, as differences say."""
+    problem = posed()
     moved = motion(problem, at)
     bent = 0.01 * np.cos(3.0 * problem.segments.sample_times[0] * np.arange(len(moved)))
     problem = measured(problem, moved + bent[:, None])

@@ -45,7 +45,7 @@ def fit(samples: Samples, duration: float = 1.0, hold: Hold = "linear") -> Predi
 
 def correlated(seed: int, rho: float = 0.9) -> Samples:
     """Positions in autoregressive noise of the usual standard deviation."""
-    clean = encoders(None)
+    clean = encoders(None, 15_000)
     shocks = np.random.default_rng(seed).standard_normal((2000 + len(clean), 2))
     noise = np.asarray(lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], shocks, axis=0))[2000:]
     return replace(clean, positions=clean.positions + POSITION_NOISE * noise)

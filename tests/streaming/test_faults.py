@@ -1,6 +1,7 @@
 """One fault of a stream after the other, each on a joint whose truth is known."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -145,14 +146,14 @@ def about_zero(begins: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("options", "samples", "least"),
     [
-        *((OPTIONS, about_zero(begins), 4) for begins in (0.3, -0.3)),
-        *((GEARED, in_front_of_the_gear(turns), 20 / turns) for turns in (1, 4)),
+        *((OPTIONS, partial(about_zero, begins), 4) for begins in (0.3, -0.3)),
+        *((GEARED, partial(in_front_of_the_gear, turns), 20 / turns) for turns in (1, 4)),
     ],
     ids=["from 0.3", "from -0.3", "a turn of a gear", "four turns"],
 )
 def test_encoders_that_wrap_are_unwrapped(options, samples, least):
     """Assert that they may pass zero at any time, and by the motor's turns in front of a gear."""
-    session, right = watched(samples, options), watched(stream())
+    session, right = watched(samples(), options), watched(stream())
     assert session.counts.wraps > least
     assert session.counts.outliers == session.counts.jumps == 0
     values = [one.learner.values(one.now.states) for one in (session, right)]

@@ -107,7 +107,7 @@ def function(
     signature: str,
     docstring: str,
     *body: str,
-    decorator: str = 'njit(cache=True, error_model="numpy")',
+    decorator: str = 'njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)',
 ) -> str:
     """A function from its signature, its docstring and blocks of indented lines."""
     blocks = "\n".join(block for block in body if block)

@@ -251,7 +251,10 @@ def stiff_loop_source(loop: SymbolicLoop) -> str:
 
 
 # Products and sums in one instruction: faster, and no less accurate.
-_FUSED = 'njit(cache=True, error_model="numpy", fastmath={"contract"})'
+_FUSED = (
+    'njit(error_model="numpy", fastmath={"contract"}, no_cpython_wrapper=True, '
+    "no_cfunc_wrapper=True)"
+)
 
 
 def lane_loop_source(loop: SymbolicLoop, lanes: int) -> str:

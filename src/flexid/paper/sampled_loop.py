@@ -76,7 +76,7 @@ def _tuple_functions(states: int, inputs: int, parameters: int) -> list[str]:
 def _tuple_function(
     signature: str,
     entries: Sequence[str],  # with their place for {0}
-    decorator: str = 'njit(cache=True, error_model="numpy")',
+    decorator: str = "rounded",
 ) -> str:
     """A function that returns a tuple of some entries."""
     made = _tuple_text([entry.format(place) for place, entry in enumerate(entries)])

@@ -1,4 +1,9 @@
-"""What became of a run."""
+"""What became of a run, and how the functions are compiled that only compiled ones call."""
+
+from typing import Any
+
+# Wrappers for Python and for C would double the time to compile them.
+within: Any = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 FINISHED = 0
 TOO_MANY_STEPS = 1

@@ -48,19 +48,19 @@ SLOTS = TOTALS + N_MEASURES
 GOES_ON = -1
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**within, forceinline=True)
 def at(slot, lane):
     """Where number `slot` of run `lane` is."""
     return slot * LANES + lane
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**within, forceinline=True)
 def rate(stage, i, lane):
     """Where the rates of a stage are, of which there are seven."""
     return at(EARLIER + stage * SIZE + i, lane)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(**within, fastmath={"contract"})
 def begin_step(w, stop, longest_step):
     """Begin a step, no longer than the longest one and the rest of the run: to the second stage."""
     for lane in range(LANES):
@@ -80,7 +80,7 @@ def begin_step(w, stop, longest_step):
 # so a stage is compiled for each number of weights, and there is no loop over stages.
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(**within, fastmath={"contract"})
 def go_to_stage(w, node, weights):
     """Keep the rates at STAGE, and go on; one weight for the rates of each stage so far."""
     latest = len(weights) - 1
@@ -105,7 +105,7 @@ LAST = (35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0
 # fmt: on
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def dormand_step(w, stop, longest_step):
     """One step of every lane from STATE to STAGE; the first stage is there, the last is RATES."""
     begin_step(w, stop, longest_step)
@@ -122,7 +122,7 @@ def dormand_step(w, stop, longest_step):
     lane_rates_and_outputs(w)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(**within, fastmath={"contract"})
 def dormand_error(w, relative, absolute):
     """Mean square of the errors over what is allowed, and how far the next step is to grow."""
     for lane in range(LANES):
@@ -150,7 +150,7 @@ def dormand_error(w, relative, absolute):
         w[at(GROWTH, lane)] = growth if growth > 0.1 else 0.1  # also where the error is no number
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def end_step(w, stop, limit, most_steps):
     """Go to the end of accepted steps, choose the next step, and see which runs end."""
     for lane in range(LANES):
@@ -192,7 +192,7 @@ OBSERVED_TRACKING = OBSERVED_ERRORS + N_COEFFICIENTS
 OBSERVED_REGRESSORS = OBSERVED_TRACKING + 1
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**within, forceinline=True)
 def raise_peak(w, peak, of, lane):
     """Keep the largest magnitude of a number of a lane."""
     size = abs(w[at(of, lane)])
@@ -200,7 +200,7 @@ def raise_peak(w, peak, of, lane):
     w[at(peak, lane)] = size if size > highest else highest
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(**within, fastmath={"contract"})
 def lane_measures(w):
     """Take the state of each run whose step is accepted into its totals.
 
@@ -234,7 +234,7 @@ def lane_measures(w):
                 )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def ended_runs(w):
     """Number of lanes whose run has come to its end."""
     ended = 0
@@ -243,7 +243,7 @@ def ended_runs(w):
     return ended
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def enter(w, lane, run, start, z, p, first_step):
     """Put a run into a lane."""
     for slot in range(SLOTS):
@@ -257,7 +257,7 @@ def enter(w, lane, run, start, z, p, first_step):
         w[at(PARAMETERS + i, lane)] = p[i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def begin_runs(w):
     """Rates and outputs at every lane's state; where a run is under way they are what they were."""
     for lane in range(LANES):
@@ -272,7 +272,7 @@ def begin_runs(w):
             w[at(OBSERVED + i, lane)] = w[at(NEXT_OBSERVED + i, lane)]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def leave(w, lane, z, p, totals, counts):
     """Take the end, the totals and the steps of a run out of its lane, which is free then."""
     for i in range(SIZE):

@@ -6,6 +6,7 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.run_status import *
 
 
 SETTLED = 0.05  # share of a coefficient within which its estimate counts as settled
@@ -19,7 +20,7 @@ GRAM = UNSETTLED + N_COEFFICIENTS
 N_MEASURES = GRAM + N_COEFFICIENTS * N_COEFFICIENTS
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def add_measures(t, weight, inputs, errors, tracking, regressors, true, totals):
     """Take one instant into the totals of a run."""
     totals[0] += weight * tracking * tracking

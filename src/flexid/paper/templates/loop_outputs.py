@@ -10,6 +10,7 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import *
+    from flexid.kernels.templates.run_status import *
     from flexid.paper.templates.loop_measures import *
 
 
@@ -24,7 +25,7 @@ def sampled_outputs(sample_time, samples, p, y):
         outputs(place * sample_time, samples[place], p, y[place])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def observe(t, weight, z, p, totals):
     """Take one state of the loop into the totals; the true coefficients lead its parameters."""
     y = totals[N_MEASURES:]

@@ -69,7 +69,7 @@ RODAS_DENSE = np.array([
 # fmt: on
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def lu_factor(matrix, pivots):
     """Overwrite a matrix by its LU factors, rows swapped so that pivots are largest.
 
@@ -100,7 +100,7 @@ def lu_factor(matrix, pivots):
                     matrix[row, j] -= factor * matrix[column, j]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def lu_solve(matrix, pivots, b):
     """Overwrite b by the solution; the matrix has been factorised."""
     for row in range(SIZE):
@@ -119,7 +119,7 @@ def lu_solve(matrix, pivots, b):
         b[row] = total * matrix[row, row]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new):
     """One step from z to new; stages are kept for the dense output, the last is the error."""
     per_h = 1.0 / h
@@ -145,7 +145,7 @@ def rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new):
         new[i] = trial[i] + stages[7, i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def interpolate(t, h, z, new, stages, dense, start, sample_time, samples, filled):
     """Fill the samples that lie in the step from t to t + h; return how many are filled in all."""
     ready = False
@@ -170,7 +170,7 @@ def interpolate(t, h, z, new, stages, dense, start, sample_time, samples, filled
     return filled
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def integrate_run(span, z, p, steps, sampling, totals, counts):
     """Integrate one run; return its status and the time reached."""
     start, stop = span

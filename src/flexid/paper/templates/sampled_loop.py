@@ -21,7 +21,7 @@ MEASURED = TRACKING + 1
 N_RECORD = MEASURED + N_STATES
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def first_state(estimates):
     """The observer before the first sample."""
     empty = np.zeros(STATE_SIZE)
@@ -30,7 +30,7 @@ def first_state(estimates):
     return as_state(empty)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def plant_step(x, u, p, h):
     """State after a step of the classical Runge-Kutta method."""
     a = plant_rates(x, u, p)
@@ -40,7 +40,7 @@ def plant_step(x, u, p, h):
     return moved(x, h / 6.0, averaged(a, b, c, d))
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**within, forceinline=True)
 def move(x, u, p, duration, substeps):
     """Move the plant on under a constant input."""
     h = duration / substeps
@@ -49,14 +49,14 @@ def move(x, u, p, duration, substeps):
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def sense(x, draws, position, velocity, step):
     """What the sensors show, given standard normal numbers."""
     seen = noisy(x, draws, position, velocity)
     return in_steps(seen, step) if step > 0.0 else seen
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def exceeds(values, limit):
     """1 if a magnitude is beyond a limit, else 0."""
     for value in values:
@@ -65,7 +65,7 @@ def exceeds(values, limit):
     return 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def bounded(values):
     """Whether every number is finite and of a size that means something."""
     for value in values:
@@ -74,7 +74,7 @@ def bounded(values):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**within)
 def note(x, u, current, tracking, seen, p, record, n):
     """Write one sample into row n of the record."""
     for i in range(N_STATES):
@@ -88,7 +88,7 @@ def note(x, u, current, tracking, seen, p, record, n):
     record[n, TRACKING] = tracking
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**within, forceinline=True)
 def respond(x, seen, demanded, current, settings, drive, log):
     """What follows the law in a sample: limit, observer, record, plant; 1 if an input was cut.
 
