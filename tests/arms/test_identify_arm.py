@@ -120,12 +120,12 @@ def test_a_joint_that_rests(tmp_path: Path, noise: bool):
         assert found[name].reason == "joint 2 rests: let it move"
 
 
-@pytest.mark.thorough  # 20 s each
-@pytest.mark.parametrize("seed", [None, 6])  # of another rounding, which once led 15 % astray
-def test_a_joint_that_hardly_creeps(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int | None
-):
-    """Assert that its motor is fitted as it moves, and that no stiffness is sure and wrong."""
+@pytest.mark.thorough  # 20 s
+def test_a_joint_that_hardly_creeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that its motor is fitted as it moves, and that no stiffness is sure and wrong.
+
+    In another rounding, which once led 15 % astray.
+    """
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     rng = np.random.default_rng([3, 2, True])
     arm, motion = random_arm(rng, 2, True), random_motion(rng, True)
@@ -133,8 +133,7 @@ def test_a_joint_that_hardly_creeps(
     known = arm.known
     log = read_arm_log(tmp_path / "run.csv", known.types)
     assert log.resting == (1,)
-    if seed is not None:
-        log = rounded_otherwise(log, seed)
+    log = rounded_otherwise(log, 6)
     monkeypatch.setattr("flexid.arms.identify.read_arm_log", lambda *_: log)
     found = identify_arm(tmp_path / "run.csv", known).parameters
     for joint, link in enumerate(arm.links, 1):

@@ -21,20 +21,14 @@ def readers() -> Targets:
     return Targets(made_estimate())
 
 
-@pytest.mark.parametrize("name", [name for name in (*TEXTS, *APART) if name not in STRANGE])
-def test_what_is_mutated_is_read(name: str, readers: Targets, tmp_path: Path) -> None:
-    """Assert that the files are good before they are mutated."""
-    target = readers[name]
-    for seed in target.seeds:
-        assert tried(target, tmp_path / f"seed{target.suffix}", seed) == ""
-
-
 @pytest.mark.parametrize(
     "name", [*TEXTS, *(pytest.param(name, marks=pytest.mark.thorough) for name in APART)]
 )
 def test_any_mutation(name: str, readers: Targets, tmp_path: Path) -> None:
-    """Assert that a mutated file is read, or refused in one line, whatever its reader does."""
+    """Assert that a good file is read, and a mutated one refused in one line at the worst."""
     target = readers[name]
-    for seed in range(60 if name in TEXTS else 6):
+    for good in () if name in STRANGE else target.seeds:
+        assert tried(target, tmp_path / f"seed{target.suffix}", good) == ""
+    for seed in range(60 if name in TEXTS else 4):
         content = mutated(Random(seed), target)
         assert tried(target, tmp_path / f"input{target.suffix}", content) in ("", None), seed

@@ -1,8 +1,6 @@
 """Experiments on the command line: simulate, campaign and reproduce."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -91,13 +89,12 @@ def test_a_campaign_in_which_nothing_finishes(flexid, tmp_path):
     assert "diverged 2 (100 %)" in summary.stdout
 
 
-def test_the_paper_is_reproduced(tmp_path):
+def test_the_paper_is_reproduced(flexid, reproduction, tmp_path, monkeypatch):
     """Assert that figures, page and result are written, and --json prints that and nothing else."""
+    monkeypatch.setattr("flexid.studies.reproduction.reproduce", lambda _: reproduction)
     out = tmp_path / "new" / "directory"
-    command = [sys.executable, "-m", "flexid", "reproduce", "--json", "--out", str(out)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert run.returncode == 0, run.stderr
-    assert "Traceback" not in run.stderr
+    run = flexid("reproduce", "--json", "--out", out)
+    assert run.status == 0, run.stderr
     names = [*(f"figure{number}" for number in range(1, 6)), "theorem1"]
     expected = {f"{name}.{extension}" for name in names for extension in ("png", "pdf")}
     assert {file.name for file in out.iterdir()} == expected | {"result.json", "report.html"}

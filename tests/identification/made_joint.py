@@ -111,7 +111,7 @@ _PUSHED_TONES = np.geomspace(1.0, 26.0, 15)  # rad/s, from before the resonance 
 
 def pushed(
     seed: int,
-    duration: float = 16.0,
+    duration: float = 12.0,
     *,
     every: int = 1,
     size: float = 1.0,

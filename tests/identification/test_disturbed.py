@@ -159,7 +159,7 @@ def test_a_delay_between_encoders_is_found(stiffness: float):
         assert found.by_spring > 0.9
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_friction_stays_beside_disturbances(seed: int):
     """Assert what a pendulum shows whose torque is disturbed, and of what dry friction takes 10 %.
 
@@ -209,7 +209,7 @@ def test_halves_of_two_drives_widen_the_interval():
 @cache
 def eccentric(size: float, motor_push: float) -> tuple[Fitted, Estimate]:
     """A drive with gravity whose link's encoder errs by so much once per turn."""
-    right = pushed(3, gravity_torque=8.0, link_push=0.05, motor_push=motor_push)
+    right = pushed(3, 16.0, gravity_torque=8.0, link_push=0.05, motor_push=motor_push)
     error = size * np.sin(right.needed_link_position)
     log = data(seen(right, error, np.zeros(len(right))))
     terms = structure("motor_viscous", "gravity")
@@ -217,7 +217,7 @@ def eccentric(size: float, motor_push: float) -> tuple[Fitted, Estimate]:
     return found.fitted, disturbed_estimate(found, log, "N m")[0]
 
 
-@pytest.mark.parametrize("size", [0.0, 1e-3, 2e-3])
+@pytest.mark.parametrize("size", [0.0, 2e-3])
 def test_a_torque_tells_gravity_from_an_eccentric_encoder(size: float):
     """Assert that gravity is doubted by what the motor's balance allows, and the truth held."""
     fitted, estimate = eccentric(size, 0.3)

@@ -53,7 +53,7 @@ class Case:
     terms: tuple[str, ...] = ()  # beside the paper's
     values: Mapping[str, float] = field(default_factory=dict)
     settings: Settings = field(default_factory=Settings)
-    seconds: Mapping[int, float] = field(default_factory=lambda: {1: 10.0})  # by seed
+    seconds: Mapping[int, float] = field(default_factory=lambda: {1: 8.0})  # by seed
     accuracy: float = 1e-4  # of all values
     hold: str = "cubic"
 
@@ -64,7 +64,7 @@ CASES = {
         {"motor_inertia": 0.002}, (), {"motor_inertia": 0.002}, PAPER, {3: 12.0}, 2e-4
     ),
     "given delays": Case(
-        LATE, settings=replace(PAPER, **LATE, hold="cubic", segment_duration=1.0), seconds={4: 10.0}
+        LATE, settings=replace(PAPER, **LATE, hold="cubic", segment_duration=1.0), seconds={4: 8.0}
     ),
     "unknown delays": Case(LATE, (), LATE, PAPER, {4: 10.0}),
     "a known inertia": Case(settings=replace(PAPER, known={"motor_inertia": 0.3})),
@@ -73,7 +73,7 @@ CASES = {
         {**DRY, "held": True},
         ("motor_coulomb",),
         {"motor_coulomb_friction": 1.0},
-        seconds={5: 10.0},
+        seconds={5: 8.0},
         hold="zero",
     ),
     "friction of the link": Case(
@@ -128,7 +128,7 @@ CASES = {
         {"half_gap": 2e-3}, ("backlash",), {"half_backlash": 2e-3}, LINK, accuracy=0.01
     ),
     "the link alone, late": Case(
-        {"link_delay": 2e-3}, (), {"link_delay": 2e-3}, LINK, {3: 10.0}, 0.025
+        {"link_delay": 2e-3}, (), {"link_delay": 2e-3}, LINK, {3: 8.0}, 0.025
     ),
     "the link alone, whatever the motor does": Case(
         {"motor_coulomb_up": 3.0, "motor_coulomb_down": 3.0, "torque_noise": 0.5},

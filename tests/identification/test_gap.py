@@ -50,7 +50,7 @@ def test_a_gap_is_found_as_wide_as_it_is(true_gap):
 )
 def test_play_and_hardening_are_distinguished(play: float, cubic: float, share: float):
     """Assert that the hidden stiffness is doubted, or a third of it or more beside hardening."""
-    structure, data = posed(made(1, 10.0, half_gap=play, cubic_stiffness=cubic), "cubic_stiffness")
+    structure, data = posed(made(1, 7.0, half_gap=play, cubic_stiffness=cubic), "cubic_stiffness")
     found = gap.likely_play(structure, data)
     if not play:
         assert found is None or found.doubt == 0.0
@@ -79,7 +79,7 @@ def test_a_link_that_no_spring_moves_has_no_play():
 
 def test_a_width_that_fits_worse_is_not_taken():
     """Assert that a spring that bends, and has no gap, keeps the width that its shape had."""
-    bend = made(1, 10.0, bend=0.1, bend_stiffness=30.0)
+    bend = made(1, 7.0, bend=0.1, bend_stiffness=30.0)
     bent, _ = fit_to(with_gap(0.0, "backlash").structure, data(bend), COEFFICIENTS, 1.0)
     assert half_gap(bent) > 0.0
     assert abs(half_gap(bent) / gap.width_of(bent.structure) - 1.0) > 0.5
@@ -97,7 +97,7 @@ def test_a_width_that_fits_worse_is_not_taken():
 )
 def test_a_gap_beside_what_is_given(true_gap, given):
     """Assert that gap and width are found where the spring is known, or a bound stops a value."""
-    found = identify([log(made(1, 10.0, half_gap=true_gap))], given)
+    found = identify([log(made(1, 7.0, half_gap=true_gap))], given)
     assert found.parameters["half_backlash"].value == pytest.approx(true_gap, rel=0.05)
     assert found.parameters["half_backlash"].std > 0.0
     assert found.choices.shapes["backlash_width"] == pytest.approx(true_gap, rel=0.1)
@@ -107,7 +107,7 @@ def test_a_gap_beside_what_is_given(true_gap, given):
 @pytest.mark.parametrize("terms", [{"half_gap": HALF_GAP}, {"cubic_stiffness": 4e3}], ids=str)
 def test_encoders_need_not_share_a_zero(terms: dict[str, Any]):
     """Assert that a spring that curves or has play is the same wherever encoders' zeros are."""
-    recording = made(1, 10.0, **terms)
+    recording = made(1, 7.0, **terms)
     apart = replace(recording, link_position=recording.needed_link_position + 0.7)
     found, other = (identify([log(own)]) for own in (recording, apart))
     for name in ("joint_stiffness", "link_inertia", "motor_inertia"):
@@ -137,7 +137,7 @@ LARGE = 0.3  # rad, of deflections of 0.6
 
 def with_large_gap(noise_of: int) -> Fitted:
     """Play of half the deflection, fitted as wide as its gap, with noise drawn for each number."""
-    recording = made(1, 10.0, half_gap=LARGE, noise=0.0)
+    recording = made(1, 7.0, half_gap=LARGE, noise=0.0)
     link, motor = 1e-4 * np.random.default_rng(noise_of).standard_normal((2, len(recording)))
     recording = seen(recording, link, motor)
     structure, log = posed(recording, "backlash", widths={BACKLASH_WIDTH: LARGE})
@@ -162,7 +162,7 @@ def test_an_interval_knows_that_the_width_follows():
 @pytest.mark.parametrize("true_gap", [pytest.param(0.1, marks=pytest.mark.thorough), LARGE])
 def test_a_gap_as_large_as_the_deflection(true_gap, fits_seen: list[FinalFits]):
     """Assert that play is found to which no fit without it leads, and its width is in intervals."""
-    found = identify([log(made(1, 10.0, half_gap=true_gap, noise=1e-4))])
+    found = identify([log(made(1, 7.0, half_gap=true_gap, noise=1e-4))])
     assert found.choices.terms == (*PAPER_TERMS, "backlash")
     assert found.choices.hold == "cubic"
     gap, stiffness = found.parameters["half_backlash"], found.parameters["joint_stiffness"]

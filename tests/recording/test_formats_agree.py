@@ -16,7 +16,7 @@ FAST = np.arange(0.0007, 0.4, 1e-3)
 LATE = sorted(log_files.measured(2_000_000), key=lambda one: one[0])
 TORQUE_OF_MDF = [log_files.signal("motor_torque", np.sin(FAST), FAST)]
 IN_PARTS = {
-    **{name: log_files.WRITERS[name] for name in ("Parquet", "HDF5", "MDF 4", "MDF 3")},
+    **{name: log_files.WRITERS[name] for name in ("Parquet", "HDF5", "MDF 3")},
     "MDF, two rates": (
         "a.mf4",
         lambda p: log_files.mdf(p, log_files.in_groups()[0], TORQUE_OF_MDF),

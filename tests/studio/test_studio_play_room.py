@@ -162,7 +162,7 @@ def test_a_slider_is_moved_pinned_and_put_back(page: Page, empty_address: str):
     page.wait_for_selector("#play-figures table")
     assert cell(page, 2) == ""
     page.focus("input[name=k]")
-    for _ in range(15):
+    for _ in range(5):
         page.keyboard.press("ArrowLeft")
     page.wait_for_selector("#play-figures td:not(:has-text('0.00082 rad'))")
     page.wait_for_url("**k=**")
