@@ -2,56 +2,19 @@
 
 import difflib
 import re
+import tomllib
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 from flexid.recording.units import is_usual, quantity_of, unit_of_word
 
-QUANTITIES = {  # in English, German, French, Italian, Spanish, Portuguese, Dutch, Chinese, Japanese
-    "position": (
-        "position pos angle ang q theta phi winkel lage posizione angolo angulo posicion posicao "
-        "hoek positie jiaodu weizhi 角度 位置 displacement travel stroke weg"
-    ),
-    "velocity": (
-        "velocity vel speed omega w n qd dq qdot dtheta thetadot drehzahl geschwindigkeit vitesse "
-        "velocita velocidad velocidade snelheid sudu zhuansu 速度 转速"
-    ),
-    "torque": (
-        "torque tau trq effort drehmoment moment couple coppia par momento binario koppel zhuanju "
-        "liju 转矩 力矩 トルク"
-    ),
-    "force": "force kraft forza fuerza forca kracht 力",
-    "current": "current cur curr i iq strom courant corrente corriente stroom dianliu 电流 電流",
-    "voltage": "voltage volt u v spannung tension tensione tensao spanning dianya 电压 電圧",
-    "deflection": (
-        "deflection twist torsion windup verdrehung verdrehwinkel torsione torsao 扭转 扭转角"
-    ),
-    "time": (
-        "time t timestamp datetime clock tout zeit zeitstempel temps tempo tiempo tijd shijian "
-        "时间 時間"
-    ),
-}
-SIDES = {
-    "motor": "motor mot m rotor drive input moteur motore antrieb dianji 电机 モータ モーター",
-    "link": (
-        "link load l arm output secondary external last abtrieb charge bras sortie carico braccio "
-        "uscita carga brazo braco fuzai 负载 リンク carriage slide slider schlitten"
-    ),
-    "joint": "joint jnt gelenk articulation giunto articulacion guanjie 关节 axis axe achse asse",
-}
+_WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
+QUANTITIES, SIDES = _WORDS["quantities"], _WORDS["sides"]
 CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # also as a part of a path, or with a unit
-_OTHERS = {
-    "filler": (
-        "meas measured act actual active present state states enc encoder side sensor value values "
-        "data shaft of the ist istwert gemessen mesure mesuree misurata medida medido de du la le "
-        "del della do da van"
-    ),
-    "filler of time": "date stamp elapsed rel relative since start sim simulation ros abs system",
-    "filler of deflection": "spring feder ressort molla muelle mola",
-}
 # A row's number, any input, a speed, a number, a belt's tension.
 _NEED_UNIT = {"i", "u", "v", "w", "n", "tension", "par"}
 _ENGLISH = {"position", "pos", "angle", "ang", "velocity", "vel", "speed", "torque", "current"}
@@ -66,7 +29,7 @@ _ACCENTED = "aceinouACEINOU"  # letters whose accents say nothing: a point above
 LONGEST = 200  # characters of a name that is looked into
 _KINDS = {
     word: kind
-    for table in (QUANTITIES, SIDES, _OTHERS)
+    for table in _WORDS.values()
     for kind, words in table.items()
     for word in words.split()
 }

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from functools import cache
-from math import pi
+from pathlib import Path
 
 from flexid.models.motion import unit_of
 
@@ -21,62 +22,11 @@ EXAMPLES = {
     "A": ("A", "mA"),
 }
 _KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in small letters
-    "s": (1.0, "s", "s|sec|secs|second|seconds|sek|秒"),
-    "ms": (1e-3, "s", "ms|msec|msecs|millis|millisecond|milliseconds|毫秒"),
-    "us": (1e-6, "s", "us|µs|μs|usec|usecs|micros|microsecond|microseconds|微秒"),
-    "ns": (1e-9, "s", "ns|nsec|nsecs|nanosec|nanoseconds"),
-    "rad": (1.0, "rad", "rad|radian|radians|弧度"),
-    "mrad": (1e-3, "rad", "mrad"),
-    "urad": (1e-6, "rad", "urad|µrad|μrad"),
-    "deg": (pi / 180.0, "rad", "deg|°|º|degree|degrees|gradi|grados|度"),
-    "mdeg": (1e-3 * pi / 180.0, "rad", "mdeg"),
-    "arcmin": (pi / 10_800.0, "rad", "arcmin"),
-    "arcsec": (pi / 648_000.0, "rad", "arcsec"),
-    "turn": (2.0 * pi, "rad", "turn|turns|rev|revs|revolution|revolutions|umdr|圈"),
-    "rad/s": (
-        1.0,
-        "rad/s",
-        "rad/s|rad_s|radps|rad/sec|radians/s|rad s-1|rad.s-1|rad s^-1|rad·s^-1",
-    ),
-    "mrad/s": (1e-3, "rad/s", "mrad/s"),
-    "deg/s": (pi / 180.0, "rad/s", "deg/s|°/s|º/s|deg_s|degps|dps|deg/sec|degrees/s|degree/s"),
-    "turn/s": (2.0 * pi, "rad/s", "turn/s|turns/s|rev/s|revs/s|tr/s|giri/s"),
-    "rpm": (pi / 30.0, "rad/s", "rpm|1/min|min-1|min^-1|u/min|rev/min|r/min|tr/min|giri/min|转/分"),
-    "N m": (
-        *(1.0, "N m"),
-        "nm|n m|n*m|n·m|n.m|n-m|n_m|newton meter|newton meters|newton metre|newton metres|"
-        "newton-meter|newton-metre|牛米",
-    ),
-    "mN m": (1e-3, "N m", "mnm|mn m|mn*m|mn·m|mn_m"),
-    "uN m": (1e-6, "N m", "unm|µnm|μnm|un m"),
-    "N mm": (1e-3, "N m", "nmm|n*mm|n mm"),
-    "N cm": (1e-2, "N m", "ncm|n*cm|n cm"),
-    "kN m": (1e3, "N m", "knm|kn m|kn*m|kn·m"),
-    "kgf m": (9.80665, "N m", "kgfm|kgf m|kgf*m|kgf-m"),
-    "kgf cm": (9.80665e-2, "N m", "kgfcm|kgf cm|kgf*cm|kgf-cm"),
-    "lbf ft": (1.3558179483314003, "N m", "ft-lb|ft-lbf|ft lb|ftlb|lb-ft|lbf-ft|lbf ft|lbft"),
-    "lbf in": (0.11298482902761671, "N m", "in-lb|in-lbf|in lb|inlb|lb-in|lbf-in|lbf in|lbin"),
-    "ozf in": (0.007061551814226044, "N m", "oz-in|oz in|ozin|in-oz|ozf in"),
-    "m": (1.0, "m", "m|metre|metres|meter|meters|米"),
-    "cm": (1e-2, "m", "cm|centimetre|centimetres|centimeter|centimeters"),
-    "mm": (1e-3, "m", "mm|millimetre|millimetres|millimeter|millimeters|毫米"),
-    "um": (1e-6, "m", "um|µm|μm|micron|microns|micrometre|micrometres|micrometer|micrometers|微米"),
-    "in": (0.0254, "m", "inch|inches"),
-    "m/s": (1.0, "m/s", "m/s|m_s|mps|m/sec|m s-1|m.s-1|m s^-1|m·s^-1"),
-    "cm/s": (1e-2, "m/s", "cm/s"),
-    "mm/s": (1e-3, "m/s", "mm/s|mm_s|mmps|mm/sec"),
-    "um/s": (1e-6, "m/s", "um/s|µm/s|μm/s"),
-    "m/min": (1.0 / 60.0, "m/s", "m/min"),
-    "mm/min": (1e-3 / 60.0, "m/s", "mm/min"),
-    "N": (1.0, "N", "n|newton|newtons|牛"),
-    "mN": (1e-3, "N", "mn"),
-    "kN": (1e3, "N", "kn"),
-    "kgf": (9.80665, "N", "kgf"),
-    "lbf": (4.4482216152605, "N", "lbf"),
-    "V": (1.0, "V", "v|volt|volts"),
-    "mV": (1e-3, "V", "mv"),
-    "A": (1.0, "A", "a|amp|amps|ampere|amperes|arms|a_rms|a rms|安"),
-    "mA": (1e-3, "A", "ma|milliamp|milliamps"),
+    unit: (factor, si, words)
+    for si, units in tomllib.loads(
+        Path(__file__).with_name("units.toml").read_text(encoding="utf-8")
+    ).items()
+    for unit, (factor, words) in units.items()
 }
 _BY_SPELLING = {word: unit for unit, (*_, words) in _KNOWN.items() for word in words.split("|")}
 _USUAL = {  # exactly so, what else stands in a row of units
