@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 from flexid.errors import SettingError
 from flexid.estimators.channel_timing import INPUT as INPUT_DELAY
-from flexid.exports.request import ExportRequest, check_known, rendered
+from flexid.exports.request import check_known, check_possible, doubts_of, rendered
 from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.identification.preparation.joint import Kind
+from flexid.identification.result import Identification
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, TIES
 from flexid.models.motion import FORCES, JointType, unit_of
 from flexid.stored_estimates.structure import delays_of, values_of
@@ -178,11 +179,9 @@ _HEADING = (
 _SLIDING = 1e-3  # kg m^2 of a body that does not turn: the engine wants some
 
 
-def write(request: ExportRequest, directory: Path) -> tuple[str, ...]:
+def write(result: Identification, directory: Path) -> tuple[str, ...]:
     """Write ``joint.xml``, the scene of an estimate."""
-    result = request.identification
-    if result is None:
-        raise SettingError("mjcf", "needs values: give an estimate.json of flexid identify")
+    check_possible(result)
     values = values_of(result, 0)
     check_known(values)
     made = mjcf_scene(
@@ -198,7 +197,7 @@ def write(request: ExportRequest, directory: Path) -> tuple[str, ...]:
         f"{name.removesuffix('[1]')} differs from log to log: the scene has that of the first"
         for name in several
     ]
-    return (*request.doubts, *doubts, *made.notes)
+    return (*doubts_of(result.coefficients), *doubts, *made.notes)
 
 
 def mjcf_scene(

@@ -3,14 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib import import_module
 from math import inf, isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
 from flexid.estimators.state_variable_filter import check_filter_rate
-from flexid.models.flexible_joint import CONSTANT_UNITS, POSITIVE, SMOOTHING, SQUARES, declared_row
+from flexid.models.flexible_joint import (
+    CONSTANT_UNITS,
+    COULOMB_VELOCITY,
+    POSITIVE,
+    SQUARES,
+    joint_model,
+)
 from flexid.models.motion import JointType, unit_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.sampling import check_sample_time
@@ -18,10 +22,8 @@ from flexid.recording.sampling import check_sample_time
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-    from flexid.arms.result import ArmIdentification
     from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
     from flexid.estimators.samples import Samples
-    from flexid.identification.preparation.joint import Joint
     from flexid.identification.result import Identification
     from flexid.identification.vocabulary.evidence import ValueEstimate
     from flexid.recording.recording import Hold
@@ -56,29 +58,30 @@ def doubts_of(values: Mapping[str, "ValueEstimate"]) -> tuple[str, ...]:
     return (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
 
 
-def request_of_identification(
-    result: "Identification", *, with_memory: bool = False
-) -> ExportRequest:
+def request_of_identification(result: "Identification") -> ExportRequest:
     """The identified model with its kept terms and values; offsets are those of the first log."""
     from flexid.identification.preparation.joint import joint_of
     from flexid.stored_estimates.structure import values_of
 
-    values = values_of(result, 0)
-    given = (result.given | SQUARES) & {*values}
+    values, choices = values_of(result, 0), result.choices
+    check_possible(result)
     joint = joint_of(result.model, result.joint)
-    _check_possible(result)
-    for name in () if with_memory else sorted(joint.remembered & values.keys()):
+    for name in sorted(joint.remembered & values.keys()):
         term = joint.of_coefficient(name) or name
         raise SettingError(
             term,
             "remembers the path of the spring, which this export cannot: identify with --terms "
-            f"{','.join(t for t in result.choices.terms if t != term)}, and export that estimate",
+            f"{','.join(t for t in choices.terms if t != term)}, and export that estimate",
         )
-    check_known({name: values[name] for name in sorted(given)})
-    constants = {name: values[name] for name in sorted(given)} | {**result.choices.shapes}
-    if result.choices.coulomb_velocity is not None:
-        constants[SMOOTHING] = result.choices.coulomb_velocity
-    system = _with_terms(joint, values, given, constants)
+    given = {name: values[name] for name in sorted((result.given | SQUARES) & {*values})}
+    check_known(given)
+    velocity = choices.coulomb_velocity or COULOMB_VELOCITY[result.joint]
+    whole = joint_model(result.model, choices.terms, given, velocity, choices.shapes)
+    rows = (
+        replace(row, regressors={c: text for c, text in row.regressors.items() if c in values})
+        for row in whole.rows
+    )
+    system = replace(whole, rows=tuple(rows))
     units = {name.partition("[")[0]: c.unit for name, c in result.coefficients.items()}
     motion = [*system.states, *(system.inputs if result.model == "link" else ())]
     declared = {name: unit for name, unit in CONSTANT_UNITS.items() if name in system.constants}
@@ -109,35 +112,12 @@ def impossible(name: str, value: str, why: str) -> SettingError:
     )
 
 
-def _check_possible(result: "Identification") -> None:
+def check_possible(result: "Identification") -> None:
+    """Raise `SettingError` for a spring or an inertia that is negative or zero."""
     for name, found in result.coefficients.items():
         if name in POSITIVE and found.value <= 0.0:
             value = f"{found.value:g} {found.unit}"
             raise impossible(name, value, "and every spring and inertia makes it positive")
-
-
-def _with_terms(
-    joint: "Joint",
-    values: Mapping[str, float],
-    given: frozenset[str],
-    constants: Mapping[str, float],
-) -> ParametricSystem:
-    """The joint with the terms that have a value, what is given in its known parts."""
-    rows = []
-    for smooth, extended in zip(joint.smooth.rows, joint.extended.rows, strict=True):
-        regressors = {
-            name: smooth.regressors.get(name, text)
-            for name, text in extended.regressors.items()
-            if name in values
-        }
-        row = declared_row(smooth.name, smooth.coordinate, smooth.velocity, regressors, given)
-        known = [text for text in (row.known, smooth.known) if text != "0"]
-        rows.append(replace(row, known=" + ".join(known) or "0"))
-    texts = [text for row in rows for text in (*row.regressors.values(), row.known)]
-    every = {**joint.constants, **joint.smooth.constants, **constants}
-    used = {name: v for name, v in every.items() if any(name in text for text in texts)}
-    inputs = joint.smooth.inputs
-    return ParametricSystem(joint.smooth.name, tuple(rows), inputs, used)
 
 
 _MEMORY = 60.0  # s; a drive runs for years, and sums in float do not grow for ever
@@ -177,20 +157,6 @@ class EstimatorSettings:
 
 TARGETS = ("c99", "mjcf", "fmu")
 """The online estimator, the scene, the plant; each has a module of that name here."""
-
-
-def export_to(
-    target: str, what: "ExportRequest | ArmIdentification", directory: Path
-) -> tuple[str, ...]:
-    """Write the files of a target into an empty directory; return what they do not hold."""
-    module = target
-    if not isinstance(what, ExportRequest):
-        if target != "mjcf":
-            raise SettingError(
-                target, "is for one joint, and the estimate is of an arm: export it to mjcf"
-            )
-        module = "mjcf_arm"
-    return tuple(import_module(f"flexid.exports.{module}").write(what, directory))
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from importlib import import_module
 from math import isfinite
 from os import PathLike
 from pathlib import Path
@@ -14,7 +15,6 @@ from flexid.library.arguments import entrance, one_thread
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
-    from flexid.arms.result import ArmIdentification
     from flexid.estimators.samples import Samples
     from flexid.exports.request import EstimatorSettings, ExportRequest
     from flexid.library.arguments import FilePath
@@ -163,7 +163,7 @@ def export(
     terms : iterable of str, optional
         Terms of flexible-joint; those of the paper if not given.
     """
-    from flexid.exports.request import TARGETS, ExportRequest, export_to
+    from flexid.exports.request import TARGETS
     from flexid.files import output_directory
 
     check_names("to", (to,), TARGETS)
@@ -173,21 +173,19 @@ def export(
     if to != "c99" and (of_estimator or given):
         option = [*given, *of_estimator][0]
         raise SettingError(option, f"is of an online estimator, and {to} has none: leave it out")
-    meant = _what_is_meant(what, terms, with_memory=to == "mjcf")
-    if isinstance(meant, ExportRequest) and to == "c99":
+    module, meant = _what_is_meant(what, terms, to)
+    if to == "c99":
         samples = None if log is None else _longest(log, columns, meant)
         estimator = _estimator_settings(meant, samples, sample_time, given)
         meant = replace(meant, settings=estimator, samples=samples)
     with output_directory(Path(out)) as directory:
-        warnings = export_to(to, meant, directory)
+        warnings = import_module(f"flexid.exports.{module}").write(meant, directory)
         names = sorted(path.name for path in directory.iterdir())
-    return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
+    return ExportedFiles(tuple(Path(out) / name for name in names), tuple(warnings))
 
 
-def _what_is_meant(
-    what: Any, terms: Iterable[str] | None, *, with_memory: bool
-) -> ExportRequest | ArmIdentification:
-    """The model, or the estimate of a joint or of an arm, that is meant."""
+def _what_is_meant(what: Any, terms: Iterable[str] | None, to: str) -> tuple[str, Any]:
+    """The module that writes it, and what that takes: an estimate, or a model with its values."""
     from flexid.exports.request import ExportRequest, request_of_identification
     from flexid.library.identify import estimated
     from flexid.library.joint_estimate import JointEstimate
@@ -197,11 +195,17 @@ def _what_is_meant(
     if isinstance(what, JointEstimate) or stored:
         if terms is not None:
             raise SettingError("terms", f"belongs to {_SHIPPED}; an estimate has its own terms")
-        found = estimated(what)
-        if found.result.model == "arm":
-            return found.result
-        return request_of_identification(found.of_joint, with_memory=with_memory)
-    return ExportRequest(declared(what, terms, unknown_input_gain=what == _SHIPPED))
+        found = estimated(what).result
+        if found.model == "arm":
+            if to == "mjcf":
+                return "mjcf_arm", found
+            reason = "is for one joint, and the estimate is of an arm: export it to mjcf"
+            raise SettingError(to, reason)
+        return to, found if to == "mjcf" else request_of_identification(found)
+    model = declared(what, terms, unknown_input_gain=what == _SHIPPED)
+    if to == "mjcf":
+        raise SettingError(to, "needs values: give an estimate.json of flexid identify")
+    return to, ExportRequest(model)
 
 
 def _estimator_settings(

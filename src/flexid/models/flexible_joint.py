@@ -340,6 +340,21 @@ def rigid_joint(
     )
 
 
+def joint_model(
+    kind: str,  # "flexible", "link" or "rigid"
+    terms: Collection[str],
+    known: Mapping[str, float],
+    coulomb_velocity: float,
+    shapes: Mapping[str, float],  # constants of the shapes of unusual terms, by name
+) -> ParametricSystem:
+    """Declare the joint of a kind, its link alone among them, with smoothed friction."""
+    if kind == "rigid":
+        return rigid_joint(terms, known, coulomb_velocity)
+    whole = flexible_joint(terms, known, coulomb_velocity)
+    whole = whole.with_constants({name: v for name, v in shapes.items() if name in whole.constants})
+    return row_alone(whole, "link") if kind == "link" else whole
+
+
 def rigid_terms(flexible_terms: Collection[str]) -> tuple[str, ...]:
     """Terms of the rigid joint that a flexible joint with the given terms has in common with it."""
     found = {DECLARED["terms"].get(term, {}).get("rigid") for term in flexible_terms}

@@ -24,10 +24,8 @@ from flexid.models.flexible_joint import (
     SQUARES,
     TERMS,
     WIDTHS,
-    flexible_joint,
-    rigid_joint,
+    joint_model,
     rigid_terms,
-    row_alone,
 )
 from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem
@@ -211,12 +209,7 @@ class WatchOptions:
         return self._system(self.given)
 
     def _system(self, known: Mapping[str, float]) -> ParametricSystem:
-        if self.kind == "rigid":
-            return rigid_joint(self.terms, known, self.coulomb_velocity)
-        whole = flexible_joint(self.terms, known, self.coulomb_velocity)
-        used = {name: width for name, width in self.shapes.items() if name in whole.constants}
-        whole = whole.with_constants(used)
-        return row_alone(whole, "link") if self.kind == "link" else whole
+        return joint_model(self.kind, self.terms, known, self.coulomb_velocity, self.shapes)
 
     @property
     def document(self) -> dict[str, Any]:
