@@ -9,40 +9,21 @@ from pathlib import Path
 
 from flexid.models.motion import unit_of
 
+_DECLARED = tomllib.loads(Path(__file__).with_name("units.toml").read_text(encoding="utf-8"))
 # The SI unit of every quantity a column may hold, with what a user may write instead.
-EXAMPLES = {
-    "s": ("s", "ms", "us"),
-    "rad": ("rad", "deg", "turn"),
-    "rad/s": ("rad/s", "deg/s", "rpm"),
-    "N m": ("N m", "mN m"),
-    "m": ("m", "mm", "um"),
-    "m/s": ("m/s", "mm/s"),
-    "N": ("N", "kN"),
-    "V": ("V", "mV"),
-    "A": ("A", "mA"),
-}
+EXAMPLES: dict[str, list[str]] = _DECLARED["examples"]
+_USUAL, _COUNTS = {*_DECLARED["usual"]}, {*_DECLARED["counts"]}
 _KNOWN = {  # by unit: its factor, the SI unit, and how people write it, in small letters
     unit: (factor, si, words)
-    for si, units in tomllib.loads(
-        Path(__file__).with_name("units.toml").read_text(encoding="utf-8")
-    ).items()
+    for si, units in _DECLARED["units"].items()
     for unit, (factor, words) in units.items()
 }
 _BY_SPELLING = {word: unit for unit, (*_, words) in _KNOWN.items() for word in words.split("|")}
-_USUAL = {  # exactly so, what else stands in a row of units
-    *("s", "ms", "us", "µs", "μs", "V", "mV", "A", "mA", "Arms", "°", "º", "°/s", "º/s"),
-    *("rad/s^2", "rad/s2", "count", "counts", "inc", "N m", "N*m", "N·m", "mN m", "mNm", "kNm"),
-    *("W", "Hz", "kHz", "%", "-", "1", "°C", "K", "m", "N", "mN", "kN", "bool"),
-}
 _PER_SECOND = {"rads": "rad/s", "degs": "deg/s"}  # of a velocity
 _MILLI = {  # whose first letter is small, as M is mega
     *("ms", "mrad", "mdeg", "mrad/s", "mN m", "mm", "mm/s", "mN", "mV", "mA"),
 }
 _SYMBOLS = {"s", "V", "A", "N", "°", "º"}  # of one character, which stand as they are
-_COUNTS = {
-    *("count", "counts", "cnt", "cnts", "inc", "incs", "increments", "tick", "ticks", "lsb"),
-    *("pulse", "pulses", "digit", "digits"),
-}
 _TURNING = {"rad": "position", "rad/s": "velocity", "N m": "torque"}
 _SLIDING = {unit_of(unit, "prismatic"): measured for unit, measured in _TURNING.items()}
 _MEASURED = {**_TURNING, **_SLIDING, "A": "current", "V": "voltage"}
