@@ -6,21 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, JOINT, data, made, posed, seen, structure
-from made_joint import log as one_log
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model import fits_by_length, fitting, starting
 from flexid.identification.full_model.fitting import fit_by_length, lengths, refit
 from flexid.identification.full_model.model import FINE, LINK, Data, Structure
-from flexid.identification.full_model.starting import least_squares_start, mirrored, starts
-from flexid.identification.identify import identify
-from flexid.identification.preparation.joint import Kind, joint_of
-from flexid.identification.preparation.settings import Settings
+from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Hold
-from flexid.recording.velocities import with_velocities
 
 TERMS = (*PAPER_TERMS, "motor_coulomb")
 DELAYS = (INPUT, LINK)
@@ -236,36 +231,3 @@ def test_starts_of_a_long_log_are_tried_in_part(monkeypatch: pytest.MonkeyPatch)
     assert 0.1 * len(short[0]) < part < 0.25 * len(short[0])
     assert all_of_it == len(short[0])
     assert found.values == pytest.approx(whole.values, rel=1e-3)
-
-
-@pytest.fixture(scope="module")
-def right():
-    """A drive whose deflection was measured."""
-    return replace(made(3, 6.0), link_from_deflection=True)
-
-
-def is_turned_round(recording, model: Kind = "flexible"):
-    """Whether the deflection is held to be turned round."""
-    joint = joint_of(model)
-    base = Structure(joint, frozenset(joint.shapes), Timing("linear", {}))
-    own = [with_velocities(recording)]
-    return starting.turned_round(base, own, (0,), THRESHOLDS.mirrored_share)
-
-
-@pytest.mark.parametrize("model", ["flexible", "link"])
-def test_only_the_wrong_sign_is_found(right, model):
-    """Assert that a turned deflection is found, but none of an encoder or a joint at rest."""
-    assert is_turned_round(mirrored(right), model)
-    still = replace(made(4, 6.0, size=1e-9), link_from_deflection=True)
-    encoder = replace(mirrored(right), link_from_deflection=False)
-    assert not any(
-        is_turned_round(other, model) for other in (right, encoder, still, mirrored(still))
-    )
-
-
-def test_the_warning_names_the_remedy(right):
-    """Assert that an identification says so, and what to write."""
-    settings = Settings(terms=PAPER_TERMS, hold="linear", input_delay=0.0, link_delay=0.0)
-    found = identify([one_log(mirrored(right))], settings)
-    (warning,) = (w for w in found.warnings if "deflection has the" in w)
-    assert "scale = -1" in warning

@@ -36,6 +36,7 @@ USUAL = {
     "motor_torque": (
         *("tau", "tau_m", "torque", "tau_Nm", "Drehmoment", "Couple moteur (N·m)"),
         *("motor-torque-nm", "MotorTorqueNm", "torque_pct", "Motordrehmoment [Nm]", "tau_inlb"),
+        *("torque_cmd", "TauDes", "torque setpoint [N m]"),
     ),
     "torque": ("joint_torque", "torque_sensor_Nm"),
     "motor_current": (
@@ -43,13 +44,21 @@ USUAL = {
     ),
     "motor_voltage": ("u_V", "voltage", "v_m (V)", "V [mV]"),
     "deflection": ("torsion angle [deg]", "Verdrehwinkel / °", "joint_deflection", "扭转角度"),
-    "position": ("position", "angle", "q", "ActualPosition", "Weg [mm]", "displacement_um"),
+    "position": (
+        "position",
+        "angle",
+        "q",
+        "ActualPosition",
+        "Weg [mm]",
+        "displacement_um",
+        "joint [deg]",
+    ),
     "velocity": ("velocity", "speed_rpm", "v [m/s]", "speed_mm/s"),
     "force": ("force", "Kraft [kN]", "motor_force"),
 }
 STRANGE = (
     *("x1", "a1_q_link_deg", "motor", "load [N m]", "motor [bar]", "tau_l", "link_torque", "i"),
-    *("u", "temperature", "torque_cmd", "position_desired", "motor_link_angle", "q_dot_dot"),
+    *("u", "temperature", "position_cmd", "position_desired", "motor_link_angle", "q_dot_dot"),
     *("position[0]", "pot_V", "", "torque ²", "Winkel * 2", "q̇_m", "-tau", "T [°C]", "tau*1000"),
     *("last_position", "POS_A", "pos_V", "v", "u [rad]", "position error", "τ̇"),
     *(
@@ -110,6 +119,10 @@ NAMED: dict[str, dict[str, Any]] = {
     "a deflection": named("link") | {"spring_deflection_deg": np.degrees(LINK - MOTOR)},
     "one in another unit": named("link") | {"torsion_V": LINK - MOTOR},
     "a command": named(motor_torque="torque_cmd"),
+    "one beside what was measured": named(motor_torque="tau_cmd") | {"tau_m": 2.0 * TORQUE},
+    "one beside the same by its own name": named() | {"tau_cmd": 2.0 * TORQUE},
+    "two commands": named(motor_torque="tau_cmd") | {"tau_des": 2.0 * TORQUE},
+    "the letters of the literature": named(link_position="q", motor_position="theta"),
     "one beside a current": named(motor_torque="tau_ref") | {"motor_strom": 2.0 * TORQUE},
     "a joint with a number": named(**JOINT_3, motor_torque="joint_3_tau"),
     "two of them": NUMBERED | {"q_l_2": np.sin(TIME)},

@@ -15,7 +15,6 @@ from flexid.identification.estimation.excitations import row_excitation, row_siz
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.full_model.model import LINK
-from flexid.identification.full_model.starting import turned_round
 from flexid.identification.judgement import (
     coefficient_estimates,
     constant_estimates,
@@ -32,7 +31,6 @@ from flexid.identification.result import (
     Identification,
     amplifier_warnings,
     compliance_warnings,
-    deflection_warnings,
     division_warnings,
     model_warnings,
     one_way_warnings,
@@ -86,9 +84,6 @@ def identify(
     recordings = job.recordings
     fits, validation, choice = found.fits, found.validation, found.fits.choice
     numbers = _numbers(job, fits, found)
-    turned = turned_round(
-        choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
-    )
     exact = found.disturbances is None
     compliance = _compliance(job, numbers.coefficients, validation)
     if (found.doubts or not exact) and np.isfinite(compliance.deflection):
@@ -126,7 +121,6 @@ def identify(
                 *cautions(Rank.MODEL, fits.retreat),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
                 *amplifier_warnings(amplifier, job.input_unit),
-                *deflection_warnings(turned_round=turned),
                 *sign_warnings(_undoubted(numbers.coefficients, found), fits.driving),
                 *(one_way_warnings(fits.one_way) if exact else ()),
                 *division_warnings(numbers.parameters),

@@ -286,17 +286,6 @@ def amplifier_warnings(amplifier: Amplifier, unit: str) -> Iterator[Caution]:
         )
 
 
-def deflection_warnings(*, turned_round: bool) -> Iterator[Caution]:
-    """Warn of a deflection of the wrong sign."""
-    if turned_round:
-        yield Caution(
-            "the deflection has the wrong sign: with the other one it explains the link's motion, "
-            "as it is it does not; give it scale = -1 in a column map (deflection is link angle "
-            "less motor angle), and trust nothing here until then",
-            Rank.SCALE,
-        )
-
-
 def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[Caution]:
     """Warn of channels that the free run does not repeat."""
     still = [channel for channel, fit in fit_percent.items() if isnan(fit)]

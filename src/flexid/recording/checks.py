@@ -239,9 +239,6 @@ def check_two_encoders(log: Draft) -> None:
         f"{moves}, as if by a gear: {remedy} in a column map": (
             is_one_motion and factor > 20.0 and not (is_stated and larger == "motor")
         ),
-        "link and motor position move in opposite directions: scale one by -1 in a column map": (
-            correlation < -0.98 and factor < 1.1
-        ),
     }
     oddities = {
         f"the {larger} position moves {factor:.2g} times as much as the {smaller} position: check "

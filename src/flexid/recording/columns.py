@@ -189,8 +189,12 @@ class _Plan:
         usual = {header: one for header, one in named.items() if one is not None}
         joint = self._joint_of(usual)
         found: dict[str, list[Recipe]] = {}
-        for header, one in usual.items():
-            if one.joint in ("", joint):
+        of_joint = {header: one for header, one in usual.items() if one.joint in ("", joint)}
+        # What was measured is nearer to what acted than what was asked for.
+        measured = {one.channel for one in of_joint.values() if not one.commanded}
+        is_measured = not {*INPUTS}.isdisjoint({*measured, *self.found})
+        for header, one in of_joint.items():
+            if not (one.commanded and is_measured):
                 recipe = recipe_of_column(self.table, header, one.unit)
                 found.setdefault(one.channel, []).append(recipe)
         # Of several columns those count that are in a unit that needs no scale.
@@ -201,6 +205,7 @@ class _Plan:
         found = {name: plain[name] or own for name, own in found.items()}
         if any(plain.get(name) for name in INPUTS):
             found = {n: own for n, own in found.items() if n not in INPUTS or plain[n]}
+        _name_sides(found)
         known = {*self.found, *found}
         side = _side_of_bare(known & {*POSITIONS}, len(found.get("position", ())))
         for quantity in ("position", "velocity", "torque"):
@@ -277,6 +282,15 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
             found = {*(words.quantities if words is not None else ())}
             if kind in found and others.isdisjoint(found):
                 yield name, header
+
+
+def _name_sides(found: dict[str, list[Recipe]]) -> None:
+    """Give the sides to two positions q and theta, as the literature calls link and motor."""
+    bare = {words_of(split_header(one.header)[0]): one for one in found.get("position", ())}
+    named = {words.all: one for words, one in bare.items() if words is not None}
+    if {*named} == {("q",), ("theta",)} and found.keys().isdisjoint(POSITIONS):
+        del found["position"]
+        found["link_position"], found["motor_position"] = [named["q",]], [named["theta",]]
 
 
 def _side_of_bare(known: Collection[str], count: int) -> str:

@@ -15,6 +15,7 @@ from flexid.recording.units import is_usual, quantity_of, unit_of_word
 _WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 QUANTITIES, SIDES = _WORDS["quantities"], _WORDS["sides"]
 CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # also as a part of a path, or with a unit
+_SAID = {*CLEAR_SIDES, "joint"}  # with a unit of a position
 # A row's number, any input, a speed, a number, a belt's tension.
 _NEED_UNIT = {"i", "u", "v", "w", "n", "tension", "par"}
 _ENGLISH = {"position", "pos", "angle", "ang", "velocity", "vel", "speed", "torque", "current"}
@@ -43,6 +44,7 @@ class Words(NamedTuple):
     sides: frozenset[str]
     needs_unit: bool  # whether another thing is called so, too
     others: tuple[str, ...]  # that say nothing known
+    commanded: bool  # whether it was asked for, and not measured
 
 
 @cache
@@ -66,12 +68,15 @@ def words_of(name: str) -> Words | None:
     ]
     quantities = tuple(kind for kind in kinds if kind in QUANTITIES)
     unknown = {"", *(f"filler of {one}" for one in QUANTITIES if one not in quantities)}
+    if not {*quantities} & {*_INPUTS}:
+        unknown.add("command")
     return Words(
         words,
         quantities,
         frozenset(kind for kind in kinds if kind in SIDES),
         not _NEED_UNIT.isdisjoint(words),
         tuple(word for word, kind in zip(words, kinds, strict=True) if kind in unknown),
+        "command" in kinds,
     )
 
 
@@ -134,6 +139,7 @@ class Usual(NamedTuple):
     channel: str  # without a side, "position", "velocity" or "torque"
     unit: str | None  # in the name
     joint: str = ""  # the number of the joint, where the name has one
+    commanded: bool = False  # an input that was asked for, and not measured
 
 
 @cache
@@ -229,7 +235,7 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     if {*quantities} == {"deflection", "position"}:  # as torsion angle
         quantities = ("deflection",)
     is_encoder = not {"enc", "encoder"}.isdisjoint(words.all)
-    if not quantities and sides and (is_encoder or not CLEAR_SIDES.isdisjoint(words.all)):
+    if not quantities and words.sides and (is_encoder or not _SAID.isdisjoint(words.all)):
         measured = quantity_of(unit) if unit else "position" if is_encoder else None
         quantities = (measured,) if measured else ()  # as Motor [deg]
     if len(quantities) != 1 or len(sides) > 1:
@@ -253,7 +259,7 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
         name = "torque" if is_apart else f"motor_{quantity}"
         if quantity == "force":
             name, unit = "force", unit or "N"
-        return Usual(name, unit, number)
+        return Usual(name, unit, number, words.commanded)
     if quantity == "deflection":  # a link may bend, and a strain gauge shows it in another unit
         is_angle = unit is None or quantity_of(unit) == "position"
         return Usual(quantity, unit, number) if is_angle and not side else None

@@ -16,6 +16,7 @@ from flexid.models.motion import JointType
 from flexid.readers.formats import format_of
 from flexid.recording import checks
 from flexid.recording.columns import read_channels
+from flexid.recording.directions import reversed_channels, turned
 from flexid.recording.outliers import mend
 from flexid.recording.recording import ENCODERS, INPUTS, VELOCITIES, Draft, Log, Rank, Recording
 from flexid.recording.sampling import (
@@ -173,16 +174,29 @@ def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool, alone: bool) -
     _add_link_position(log)
     if not rests:
         _check_together(log)
-    recordings = [
-        _recording_of(log, grid.sample_time, part, resample=grid.resample)
-        for part in grid.recordings
-    ]
+    recordings = _recordings_of(log, grid)
+    while not rests and (backward := [*reversed_channels(log, _longest(recordings), alone=alone)]):
+        turned(log, backward)
+        _add_link_position(log)
+        recordings = _recordings_of(log, grid)
+        origins |= {name: log.channels[name].origin for name in backward}
     measured = log.those_of(VELOCITIES)
     unused = {name: None for name in measured if not is_used(log, name, recordings)}
     recordings = [replace(recording, **unused) for recording in recordings]
     if not rests:
-        check_motion(log, max(recordings, key=len), alone=alone)
+        check_motion(log, _longest(recordings), alone=alone)
     return Log(tuple(recordings), tuple(log.warnings), log.file, table.sha256, origins, rests)
+
+
+def _recordings_of(log: Draft, grid: Grid) -> list[Recording]:
+    return [
+        _recording_of(log, grid.sample_time, part, resample=grid.resample)
+        for part in grid.recordings
+    ]
+
+
+def _longest(recordings: Sequence[Recording]) -> Recording:
+    return max(recordings, key=len)
 
 
 def _check_each(log: Draft) -> None:

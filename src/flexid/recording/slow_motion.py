@@ -77,7 +77,7 @@ def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
 
 def _wrong_unit(recording: Recording) -> str:
     """What to say of angles in another unit than gravity acts by; empty where there is nothing."""
-    smoothed = _smoothing(recording)
+    smoothed = smoothing(recording)
     if smoothed is None or recording.joint == "prismatic":
         return ""
     motor, link = recording.motor_position, recording.link_position
@@ -88,7 +88,7 @@ def _wrong_unit(recording: Recording) -> str:
 
     def left(factor: float, *more: FloatArray) -> float:
         angle = factor * sensed
-        return _left_over(moved, [smoothed(np.sin(angle)), smoothed(np.cos(angle))], more)
+        return left_over(moved, [smoothed(np.sin(angle)), smoothed(np.cos(angle))], more)
 
     # What a spring or a controller makes in proportion to the angle is no gravity in degrees.
     as_read, as_spring = left(1.0, *others), left(1.0, *others, smoothed(sensed))
@@ -115,7 +115,7 @@ def late_input(recording: Recording) -> Iterator[str]:
 
 def input_lateness(recording: Recording) -> float:
     """How much later in s than it was logged an input acts, beyond what a fit finds; else 0."""
-    smoothed = _smoothing(recording)
+    smoothed = smoothing(recording)
     motor, link, acts = recording.motor_position, recording.link_position, recording.input
     reach = round(_LATEST / recording.sample_time)
     if smoothed is None or link is None or acts is None or len(motor) < _FEWEST_REACHES * reach:
@@ -155,7 +155,7 @@ def input_lateness(recording: Recording) -> float:
 
 def scales_apart(recording: Recording) -> tuple[float, float]:
     """By how much more the link moves than the motor than mechanics allow, and its error; or 0."""
-    smoothed = _smoothing(recording)
+    smoothed = smoothing(recording)
     motor, link = recording.motor_position, recording.link_position
     turns = recording.joint == "revolute"
     if smoothed is None or link is None or (turns and np.ptp(motor) <= _WIDE):
@@ -163,24 +163,24 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     gravity = [smoothed(np.sin(link)), smoothed(np.cos(link))] if turns else []
     mechanics = [*gravity, smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
     deflection, moved = smoothed(link - motor), smoothed(motor)
-    share, error = _own_share(deflection, moved, mechanics)
-    left, beside = _left_over(deflection, mechanics), _left_over(deflection, [moved, *mechanics])
+    share, error = own_share(deflection, moved, mechanics)
+    left, beside = left_over(deflection, mechanics), left_over(deflection, [moved, *mechanics])
     named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
     return (share, error) if named and beside < _EXPLAINED * left else (0.0, 0.0)
 
 
 @lru_cache(maxsize=1)  # a log is checked for scales first, and then for a late input
-def _smoothing(recording: Recording) -> _Smoothing | None:
+def smoothing(recording: Recording) -> Smoothing | None:
     """What smooths the noise of both encoders; None where a recording is too short for it."""
     motor, link = recording.motor_position, recording.link_position
     sensed = motor if link is None else link
     width = max(map(best_half_window, [motor] if link is None else [motor, link]))
-    smoothed = _Smoothing(width, recording.sample_time)
+    smoothed = Smoothing(width, recording.sample_time)
     enough = len(motor) - smoothed.length >= _FEWEST * width and np.ptp(sensed) > 0.0
     return smoothed if enough else None
 
 
-class _Smoothing:
+class Smoothing:
     """A Gaussian kernel with its derivatives, at every so many samples as it makes much alike."""
 
     def __init__(self, width: int, sample_time: float) -> None:
@@ -195,6 +195,7 @@ class _Smoothing:
         self._time = sample_time
 
     def __call__(self, values: FloatArray, derivative: int = 0) -> FloatArray:
+        """Return smoothed values, or their first or second derivative, shape (m,)."""
         windows = np.lib.stride_tricks.sliding_window_view(values, self.length + 1)
         return windows[:: self.step] @ self.kernels[derivative]
 
@@ -203,14 +204,14 @@ class _Smoothing:
         return self(np.sign(velocity(position, self._time, self.step)))
 
 
-def _left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
+def left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
     """Squares of a signal that others and a constant leave unexplained."""
     matrix, _ = _scaled([np.ones_like(target), *chain(*signals)])
     solution = np.linalg.lstsq(matrix, target, rcond=1e-10)[0]
     return float(np.sum((target - matrix @ solution) ** 2))
 
 
-def _own_share(
+def own_share(
     deflection: FloatArray, moved: FloatArray, mechanics: Sequence[FloatArray]
 ) -> tuple[float, float]:
     """The motor position's own share in the deflection, and its standard error (jackknife)."""

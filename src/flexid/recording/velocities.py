@@ -208,18 +208,15 @@ _ACCURACY = 50.0  # a window's motion over the noise of its two ends: 2 %
 _SHORTEST = 40  # windows that a recording has to hold
 _MOST_OFF = 0.1  # of the velocity's size, up to which it is used: what noise and filters make
 _MOST_SCALED = 0.03  # of the scale, the same: 1 % where a filter takes the fast part away
-_OPPOSITE = {-1.0: "the opposite direction, so scale it by -1 in a column map"}
 _KNOWN = {
     "revolute": {
         180.0 / np.pi: "deg/s, so write the unit [deg/s]",
         np.pi / 180.0: "rad/s and the position in degrees, so write the units",
         30.0 / np.pi: "rpm, so write the unit [rpm]",
-        **_OPPOSITE,
     },
     "prismatic": {
         1e3: "mm/s, so write the unit [mm/s]",
         1e-3: "m/s and the position in millimetres, so write the units",
-        **_OPPOSITE,
     },
 }
 

@@ -33,10 +33,9 @@ from flexid.identification.full_model.fitting import (
     in_part,
     motion_at,
 )
-from flexid.identification.full_model.model import Data, Fitted, M, Structure, data_of
+from flexid.identification.full_model.model import Data, Fitted, M, Structure
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models import flexible_joint as declared
-from flexid.recording.recording import Recording
 
 RATES = (20.0, 60.0, 7.0, 200.0)
 """Of the filters of least squares, in 1/s."""
@@ -207,34 +206,6 @@ def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
     }
     sought = structure.unknowns(groups)
     return Unknowns(smooth, {**off, **given}, sought.per_group, tuple(groups))
-
-
-def turned_round(
-    structure: Structure, recordings: Sequence[Recording], groups: Sequence[int], share: float
-) -> bool:
-    """Whether a measured deflection explains the link's motion if its sign is changed, only then.
-
-    The link's row alone decides: the motor's fits either way, with a stiffness of either sign.
-    """
-    if not recordings[0].link_from_deflection:
-        return False
-    fits = [
-        least_squares_start(structure, data_of(structure.joint, some, groups), _FILTER_RATE)[1]
-        for some in (recordings, [mirrored(recording) for recording in recordings])
-    ]
-    as_it_is, other = (unexplained_link(fit) for fit in fits)
-    springs = fits[1].by_name
-    positive = all(springs.get(name, 1.0) > 0.0 for name in declared.SPRING)
-    return positive and other < share * as_it_is
-
-
-def mirrored(recording: Recording) -> Recording:
-    """The recording with its deflection turned round."""
-    motor, link = recording.motor_position, recording.needed_link_position
-    found = replace(recording, link_position=2.0 * motor - link)
-    if recording.link_velocity is None or recording.motor_velocity is None:
-        return found
-    return replace(found, link_velocity=2.0 * recording.motor_velocity - recording.link_velocity)
 
 
 def unexplained_link(fit: LeastSquaresFit) -> float:

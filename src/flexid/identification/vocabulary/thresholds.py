@@ -133,13 +133,6 @@ class Thresholds:
         "which it is lost: without this rule 25 of 49 logs of one sine below it have a determined "
         "value that is wrong by more than 1 %, and none of 26 above it",
     )
-    mirrored_share: float = _threshold(
-        0.25,
-        "1",
-        "of the part of the link's acceleration that a measured deflection leaves unexplained, "
-        "below which the deflection turned round is the right one: 4e-5 where the sign is wrong, "
-        "30 where it is right",
-    )
     contradiction: float = _threshold(
         3.0,
         "standard deviations",

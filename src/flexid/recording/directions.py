@@ -1,0 +1,145 @@
+"""Channels that are counted against the motor's direction, which the drive's mechanics tell.
+
+Of link and motor, smoothed alike as in `slow_motion`,
+
+    link - motor     = -(J link'' + g sin(link + angle)) / k + a link' + b sign(link') + c,
+    torque           =  (J + M) motor'' + J (link - motor)'' + g sin(link + angle) + friction,
+
+so that a deflection goes against the link's acceleration, and a torque with the motor's. Where the
+log says the opposite, a sign is wrong: no spring and no inertia is negative, and no drive gives
+back more than was put into it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.recording.recording import INPUTS, Draft, Rank, Recording
+from flexid.recording.slow_motion import Smoothing, left_over, own_share, smoothing
+
+_OPPOSITE = -0.98  # correlation of link and motor, whose sizes are alike
+_ALIKE = 1.1  # sizes of link and motor: a soft joint near its resonance moves one side otherwise
+_CERTAIN = 5.0  # standard errors
+_EXPLAINED = 0.5  # of the squares of a deflection or an input, left over at most
+_LIKELIER = 0.5  # of what a deflection leaves over as it is: at most 0.33 if it has to be turned
+
+
+def reversed_channels(log: Draft, recording: Recording, *, alone: bool) -> Iterator[str]:
+    """Name channels that count against the motor's direction, and say so.
+
+    An arm's inputs move other joints, too, so that only a joint that is `alone` tells of its own.
+    """
+    if _is_reversed_link(recording):
+        yield from _named(log, "link", "it moves against the motor's position")
+    elif _is_reversed_deflection(recording):
+        why = "as it is it does not pull the link, and it is the link's position less the motor's"
+        yield from _named(log, "deflection", why)
+    elif alone and _is_reversed_input(recording):
+        name = next(name for name in INPUTS if name in log.channels)
+        yield from _named(log, name, "it pulls against the way in which the motor accelerates")
+
+
+def turned(log: Draft, names: list[str]) -> None:
+    """Turn channels to the motor's direction, in their values and in what is told of them."""
+    for name in names:
+        channel = log.channels[name]
+        origin = replace(
+            channel.origin, factor=-channel.origin.factor, offset=-channel.origin.offset
+        )
+        log.channels[name] = replace(channel, values=-channel.values, origin=origin)
+
+
+def _named(log: Draft, what: str, why: str) -> Iterator[str]:
+    """Say of a channel, and its velocity, why it is turned."""
+    names = [name for name in log.names if name == what or name.startswith(f"{what}_")]
+    log.warn(
+        names if len(names) > 1 else names[0],
+        f"{' and '.join(names)} was taken with the other sign, since {why}: check the sign, and "
+        f"write scale = -1 in a column map",
+        Rank.SCALE,
+    )
+    yield from names
+
+
+def _is_reversed_link(recording: Recording) -> bool:
+    """Whether two encoders count in opposite directions.
+
+    Beyond its resonance a joint's sides do move against each other, bending it as its spring does.
+    """
+    link, motor = recording.link_position, recording.motor_position
+    if link is None or recording.clamped or recording.link_from_deflection:
+        return False
+    correlation = float(np.corrcoef(link, motor)[0, 1])
+    ratio = float(motor.std() / link.std())
+    is_one_motion = correlation < _OPPOSITE and 1.0 / _ALIKE < ratio < _ALIKE
+    return is_one_motion or (correlation < 0.0 and _pulls_better(recording, -link))
+
+
+def _is_reversed_deflection(recording: Recording) -> bool:
+    """Whether a measured deflection is the motor's position less the link's."""
+    is_measured = recording.link_from_deflection
+    return is_measured and _pulls_better(recording, recording.motor_position - recording.deflection)
+
+
+def _pulls_better(recording: Recording, turned_link: FloatArray) -> bool:
+    """Whether the spring's deflection pulls the link as it should only with the link turned."""
+    smoothed = smoothing(recording)
+    if smoothed is None:
+        return False
+    as_it_is, other = (
+        _explained(
+            smoothed(link - recording.motor_position),
+            smoothed(link, 2),
+            _resisting(recording, smoothed, link),
+        )
+        for link in (recording.needed_link_position, turned_link)
+    )
+    if not other.against:
+        return False
+    return not as_it_is.against or other.left < _LIKELIER * as_it_is.left
+
+
+def _is_reversed_input(recording: Recording) -> bool:
+    """Whether an input pulls against the motor's acceleration, and takes work out of the drive.
+
+    Of a drive with one encoder an elastic load may accelerate against the input, which then still
+    does work; a load that is let down gives work back, and accelerates with the input.
+    """
+    smoothed = smoothing(recording)
+    if smoothed is None or recording.input is None or recording.clamped:
+        return False
+    motor, link = recording.motor_position, recording.link_position
+    others = _resisting(recording, smoothed, motor if link is None else link)
+    if link is not None:
+        others = [smoothed(link - motor, 2), *others]
+    middle = 0.5 * (recording.input[1:] + recording.input[:-1])
+    if middle @ np.diff(motor) >= 0.0:
+        return False
+    return _explained(smoothed(recording.input), smoothed(motor, 2), others).against
+
+
+class _Explained(NamedTuple):
+    """What mechanics explain of a signal."""
+
+    against: bool  # whether it certainly goes against the acceleration
+    left: float  # of its squares, what nothing explains
+
+
+def _explained(
+    signal: FloatArray, acceleration: FloatArray, others: Sequence[FloatArray]
+) -> _Explained:
+    """How much of a signal the acceleration and others explain, and to which side."""
+    share, error = own_share(signal, acceleration, others)
+    size = left_over(signal)
+    left = left_over(signal, [acceleration, *others]) / size if size else 1.0
+    return _Explained(left < _EXPLAINED and share < -_CERTAIN * error, left)
+
+
+def _resisting(recording: Recording, smoothed: Smoothing, moved: FloatArray) -> list[FloatArray]:
+    """Gravity and friction of a side, each of unknown size."""
+    turns = recording.joint == "revolute"
+    gravity = [smoothed(np.sin(moved)), smoothed(np.cos(moved))] if turns else []
+    return [*gravity, smoothed(moved, 1), smoothed.sign(moved)]

@@ -1,0 +1,105 @@
+"""Signs that the drive's mechanics contradict are turned, and no others.
+
+The motion is given by the link's, ``q``, all of it sums of sines: without friction of the link,
+``theta = q + J q'' / k`` and ``u = M theta'' + J q'' + f theta'``.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from joint_log import read_columns
+
+from flexid.arrays import FloatArray
+from flexid.recording.recording import rank_of
+
+J, M, K, F = 0.4, 0.3, 600.0, 0.5  # kg m², kg m², N m/rad, N m s/rad
+ANTIRESONANCE, RESONANCE = (K / J) ** 0.5, (K / J + K / M) ** 0.5  # rad/s
+SLOW = (2.0, 5.3, 9.1, 14.7)
+BETWEEN = (1.15 * ANTIRESONANCE,)  # it and the resonance
+BEYOND = (0.98 * RESONANCE, 1.1 * RESONANCE)
+COUNT = 1e-6  # rad, of both encoders
+TIME: FloatArray = 1e-3 * np.arange(8000.0)
+
+
+def driven(*frequencies: float) -> dict[str, FloatArray]:
+    """A joint whose link swings at some frequencies in rad/s, 1 rad/s fast at each."""
+    waves = [(w, np.exp(1j * (w * TIME + k)) / w) for k, w in enumerate(frequencies)]
+
+    def summed(factor: Any) -> FloatArray:
+        return np.sum([(factor(1j * w) * wave).imag for w, wave in waves], axis=0)
+
+    link = summed(lambda s: s**0)
+    motor = summed(lambda s: 1.0 + J * s**2 / K)
+    torque = summed(lambda s: (M * s**2 + F * s) * (1.0 + J * s**2 / K) + J * s**2)
+    link, motor = (COUNT * np.rint(values / COUNT) for values in (link, motor))
+    return {"time": TIME, "link_position": link, "motor_position": motor, "motor_torque": torque}
+
+
+def with_deflection(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The same with a sensor in the spring in place of the link's encoder."""
+    found = {name: values for name, values in columns.items() if name != "link_position"}
+    return found | {"deflection": columns["link_position"] - columns["motor_position"]}
+
+
+def with_one_encoder(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The same without the link's encoder."""
+    return {name: values for name, values in columns.items() if name != "link_position"}
+
+
+def let_down() -> dict[str, FloatArray]:
+    """A load that is let down from a quarter of a turn, and gives back what lifted it."""
+    angle = 0.75 * (1.0 + np.cos(np.pi * TIME / TIME[-1])) + 0.02 * np.sin(9.0 * TIME)
+    acceleration = np.gradient(np.gradient(angle, TIME), TIME)
+    torque = J * acceleration + 5.0 * np.sin(angle)
+    assert torque[:-1] @ np.diff(angle) < 0.0
+    return {"time": TIME, "motor_position": angle, "motor_torque": torque}
+
+
+RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
+    "two encoders": driven(*SLOW),
+    "a deflection": with_deflection(driven(*SLOW)),
+    "one encoder": with_one_encoder(driven(*SLOW)),
+    "sides that move against each other": driven(*BEYOND),
+    "a deflection of such": with_deflection(driven(*BEYOND)),
+    "a load that pulls against the torque": with_one_encoder(driven(*BETWEEN)),
+    "a load that is let down": let_down(),
+}
+
+
+@pytest.mark.parametrize("case", RIGHT)
+def test_what_is_right_is_not_turned(case: str) -> None:
+    """Assert that nothing is said of a drive whose signs are right."""
+    log = read_columns(RIGHT[case])
+    assert not any("the other sign" in warning for warning in log.warnings)
+
+
+@pytest.mark.parametrize(
+    ("case", "counted", "told"),
+    [
+        ("two encoders", ("link_position",), ("link_position",)),
+        ("two encoders", ("motor_torque",), ("motor_torque",)),
+        ("two encoders", ("link_position", "motor_torque"), ("link_position", "motor_torque")),
+        ("a deflection", ("deflection",), ("deflection",)),
+        ("a deflection", ("deflection", "motor_torque"), ("deflection", "motor_torque")),
+        ("one encoder", ("motor_torque",), ("motor_torque",)),
+        ("a deflection of such", ("deflection",), ("deflection",)),
+    ],
+)
+def test_a_wrong_sign_is_turned(case: str, counted: tuple[str, ...], told: tuple[str, ...]) -> None:
+    """Assert that a channel of the wrong sign is read as the right one is, and that it is said."""
+    right = read_columns(RIGHT[case])
+    turned = read_columns({n: -v if n in counted else v for n, v in RIGHT[case].items()})
+    for one, own in zip(turned.recordings, right.recordings, strict=True):
+        np.testing.assert_array_equal(one.motor_position, own.motor_position)
+        np.testing.assert_array_equal(one.input, own.input)
+        if one.link_position is not None and own.link_position is not None:
+            np.testing.assert_allclose(one.link_position, own.link_position, atol=1e-12)
+    said = [warning for warning in turned.warnings if "the other sign" in warning]
+    assert len(said) == len(told)
+    for name, warning in zip(told, said, strict=True):
+        assert f"{name} was taken with the other sign" in warning
+        assert "scale = -1" in warning
+        assert rank_of(warning).name == "SCALE"
+        assert turned.columns[name].factor == -right.columns[name].factor
