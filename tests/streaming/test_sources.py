@@ -24,8 +24,7 @@ from moving_joint import (
 from flexid.errors import RecordingError
 from flexid.library.watched import Watch
 from flexid.streaming import incoming
-from flexid.streaming.incoming import Replay
-from flexid.streaming.sources import open_source
+from flexid.streaming.incoming import Replay, open_source
 
 LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]
 

@@ -14,10 +14,9 @@ from moving_joint import CHOSEN, OPTIONS, H, options_of
 
 import flexid
 from flexid.library.watched import Watch
-from flexid.streaming.incoming import Replay, TextStream, sample_time_of
+from flexid.streaming.incoming import Replay, TextStream, open_source, sample_time_of
 from flexid.streaming.options import WatchOptions, check_comparable, chosen_channels, wanted_kind
 from flexid.streaming.session import Session
-from flexid.streaming.sources import open_source
 
 CLOCKS = {
     **{f"samples of {each} s": {"sample_time": each} for each in (0.0, 1e-320, np.nan, 0.51)},

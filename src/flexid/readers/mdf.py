@@ -43,7 +43,7 @@ def read(path: Path) -> Contents:
         for clock, length in {one.clock: one.length for one in chosen}.items():
             for first in range(0, length, size):
                 part = {"record_offset": first, "record_count": min(size, length - first)}
-                columns = {STAMPS: _numbers(file.get_master(groups[clock], **part))}
+                columns = {STAMPS: np.asarray(file.get_master(groups[clock], **part), dtype=float)}
                 for one in chosen:
                     if one.clock == clock:
                         columns[one.path] = _samples(file, *places[one.path], part)
@@ -93,8 +93,4 @@ def _samples(file: Any, group: int, index: int, part: dict[str, int]) -> np.ndar
             f"{lost} of its {part['record_count']} samples{where} are marked as invalid: cut the "
             f"log to where all are valid",
         )
-    return _numbers(signal.samples)
-
-
-def _numbers(values: Any) -> np.ndarray:
-    return np.asarray(values, dtype=float)
+    return np.asarray(signal.samples, dtype=float)

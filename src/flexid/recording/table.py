@@ -215,7 +215,6 @@ _DAYS = r"\d+ days?,? "  # before a time of day, as Python writes a duration
 _STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ])|{_DAYS})?{_TIME}({_ZONE})?\s*")
 _OF_DAY = "%H:%M:%S%.f"
 _LONGEST = 48  # characters of a stamp
-_EXACT = 2**53  # integers up to which are floating-point numbers, too
 _SINCE_1970 = (1e18, 2**63)  # nanoseconds, from 2001 on; any other unit has no such numbers
 _OF_WINDOWS = "0.1 us"  # since 1601
 _LARGEST = 2**62  # differences up to which those of integers do not wrap
@@ -320,17 +319,16 @@ class Clock:
         """Numbers of a column of so many s each, from the first one on where that is long ago."""
         import polars as pl
 
-        exact = None if self._since_1970 else _exact(table, header)
-        found: Any = table.numbers(header) if exact is None else exact
+        found = table.numbers(header)
         if header not in self._origins:
-            first = found[0] if len(found) else 0
-            is_far = not self._since_1970 and abs(float(first) * scale) > LONG_AGO
-            self._origins[header] = first if is_far else 0
+            first = found[0] if len(found) else 0.0
+            is_far = not self._since_1970 and abs(first * scale) > LONG_AGO
+            exact = _exact(table, header) if is_far else None
+            self._origins[header] = (first if exact is None else exact[0]) if is_far else 0.0
         origin = self._origins[header]
+        exact = _exact(table, header) if origin else None
         if exact is None:
             return found - float(origin)
-        if not origin:
-            return table.numbers(header)
         return np.require((exact - origin).cast(pl.Float64).to_numpy(), np.float64, "W")
 
     def _seconds(self, ticks: NDArray[np.int64], per_second: int) -> FloatArray:
@@ -378,20 +376,15 @@ def _usual_form(column: polars.Series) -> str | None:
 
 
 def _exact(table: Table, header: str) -> polars.Series | None:
-    """Decimals or integers of which floating-point numbers would keep too few digits."""
+    """Decimals or integers, of which floating-point numbers may keep too few digits."""
     import polars as pl
 
     column = table.frame[header]
-    first = column[0] if len(column) else None
     if column.dtype == pl.String:
         column = column.str.strip_chars()
-        if not re.fullmatch(r"[+-]?\d{9,}(?:[.,]\d*)?", (first or "").strip()):
-            return None
         if table.has_decimal_commas:
             column = column.str.replace(",", ".", literal=True)
-    elif not isinstance(column.dtype, pl.Decimal) and not (
-        column.dtype.is_integer() and abs(first or 0) >= _EXACT
-    ):
+    elif not (isinstance(column.dtype, pl.Decimal) or column.dtype.is_integer()):
         return None
     found = column.cast(pl.Decimal(38, _PLACES), strict=False)
-    return None if found.null_count() or first is None else found
+    return None if found.null_count() else found
