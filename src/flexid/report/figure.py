@@ -73,9 +73,14 @@ def save(figure: Figure, directory: Path, name: str, formats: Sequence[str] = ("
     """Write the figure as ``directory/name.format`` for each format."""
     with mpl.rc_context(STYLE):
         for extension in formats:
-            # Without a date the same result gives the same file
-            metadata = {"CreationDate": None} if extension == "pdf" else None
-            figure.savefig(directory / f"{name}.{extension}", metadata=metadata)
+            path = directory / f"{name}.{extension}"
+            if extension == "png":
+                shown, figure.dpi = figure.dpi, mpl.rcParams["savefig.dpi"]
+                FigureCanvasAgg(figure).print_png(path)  # savefig draws twice
+                figure.dpi = shown
+            else:  # without a date the same result gives the same file
+                metadata = {"CreationDate": None} if extension == "pdf" else None
+                figure.savefig(path, metadata=metadata)
 
 
 _WIDTH = 7.2  # inches, of a printed page
@@ -107,7 +112,9 @@ def draw(chart: Chart, ax: Axes | None = None) -> Figure:
             shown = [fill(label, _LETTERS - _HANDLE) for label in labels]
             handles = [found[label] for label in labels]
             figure.legend(handles, shown, loc="outside lower left", ncols=columns)
-        figure.draw_without_rendering()
+        layout = figure.get_layout_engine()
+        assert layout is not None
+        layout.execute(figure)
         figure.set_layout_engine("none")  # it is laid out, for its file and for its page
     return figure
 
@@ -254,7 +261,7 @@ def chart_html(chart: Chart) -> str:
     heading.set_visible(False)
     own: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": chart.name}
     with mpl.rc_context({**STYLE, **own}), io.StringIO() as file:
-        FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})  # savefig draws twice
+        FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})
         text = file.getvalue()
     heading.set_visible(True)
     figure.set_canvas(canvas)
