@@ -67,7 +67,7 @@ JOBS = (
     Job("fuzz", "--seconds 1 'model file'"),
     Job("growth"),
     Job("integration", "--seeds 1 --family basic"),
-    Job("mutants", "text.py --sample 1"),
+    Job("mutants", "names.py --sample 1"),
     Job("observer", programs=("gcc",)),
     Job("one_clock"),
     Job("online", "--seeds 1"),

@@ -159,7 +159,7 @@ def test_a_delay_between_encoders_is_found(stiffness: float):
         assert found.by_spring > 0.9
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_friction_stays_beside_disturbances(seed: int):
     """Assert what a pendulum shows whose torque is disturbed, and of what dry friction takes 10 %.
 
