@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from flexid.errors import SimulationError
-from flexid.models.flexible_joint import flexible_joint
 from flexid.paper.laws import pd_gravity
-from flexid.paper.loop import constant
+from flexid.paper.loop import sinusoid
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import simulate_ensemble, simulate_sampled_ensemble
 from flexid.simulation.free_run import free_run
@@ -74,7 +73,10 @@ def test_observer_is_of_second_order() -> None:
     """Assert that under a constant input the estimates err with the square of the sample time."""
     law = pd_gravity(proportional=0.0, derivative=0.0)
     loop = replace(
-        LOOP, controller=law, reference=constant(1.0), initial_state=(0.5, 0.0, 0.7, 0.0)
+        LOOP,
+        controller=law,
+        reference=sinusoid(0.0, 5.0, offset=1.0),
+        initial_state=(0.5, 0.0, 0.7, 0.0),
     )
     exact = simulate(loop, 2.0, 1e-2, 1e-10).parameter_errors[-1]
     times = np.array([8e-3, 4e-3, 2e-3, 1e-3])
@@ -150,11 +152,8 @@ def test_settings_that_mean_nothing(refusals: Any) -> None:
 
 
 def test_plant_moves_as_in_a_free_run() -> None:
-    """Assert that between samples the plant does what a free run does, steep friction or not."""
-    terms = ("gravity", "motor_viscous", "motor_coulomb")
-    system = flexible_joint(terms, dict(LOOP.system.constants))
-    coefficients = {**LOOP.coefficients, "alpha_coulomb": 300.0}
-    loop = replace(LOOP, system=system, coefficients=coefficients)
-    run = simulate_sampled(loop, 2.0, Sampling(1e-2))
-    alone = free_run(system, coefficients, np.zeros(4), run.inputs, 1e-2, "zero")
+    """Assert that between samples the plant does what a free run does, however steep friction."""
+    coefficients = {**LOOP.coefficients, "alpha2": 3000.0}
+    run = simulate_sampled(replace(LOOP, coefficients=coefficients), 2.0, Sampling(1e-2))
+    alone = free_run(LOOP.system, coefficients, np.zeros(4), run.inputs, 1e-2, "zero")
     np.testing.assert_allclose(run.states, alone, atol=1e-9)
