@@ -217,7 +217,7 @@ def eccentric(size: float, motor_push: float) -> tuple[Fitted, Estimate]:
     return found.fitted, disturbed_estimate(found, log, "N m")[0]
 
 
-@pytest.mark.parametrize("size", [0.0, 2e-3])
+@pytest.mark.parametrize("size", [0.0, 1e-3, 2e-3])
 def test_a_torque_tells_gravity_from_an_eccentric_encoder(size: float):
     """Assert that gravity is doubted by what the motor's balance allows, and the truth held."""
     fitted, estimate = eccentric(size, 0.3)

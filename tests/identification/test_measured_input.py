@@ -227,9 +227,9 @@ def test_an_amplifier_is_found(dead_zone: float, limit: float):
 
 def test_a_torque_that_was_commanded_has_a_limit():
     """Assert that it is found, and that the intervals allow for how well it is known."""
-    found = identify([log(recorded(0.0, 4.0, "N m"))])
+    found = identify([log(recorded(0.0, 6.0, "N m"))])
     assert found.choices.amplifier.dead_zone == 0.0
-    assert found.choices.amplifier.limit == pytest.approx(4.0, rel=0.01)
+    assert found.choices.amplifier.limit == pytest.approx(6.0, rel=0.01)
     for name, true in (("motor_inertia", 0.3), ("link_inertia", 1.0), ("joint_stiffness", 100.0)):
         parameter = found.parameters[name]
         assert parameter.interval[0] < true < parameter.interval[1]
