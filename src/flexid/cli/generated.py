@@ -20,7 +20,7 @@ from click.core import ParameterSource
 
 from flexid.cli.options import (
     FLAGS,
-    OPTIONS,
+    OUT,
     Argument,
     declared,
     flag_of,
@@ -175,7 +175,7 @@ class Command(click.Command):
         said = [sentences(part) for part in prose.strip().split("\n\n")]
         body = [head, *said, notes, f"Exit status: {status}"]
         lines = ["\b", "Examples:", *(f"  flexid {example}" for example in examples)]
-        written = OPTIONS["out"]._replace(note=f"Write {writes} into this directory.")
+        written = OUT._replace(note=f"Write {writes} into this directory.")
         printing = {"out": written, **FLAGS}
         super().__init__(
             name,

@@ -122,10 +122,9 @@ def _pairs(metavar: str, parse: Callable[[str, Any], Any], note: str = "") -> Op
 
 
 _FILE = Option(NAMED, "FILE")
-_SECONDS = Option(float, "SECONDS")
-_DELAY = Option(str, "SECONDS", parse_number)
-_NUMBER = Option(int, "NUMBER")
+OUT = Option(NAMED, "DIR", lambda _name, path: Path(path))
 _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
+_TERMS = Option(str, "NAMES", note=f"Names between commas: {_NAMES}.")
 
 ARGUMENTS = {
     "log": Option(NAMED, "LOG"),
@@ -137,42 +136,37 @@ ARGUMENTS = {
 """What stands without a name, by parameter of the library, but for texts."""
 
 OPTIONS = {
-    "bounds": _pairs(
+    "AutoNumber": Option(str, "SECONDS", parse_number),
+    "Bounds": _pairs(
         "NAME=LOW:HIGH",
         parse_bounds,
         "Such as joint_stiffness=50:200 or motor_viscous_friction=0:.",
     ),
-    "columns": _FILE,
-    "coulomb_velocity": Option(str, "VELOCITY", parse_number),
-    "duration": _SECONDS,
-    "estimate": _FILE,
-    "every": _SECONDS,
-    "filter_rate": Option(str, "1/S", parse_number),
-    "header": Option(
-        str,
-        "NAMES",
-        note="Such as 'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.",
-    ),
-    "input_delay": _DELAY,
-    "known": _pairs(
+    "Columns": _FILE,
+    "FilePath": _FILE,
+    "Iterable[str]": _TERMS,
+    "Known": _pairs(
         "NAME=VALUE", parse_known, "Such as motor_inertia=0.3 or joint_stiffness=100+-5."
     ),
-    "link_delay": _DELAY,
-    "log": _FILE,
-    "memory": _SECONDS,
-    "out": Option(NAMED, "DIR", lambda _name, path: Path(path)),
-    "port": _NUMBER,
-    "sample_time": _SECONDS,
-    "scheduler": Option(str, "ADDRESS"),
-    "seed": _NUMBER,
-    "segment_duration": _DELAY,
-    "set": _pairs("PATH=VALUE", parse_values, "Such as controller.k=30."),
-    "summary": Option(NAMED, "DIR"),
-    "terms": Option(str, "NAMES", note=f"Names between commas: {_NAMES}."),
-    "validation_share": Option(float, "SHARE"),
-    "workers": _NUMBER,
+    "Mapping[str, float]": _pairs("PATH=VALUE", parse_values, "Such as controller.k=30."),
+    "OneLog": _FILE,
+    "Terms": _TERMS,
+    "bool": Option(bool),
+    "float": Option(float, "SECONDS"),
+    "int": Option(int, "NUMBER"),
 }
-"""What has a name, by parameter of the library, but for flags and for what has a few values."""
+"""What has a name, by the annotation of the library's parameter; the others are texts."""
+
+_METAVARS = {
+    "coulomb_velocity": "VELOCITY",
+    "filter_rate": "1/S",
+    "header": "NAMES",
+    "out": "DIR",
+    "scheduler": "ADDRESS",
+    "summary": "DIR",
+    "validation_share": "SHARE",
+}
+"""What stands for a value in the help, by parameter, where it is no file and no time."""
 
 FLAGS = {
     "strict": Option(bool, note="Exit with status 1 where something is weak, too."),
@@ -210,8 +204,10 @@ class Argument(click.Argument):
 def option_of(parameter: inspect.Parameter) -> Option:
     """How the value of a parameter of the library is written."""
     if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
-        flag = isinstance(parameter.default, bool)
-        return OPTIONS.get(parameter.name, Option(bool if flag else str))
+        declared = parameter.annotation
+        parts = str(getattr(declared, "__name__", declared)).split(" | ")
+        option = next((OPTIONS[part] for part in parts if part in OPTIONS), Option(str))
+        return option._replace(metavar=_METAVARS.get(parameter.name, option.metavar))
     return ARGUMENTS.get(parameter.name, Option(NAMED, parameter.name.upper()))
 
 

@@ -49,7 +49,8 @@ def watch(
     columns : path or mapping, optional
         A column map, as for logs; of samples that are fed, only its ``joint`` counts.
     header : str, optional
-        Names of the columns, where the source does not begin with them.
+        Names of the columns, where the source does not begin with them. Such as
+        'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.
     sample_time : float, optional
         Seconds between samples; without it, that of the source's first time stamps.
     estimate : JointEstimate, path or mapping, optional
