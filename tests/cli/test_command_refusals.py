@@ -72,7 +72,7 @@ REFUSED = (
     ("validate a.json good.csv --min-fit nan", "--min-fit: must be 100 % or less, got nan"),
     ("watch", "SOURCE: is missing"),
     ("watch udp://127.0.0.1:9000", "let another program write"),
-    ("watch good.csv --hold cubic", "must be auto, linear or zero, got 'cubic'"),
+    ("watch good.csv --hold cubic", "'cubic' is unknown: there are auto, linear, zero"),
     ("watch good.csv --every 0", "must be above 0 s, got 0.0"),
 )
 

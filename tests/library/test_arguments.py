@@ -29,6 +29,8 @@ WRONG = {
     "one too many": call("identify", "a.csv", "b.csv"),
     "twice": call("identify", "a.csv", logs="b.csv"),
     "hold": call("identify", "a.csv", hold=0),
+    "hold of an export": call("export", "flexible-joint", to="c99", out="b", hold="cubic"),
+    "hold of a stream": call("watch", sample_time=1e-3, hold="cubic"),
     "known value": call("identify", "a.csv", known={"beta1": "3"}),
     "bounds": call("identify", "a.csv", bounds={"theta2": 3.0}),
     "terms": call("identify", "a.csv", terms=3),

@@ -201,7 +201,7 @@ def test_a_joint_that_is_none_can_be_drawn(estimate, name, value, still):
 
 def test_nonsense_is_refused(estimate, refusals):
     """Assert that each option that is none is refused with what would be right."""
-    numbers = ([1.0, 0.0], [np.nan], [])
+    numbers = ([1.0, 0.0], [np.nan], [], "all")
     options = [{"frequency": f} for f in numbers] + [{"position": np.inf}, {"level": 95}]
     refusals({str(one): partial(estimate.frequency_response, **one) for one in options})
 

@@ -155,10 +155,6 @@ class EstimatorSettings:
         )
 
 
-TARGETS = ("c99", "mjcf", "fmu")
-"""The online estimator, the scene, the plant; each has a module of that name here."""
-
-
 @cache
 def _templates() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined

@@ -13,7 +13,7 @@ from functools import partial, wraps
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
-from flexid.errors import ArgumentError
+from flexid.errors import ArgumentError, check_names
 from flexid.files import refuse_arm_file
 
 if TYPE_CHECKING:
@@ -80,11 +80,14 @@ def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
         return None
     if kind in _CONVERTED:
         return _CONVERTED[kind](value)
-    kinds = ["str"] if kind.startswith("Literal") else kind.split(" | ")
+    choices = re.findall(r"'(\w+)'", kind)  # of a literal
+    kinds = ["str"] if choices else kind.split(" | ")
     own = {base.__name__ for base in type(value).__mro__}
     if {*kinds} & {*_TYPES} and not {*kinds} & own:
         known = [_TYPES.get(each, ((), f"a {each}")) for each in kinds]
         _check(value, tuple(types for types, _ in known), " or ".join(words for _, words in known))
+    if choices:
+        check_names(parameter.name, (value,), choices)
     return value
 
 

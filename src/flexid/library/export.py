@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from flexid.errors import SettingError, check_names
+from flexid.errors import SettingError
 from flexid.library.arguments import entrance, one_thread
 from flexid.models.parametric_system import ParametricSystem
 
@@ -71,7 +71,6 @@ def derive(
     from flexid.paper.printing import c_observer, latex_observer, python_observer
 
     printers = {"latex": latex_observer, "python": python_observer, "c": c_observer}
-    check_names("to", (to,), printers)
     observer = derive_observer(declared(model, terms, unknown_input_gain))
     return ObserverText(printers[to](observer), tuple(_notes(observer)))
 
@@ -163,10 +162,8 @@ def export(
     terms : iterable of str, optional
         Terms of flexible-joint; those of the paper if not given.
     """
-    from flexid.exports.request import TARGETS
     from flexid.files import output_directory
 
-    check_names("to", (to,), TARGETS)
     settings = {"hold": hold, "filter_rate": filter_rate, "memory": memory}
     given = {name: value for name, value in settings.items() if value is not None}
     of_estimator = [n for n, v in (("sample_time", sample_time), ("log", log)) if v is not None]

@@ -10,7 +10,7 @@ from flexid.errors import ArgumentError, SettingError
 from flexid.library.arguments import entrance, with_deviations
 
 if TYPE_CHECKING:
-    from flexid.library.arguments import FilePath, Known, Terms
+    from flexid.library.arguments import AutoModel, FilePath, Known, Terms
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
     from flexid.library.watched import Watch
@@ -25,7 +25,7 @@ def watch(
     sample_time: float | None = None,
     estimate: JointEstimate | FilePath | Mapping[str, Any] | None = None,
     known: Known | None = None,
-    model: Literal["auto", "flexible", "link", "rigid"] = "auto",
+    model: AutoModel = "auto",
     terms: Terms = "usual",
     hold: Literal["auto", "linear", "zero"] = "auto",
     filter_rate: float | None = None,

@@ -304,7 +304,10 @@ def frequency_response(
     joint = linear_joint(result, position)
     characteristic = _characteristic(joint, checked_level(level))
     chosen = _chosen(characteristic) if frequency is None else frequency
-    hertz = np.atleast_1d(np.asarray(chosen, dtype=np.float64))
+    try:
+        hertz = np.atleast_1d(np.asarray(chosen, dtype=np.float64))
+    except (TypeError, ValueError):
+        hertz = np.empty(0)
     if hertz.ndim != 1 or not hertz.size or not (np.isfinite(hertz) & (hertz > 0.0)).all():
         raise SettingError("frequency", "must be numbers of Hz above 0, one or more")
     omega = 2.0 * np.pi * hertz

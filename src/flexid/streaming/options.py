@@ -141,8 +141,6 @@ class WatchOptions:
         object.__setattr__(self, "terms", tuple(self.terms))
         check_sample_time(self.sample_time)
         check_names("terms", self.terms, _known_terms(self.kind, self.joint_type))
-        if self.hold not in ("auto", "linear", "zero"):
-            raise SettingError("hold", f"must be auto, linear or zero, got {self.hold!r}")
         check_filter_rate(
             self.filter_rate, self.sample_time, slowest=min(RATES), fastest=max(RATES)
         )
