@@ -87,7 +87,7 @@ def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
         known = [_TYPES.get(each, ((), f"a {each}")) for each in kinds]
         _check(value, tuple(types for types, _ in known), " or ".join(words for _, words in known))
     if choices:
-        check_names(parameter.name, (value,), choices)
+        check_names(parameter.name, (str(value),), choices)
     return value
 
 
