@@ -31,9 +31,15 @@ def later(values: FloatArray, samples: float) -> FloatArray:
     return moved[: len(values)] + own.first + own.slope * places
 
 
-def before_a_lag(values: FloatArray, samples: float) -> FloatArray:
-    """A channel in front of a first-order lag of so many samples, shape (n,)."""
-    return values + samples * np.diff(values, prepend=values[:1])
+def before_a_lag(
+    values: FloatArray, samples: float, earlier: FloatArray | None = None
+) -> FloatArray:
+    """A channel in front of a first-order lag of so many samples, shape (n,).
+
+    `earlier` are values that the first one follows; without them it was at rest.
+    """
+    last = values[:1] if earlier is None else earlier[-1:]
+    return values + samples * np.diff(values, prepend=last)
 
 
 def rate_of_later(values: FloatArray, samples: float) -> FloatArray:

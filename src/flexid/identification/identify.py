@@ -40,6 +40,7 @@ from flexid.identification.result import (
     validation_warnings,
 )
 from flexid.identification.structure.elimination import Choice
+from flexid.identification.structure.gap import CHANCE
 from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt, skew
 from flexid.identification.structure.shapes import sought_constants
@@ -154,17 +155,47 @@ def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
     if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
         return job, found, IDEAL
     # Late: of a torque that the terms explain nothing of it is asked.
-    from flexid.identification.full_model.amplifier import amplifier_of, limit_changes
+    from flexid.identification.full_model.amplifier import (
+        amplifier_of,
+        limit_changes,
+        log_lag_changes,
+        with_log_lag,
+    )
 
-    amplifier = amplifier_of(job.structure, job.training, is_voltage=is_voltage)
-    changes = limit_changes(job.structure, job.training, amplifier)
-    if amplifier.corrects:
-        job = replace(job, recordings=amplifier.split_behind(job.recordings))
+    logged, balance = job, (job.structure, job.training)
+    amplifier = amplifier_of(*balance, is_voltage=is_voltage)
+    changes = [limit_changes(*balance, amplifier)]
     if found is None or amplifier.corrects:
+        job = _behind(amplifier, logged)
         found = answer(job)
+    early = -found.fits.reported.by_name.get(INPUT, 0.0)
+    if early > 0.0 and not _explains(found, job.thresholds):
+        job.progress("a filter of the logged input")
+        lagging = with_log_lag(*balance, amplifier, early)
+        sharp = _behind(lagging, logged)
+        other = answer(sharp)
+        if _is_likelier(other, found):
+            job, found, amplifier = sharp, other, lagging
+            changes.append(log_lag_changes(*balance, lagging))
     estimate = found.estimate
-    moved = estimate.values * [changes.get(name, 0.0) for name in estimate.names]
-    return job, replace(found, estimate=estimate.widened(np.outer(moved, moved))), amplifier
+    for change in changes:
+        moved = estimate.values * [change.get(name, 0.0) for name in estimate.names]
+        estimate = estimate.widened(np.outer(moved, moved))
+    return job, replace(found, estimate=estimate), amplifier
+
+
+def _behind(amplifier: Amplifier, job: Job) -> Job:
+    """A job of what an amplifier passed on."""
+    return replace(job, recordings=amplifier.split_behind(job.recordings))
+
+
+def _is_likelier(other: Answer, found: Answer) -> bool:
+    """Whether another input explains the log better than the logged one."""
+    if (other.disturbances is None) != (found.disturbances is None):
+        return other.disturbances is None
+    if other.disturbances is None:
+        return other.fits.reported.excess < found.fits.reported.excess
+    return other.cost < found.cost - CHANCE
 
 
 def _explains(found: Answer, thresholds: Thresholds) -> bool:

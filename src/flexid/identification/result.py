@@ -274,6 +274,13 @@ def division_warnings(parameters: Mapping[str, ValueEstimate]) -> Iterator[Cauti
 def amplifier_warnings(amplifier: Amplifier, unit: str) -> Iterator[Caution]:
     """Warn of an input that was corrected before anything was fitted to it."""
     found = []
+    if amplifier.log_lag:
+        yield Caution(
+            f"the motor moves as if its input had been low-passed into the log, by a filter of "
+            f"{1e3 * amplifier.log_lag:.2g} ms: the input was corrected for that; to be sure, log "
+            f"it unfiltered",
+            Rank.NOTE,
+        )
     if amplifier.dead_zone:
         found.append(f"a dead zone of {amplifier.dead_zone:.2g} {unit}")
     if amplifier.limit is not None:

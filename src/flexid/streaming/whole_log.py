@@ -65,10 +65,15 @@ def identify_stream(
     with closing(Replay(path, columns, found.model)) as replay:
         session = Session(_options(replay, log, found, settings))
         clock = _Clock(replay.name, session.options.sample_time)
+        earlier = None
         for samples in replay:
             clock.check(samples[:, 0])
             if session.options.n_inputs:
-                samples[:, -1] = found.choices.amplifier.passed(samples[:, -1])
+                logged = samples[:, -1].copy()
+                samples[:, -1] = found.choices.amplifier.reached(
+                    logged, session.options.sample_time, earlier
+                )
+                earlier = logged
             session.feed(samples)
             share = f"{100 * session.fed / all_rows:.0f} %"
             progress(f"{share} of {all_rows / 1e6:.3g} million samples")

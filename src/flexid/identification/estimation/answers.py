@@ -80,6 +80,7 @@ class Answer:
     validation: Validation  # of the same structure, fitted to the data before the held-out ends
     estimate: Estimate  # with all that is doubted in its covariance
     disturbances: Disturbances | None = None  # of the fit with disturbances, if that is it
+    cost: float = np.nan  # of that fit: twice the negative logarithm of its likelihood
     widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
     # why some coefficient is not known, whatever its interval says
     doubts: tuple[Caution, ...] = ()
@@ -229,7 +230,7 @@ def _disturbed(job: Job) -> Answer:
     hidden = hidden_covariance(fits, certain=DISSIPATIVE)
     estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
     disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
-    found = Answer(fits, validation, estimate, disturbances, widest)
+    found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest)
     return _judged(found, undisturbed, job)
 
 

@@ -82,6 +82,7 @@ class Disturbed:
     # what each row leaves unexplained over its acceleration, root mean squares
     shares: Mapping[str, float]
     factor: int  # of so many samples of the log one was fitted
+    cost: float  # twice the negative logarithm of the likelihood
     by_play: float = 0.0  # share by which its spring is stiffer if it has play and does not curve
     by_lost_play: float = 0.0  # the same of play that was likelier than none, if it did not stay
 
@@ -119,7 +120,7 @@ def fit_disturbed(
         return fit_disturbed(without, data, kept, holds, thresholds, with_play=with_play)
     best = _as_wide_as_its_gap(best, data, factor)
     shares = _shares(best.fitted, best.sizes)
-    rest = factor, by_play, lost
+    rest = factor, best.cost, by_play, lost
     return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, *rest)
 
 
@@ -286,7 +287,8 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
             other = fit_in_band(structure, data, factor, full.by_name, fuller.sizes)
             own = min(own, other, key=_cost)
     shares = _shares(own.fitted, own.sizes)
-    return replace(found, fitted=own.fitted, full=full, sizes=own.sizes, shares=shares)
+    rest = {"sizes": own.sizes, "shares": shares, "cost": own.cost}
+    return replace(found, fitted=own.fitted, full=full, **rest)
 
 
 def follower(found: Disturbed, data: Data) -> Follower:

@@ -7,7 +7,7 @@ shows which of them suit the log. Uncorrected, a dead zone of 3 % of the range m
 and the inertias' ratio up to 13 % wrong.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb, sqrt
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.channel_timing import before_a_lag
+from flexid.estimators.channel_timing import later
 from flexid.estimators.state_variable_filter import RowFit
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import least_squares_start
@@ -26,6 +26,7 @@ from flexid.identification.preparation.recordings import IDEAL, Amplifier
 _LARGEST_DEAD_ZONE, _LIMITS = 0.1, (0.1, 1.0)  # of the largest input
 _NOTHING = np.finfo(float).tiny  # left by a log without noise
 _TOLERANCE = 1e-3  # of the largest input
+_FINE, _LEAST_SPREAD = 1e-3, 0.01  # of a lag: steps of its search; what no filter knows better
 _RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
 # Of the motor's misfit that a correction saves at least, with either filter: dead zones of 2 to
 # 4 % save half and more where an input takes all values, and hardly anything where it is a square
@@ -97,6 +98,14 @@ def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Ampli
     return found
 
 
+def with_log_lag(
+    structure: Structure, data: Data, amplifier: Amplifier, likely: float
+) -> Amplifier:
+    """The same amplifier, logged behind the filter that suits the log best, about as `likely`."""
+    driven = _Driven(structure, data)
+    return replace(amplifier, log_lag=driven.best_log_lag(amplifier, likely))
+
+
 def limit_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dict[str, float]:
     """Relative standard deviations, with their signs, that the limit's own makes of coefficients.
 
@@ -107,15 +116,22 @@ def limit_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dic
     driven = _Driven(structure, data)
     limits = [driven.best(amplifier, "limit", _LIMITS, (rate,)).limit or 0.0 for rate in _RATES]
     spread = max(abs(limits[1] - limits[0]) / sqrt(2.0), _TOLERANCE * driven.largest)
-    one, other = (
-        driven.coefficients(replace(amplifier, limit=amplifier.limit + half), max(_RATES))
+    return driven.changes(
+        replace(amplifier, limit=amplifier.limit + half) for half in (0.5 * spread, -0.5 * spread)
+    )
+
+
+def log_lag_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dict[str, float]:
+    """The same of the lag of the log."""
+    if amplifier.log_lag == 0.0:
+        return {}
+    driven = _Driven(structure, data)
+    one, other = (driven.best_log_lag(amplifier, amplifier.log_lag, (rate,)) for rate in _RATES)
+    spread = max(abs(one - other) / sqrt(2.0), _LEAST_SPREAD * amplifier.log_lag)
+    return driven.changes(
+        replace(amplifier, log_lag=amplifier.log_lag + half)
         for half in (0.5 * spread, -0.5 * spread)
     )
-    return {
-        name: float(np.log(value / other[name]))
-        for name, value in one.items()
-        if value * other[name] > 0.0
-    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,20 +176,50 @@ class _Driven:
         )
         return corrected(float(least.x))
 
+    def best_log_lag(
+        self, amplifier: Amplifier, likely: float, rates: Sequence[float] = _RATES
+    ) -> float:
+        """The lag in s, of first order, with which the least is left, at the delay that suits it.
+
+        Of a filter either has a part of the other.
+        """
+        # Slow to import, and few logs need it.
+        from scipy.optimize import minimize
+
+        def left(lag_and_delay: FloatArray) -> float:
+            lag, delay = lag_and_delay
+            sums = self.misfits(replace(amplifier, log_lag=max(lag, 0.0)), rates, delay)
+            return float(np.log(np.maximum(sums, _NOTHING)).sum())
+
+        around = likely * np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 0.5]])
+        options = {"initial_simplex": around, "xatol": _FINE * likely, "fatol": 1e-6}
+        found: Any = minimize(left, around[0], method="Nelder-Mead", options=options)
+        return max(float(found.x[0]), 0.0)
+
+    def changes(self, of_two: Iterable[Amplifier]) -> dict[str, float]:
+        """Logarithms of the ratios of the coefficients behind two amplifiers."""
+        one, other = (self.coefficients(amplifier, max(_RATES)) for amplifier in of_two)
+        return {
+            name: float(np.log(value / other[name]))
+            for name, value in one.items()
+            if value * other[name] > 0.0
+        }
+
     def sharpened(self, amplifier: Amplifier) -> FloatArray:
         """What is left at least, by filter, of an input that was low-passed into the log.
 
         Its edges are slow, and a limit makes those of a square wave as sharp as they were.
         """
-        return np.min([self.misfits(amplifier, lag=lag) for lag in _LAGS], axis=0)
+        lagging = (replace(amplifier, log_lag=lag) for lag in _LAGS)
+        return np.min([self.misfits(each) for each in lagging], axis=0)
 
     def misfits(
-        self, amplifier: Amplifier, rates: Sequence[float] = _RATES, lag: float = 0.0
+        self, amplifier: Amplifier, rates: Sequence[float] = _RATES, delay: float = 0.0
     ) -> FloatArray:
-        """Sums of squares that are left behind an amplifier, by filter, if the log lags by s."""
+        """Sums of squares that are left behind an amplifier, by filter, if it is late by s."""
         sums = []
         for rate in rates:
-            row, values = self._fitted(amplifier, rate, lag)
+            row, values = self._fitted(amplifier, rate, delay)
             left = (row.left_hand_side - values @ row.regressors)[self.moves[rate]]
             sums.append(float(left @ left))
         return np.array(sums)
@@ -184,13 +230,14 @@ class _Driven:
         return dict(zip(row.coefficients, values.tolist(), strict=True))
 
     def _fitted(
-        self, amplifier: Amplifier, rate: float, lag: float = 0.0
+        self, amplifier: Amplifier, rate: float, delay: float = 0.0
     ) -> tuple[RowFit, FloatArray]:
         """The row, and least squares of it."""
         samples = tuple(
-            replace(own, inputs=np.column_stack((amplifier.passed(sharp), own.inputs[:, 1:])))
+            replace(own, inputs=np.column_stack((reached, own.inputs[:, 1:])))
             for own in self.data.samples
-            for sharp in [before_a_lag(own.inputs[:, 0], lag / own.sample_time)]
+            for late in [later(own.inputs[:, 0], delay / own.sample_time)]
+            for reached in [amplifier.reached(late, own.sample_time)]
         )
         _, fit = least_squares_start(self.structure, replace(self.data, samples=samples), rate)
         (row,) = (row for row in fit.rows if row.name in _DRIVEN)

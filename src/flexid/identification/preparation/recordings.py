@@ -10,7 +10,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.channel_timing import later, spoilt
+from flexid.estimators.channel_timing import before_a_lag, later, spoilt
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
 from flexid.models.motion import JointType, unit_of
@@ -70,10 +70,11 @@ class SplitRecordings:
 
 @dataclass(frozen=True)
 class Amplifier:
-    """Passes an input on; all of it unless told otherwise."""
+    """Passes an input on; all of it, and as it was logged, unless told otherwise."""
 
     dead_zone: float = 0.0  # in the input's unit
     limit: float | None = None  # the same, of what was logged; None where none was seen
+    log_lag: float = 0.0  # s, of a filter of first order on the way into the log
 
     @property
     def corrects(self) -> bool:
@@ -87,11 +88,17 @@ class Amplifier:
             limited = np.clip(commanded, -self.limit, self.limit)
         return limited - np.clip(limited, -self.dead_zone, self.dead_zone)
 
+    def reached(
+        self, logged: FloatArray, sample_time: float, earlier: FloatArray | None = None
+    ) -> FloatArray:
+        """What reached the motor, shape (n,), of an input that follows `earlier` samples."""
+        return self.passed(before_a_lag(logged, self.log_lag / sample_time, earlier))
+
     def behind(self, recording: Recording) -> Recording:
-        """A recording with what reached the motor in place of what was commanded."""
+        """A recording with what reached the motor in place of what was logged."""
         if recording.input is None or not self.corrects:
             return recording
-        return replace(recording, input=self.passed(recording.input))
+        return replace(recording, input=self.reached(recording.input, recording.sample_time))
 
     def split_behind(self, recordings: SplitRecordings) -> SplitRecordings:
         """The same of recordings with their held-out ends."""
