@@ -13,6 +13,7 @@ import pytest
 from benchmarks.arms.arm import Arm, Link, random_arm
 from benchmarks.arms.log import Motion, random_motion, save, simulate
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from flexid.arms.identify import doubt_of_negative, identify_arm
 from flexid.arms.log import ArmLog, read_arm_log
@@ -58,6 +59,29 @@ def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path
         assert abs(stiffness["value"] / truth[f"joint_stiffness_{joint}"] - 1.0) < 5e-3
         assert document["validation"]["fit_percent"][f"deflection_{joint}"] > 90.0
     assert document["hold"] == "zero"
+
+
+@pytest.mark.thorough  # 8 s
+def test_torques_behind_a_filter(folder: Path, flexid: Run, tmp_path: Path):
+    """Assert that what low-passed both into the log is found, and undone in another log as well."""
+    header, *rows = (folder / "run.csv").read_text().splitlines()
+    table = np.loadtxt(rows, delimiter=",")
+    filtered = [i for i, name in enumerate(header.split(",")) if "torque" in name]
+    decay = np.exp(-2e-3 / 10e-3)
+    first = table[0, filtered]
+    table[:, filtered] = first + lfilter(
+        [1.0 - decay], [1.0, -decay], table[:, filtered] - first, axis=0
+    )
+    log, model, out = tmp_path / "log.csv", str(folder / "arm.toml"), tmp_path / "out"
+    np.savetxt(log, table, "%.12g", ",", header=header, comments="")
+    done = flexid("identify", str(log), "--model", model, "--out", str(out))
+    assert "low-passed into the log, by a filter of 9 ms" in done.stderr
+    document = json.loads((out / "estimate.json").read_text())
+    assert document["log_lag"] == pytest.approx(2e-3 * decay / (1.0 - decay), rel=1e-2)
+    for name, value in MADE.truth().items():
+        if name.startswith(("joint_stiffness", "motor_inertia")):
+            assert document["parameters"][name]["value"] == pytest.approx(value, rel=5e-3)
+    assert flexid("validate", str(out), str(log), "--min-fit", "90").status == 0
 
 
 SLIDES = Arm(  # with units of N and m at the second joint

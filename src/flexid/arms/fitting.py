@@ -13,7 +13,7 @@ import numpy as np
 from flexid.arms.starts import filtered, starts
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.channel_timing import DELAY, INPUT
+from flexid.estimators.channel_timing import DELAY, INPUT, before_a_lag
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.samples import Samples, Segments, divide
 from flexid.identification.full_model.fitting import (
@@ -117,6 +117,7 @@ _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing sho
 _UNUSUAL_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
 _UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
 
+_FINEST = 1e-3  # of a lag, to which it is sought
 _HELD_OUT = 1 / 3  # of each recording, at its end, that is predicted
 
 EFFECT_BAND = 20.0
@@ -130,6 +131,7 @@ class ExactFits:
     asked: Structure[ElasticArm]
     begun: tuple[dict[str, float], ...]  # least squares by name, the first one led to `found`
     found: tuple[FittedArm, ...]  # none where no motion leads from there
+    log_lag: float = 0.0  # s, of a filter of the inputs into the log, undone in `found`
 
     @property
     def hopeless(self) -> str:
@@ -142,6 +144,10 @@ class ExactFits:
     def structure(self) -> Structure[ElasticArm]:
         """What was fitted in the end, with the unusual terms that it needs."""
         return self.found[-1].structure if self.found else self.asked
+
+    def of_inputs(self, logged: Data) -> Data:
+        """The log, or what it was before its inputs were low-passed."""
+        return before_the_log(logged, self.log_lag)
 
     @property
     def starts(self) -> tuple[dict[str, float], ...]:
@@ -166,25 +172,34 @@ def exact_fits(
     structure: Structure[ElasticArm], data: Data, progress: Callable[[str], None]
 ) -> ExactFits:
     """Fit an arm to recordings, until its residuals say that it lacks something."""
-    divisions = lengths(data, min(LONGEST, 0.5 * data.shortest))
+    divisions = _divisions(data)
     progress("least squares")
     likely, first = begun(structure, data, divisions[0])
     found = [first] if first else []
-    timed = False
-    for segments in divisions[1:] if found else ():
-        duration = segments.mean_duration
+    timed, lag = False, 0.0
+    for place in range(1, len(divisions)) if found else ():
+        duration = divisions[place].mean_duration
         progress(f"segments of {duration:.2g} s")
         try:
-            longer = over_longer(found[-1], segments, _BETWEEN)
+            longer = over_longer(found[-1], divisions[place], _BETWEEN)
         except ConvergenceError:
             break
         late = duration >= _TIMED_FROM and longer.minimum.last_step <= _UNFINISHED
-        if not timed and (late or not _near_noise(longer)):
+        is_timed = not timed and (late or not _near_noise(longer))
+        if is_timed:
             longer, timed = _suited(longer), True
+        if is_timed or lag:
+            longer, lag = _sharpened(longer, data, lag)
+            divisions = _divisions(before_the_log(data, lag))
         found.append(longer)
         if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found)):
             break
-    return ExactFits(structure, likely, tuple(found))
+    return ExactFits(structure, likely, tuple(found), lag)
+
+
+def _divisions(data: Data) -> list[Segments]:
+    """Segments of growing length."""
+    return lengths(data, min(LONGEST, 0.5 * data.shortest))
 
 
 def residual_excess(fitted: FittedArm) -> FloatArray:
@@ -225,6 +240,40 @@ def _suited(fitted: FittedArm) -> FittedArm:
     Another behaviour of the inputs looks much like a delay, which is tried first.
     """
     return _with_better(_with_better(fitted, unusual_parts(fitted.structure)), [LINES])
+
+
+def _sharpened(best: FittedArm, logged: Data, lag: float) -> tuple[FittedArm, float]:
+    """The fit of inputs before they were low-passed into the log, and the lag of that filter in s.
+
+    An input that acts early may have been logged behind a filter: a delay beside that is what its
+    `lag` so far lacks. The fit as it is where a filter is not clearly better.
+    """
+    is_first = lag == 0.0
+    while abs(early := -best.by_name.get(INPUT, 0.0)) > _FINEST * lag and lag + early > 0.0:
+        data = before_the_log(logged, lag + early)
+        count = len(best.problem.segments)
+        segments = next(own for own in _divisions(data) if len(own) == count)
+        states, start = best.minimum.point.initial_states, {**best.by_name, INPUT: 0.0}
+        try:
+            other = fit_segments(best.structure, data, segments, start, states, _ROUGHLY)
+        except ConvergenceError:
+            break
+        cost = other.minimum.equations.cost
+        if not (_falls(best, cost) if is_first else cost < best.minimum.equations.cost):
+            break
+        best, lag, is_first = other, lag + early, False
+    return best, lag
+
+
+def before_the_log(data: Data, lag: float) -> Data:
+    """Data with their inputs in front of a filter with a lag in s."""
+    if lag == 0.0:
+        return data
+    samples = []
+    for own in data.samples:
+        inputs = [before_a_lag(values, lag / own.sample_time) for values in own.inputs.T]
+        samples.append(replace(own, inputs=np.column_stack(inputs)))
+    return replace(data, samples=tuple(samples))
 
 
 def _with_better(best: FittedArm, parts: list[Unusual]) -> FittedArm:

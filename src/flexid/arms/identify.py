@@ -32,7 +32,12 @@ from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, wea
 from flexid.identification.full_model.model import Structure
 from flexid.identification.judgement import judged_function, judged_value
 from flexid.identification.preparation.joint import ElasticArm
-from flexid.identification.result import model_warnings, validation_warnings
+from flexid.identification.preparation.recordings import Amplifier
+from flexid.identification.result import (
+    amplifier_warnings,
+    model_warnings,
+    validation_warnings,
+)
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     Estimate,
@@ -105,6 +110,7 @@ class _Found:
     shares: Mapping[str, float] | None = None  # what disturbs each balance; None of an exact fit
     widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
     reason: str = ""  # why there is no fit without disturbances
+    log_lag: float = 0.0  # s, of a filter of the inputs on their way into the log
 
 
 def _found(
@@ -126,7 +132,8 @@ def _found(
     if best is None or reason:
         progress("what disturbs the arm")
         with suppress(ConvergenceError):
-            disturbed = fit_disturbed(exact.structure, log.data, exact.starts)
+            inputs = exact.of_inputs(log.data)
+            disturbed = fit_disturbed(exact.structure, inputs, exact.starts)
             still = (r.positions[:, 2 * joint - 1] for r in log.recordings for joint in log.resting)
             if not all(map(is_noise, still)):
                 disturbed = creeping(disturbed, fixed, exact.starts)
@@ -137,12 +144,13 @@ def _found(
                 raise ConvergenceError("arm", "the fit with disturbances knows nothing")
             progress("predicting the held-out data")
             runs, shares = disturbed.predicted(), disturbed.shares()
-            return _Found(disturbed.fitted, doubted, *runs, shares, widest, reason)
+            rest = shares, widest, reason, exact.log_lag
+            return _Found(disturbed.fitted, doubted, *runs, *rest)
     if not exact.found:
         raise no_start()
     progress("predicting the held-out data")
     fitted, estimate = best or exact.best()
-    return _Found(fitted, estimate, predicted(fitted), {}, reason=reason)
+    return _Found(fitted, estimate, predicted(fitted), {}, reason=reason, log_lag=exact.log_lag)
 
 
 def fixed_parameters(arm: PlanarArm, units: ArmUnits) -> dict[str, float]:
@@ -205,6 +213,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
         # An input that is low-passed to the arm's band is smooth; it was held all the same.
         hold=structure.timing.hold if found.shares is None else "zero",
         input_delay=fitted.delays[INPUT],
+        log_lag=found.log_lag,
         segment_duration=fitted.problem.segments.mean_duration,
         condition_number=excitation_of_gram(
             "arm", fitted.names, fitted.information
@@ -343,6 +352,7 @@ def _warnings(parameters: dict[str, ValueEstimate], found: _Found) -> Iterator[C
             f"of the resonance, or use the parameters that are determined",
             Rank.MOTION,
         )
+    yield from amplifier_warnings(Amplifier(log_lag=found.log_lag), "")
     if found.shares is not None:
         disturbances = Disturbances(found.shares, found.fitted.data.samples[0].sample_time)
         yield from model_warnings(ModelError(0.0, 0.0, 0.0), "flexible", 0.0, disturbances)

@@ -181,14 +181,14 @@ def _named(table: Table, joint: int, types: Sequence[JointType]) -> dict[str, An
     """Columns of a joint by the channels that their usual names stand for.
 
     The name of a single joint's channel may have no number. A position without a side is the link's
-    beside the motor's, and a force the motor's where the joint slides.
+    beside the motor's, and a force the motor's where the joint slides. What was measured counts
+    before what was commanded.
     """
     numbers = {str(joint), *([""] if len(types) == 1 else [])}
     found: dict[str, Any] = {}
-    for header in table.names:
-        usual = named_channel(table.short_name(header))
-        if usual is None:
-            continue
+    known = ((header, named_channel(table.short_name(header))) for header in table.names)
+    named = [(header, usual) for header, usual in known if usual is not None]
+    for header, usual in sorted(named, key=lambda each: each[1].commanded):
         if usual.channel != "time" and usual.joint.lstrip("0") not in numbers:
             continue
         stated = split_header(header)[1] is not None or usual.unit is None

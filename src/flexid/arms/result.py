@@ -32,6 +32,7 @@ class ArmIdentification:
     provenance: Mapping[str, Any]  # file, digest and columns
     # in s, by joint such as ``link_1``: by how much a link's encoder is later than the motor's
     encoder_delays: Mapping[str, float] = field(default_factory=dict)
+    log_lag: float = 0.0  # in s, of a filter of the inputs on their way into the log
     # predictions of the last third with parameters from the first two, by channel such as
     # ``motor_position_1`` and ``deflection_1``; empty where there are none
     validation: Validation = field(default_factory=lambda: Validation({}))

@@ -173,7 +173,7 @@ def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
         job.progress("a filter of the logged input")
         lagging = with_log_lag(*balance, amplifier, early)
         sharp = _behind(lagging, logged)
-        other = answer(sharp)
+        other = answer(sharp) if lagging.log_lag else found
         if _is_likelier(other, found):
             job, found, amplifier = sharp, other, lagging
             changes.append(log_lag_changes(*balance, lagging))
