@@ -106,7 +106,7 @@ def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFi
     # With segments given, the exact fit is reported.
     settings = Settings(terms=TERMS, segment_duration=0.5)
     result = identify([log(made(1, ripple_torque=0.5, ripple_number=10.0))], settings)
-    fits, _ = fits_seen  # the second one is of a filter of the log, which explains no more
+    (fits,) = fits_seen
     assert result.choices.amplifier == IDEAL
     assert fits.error.share > 0.5
     delay = result.choices.alignment.link_delay
