@@ -12,6 +12,8 @@ import pytest
 from joint_log import read_columns
 
 from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
+from flexid.identification.preparation.recordings import check_alike
 from flexid.recording.recording import rank_of
 
 J, M, K, F = 0.4, 0.3, 600.0, 0.5  # kg m², kg m², N m/rad, N m s/rad
@@ -23,7 +25,7 @@ COUNT = 1e-6  # rad, of both encoders
 TIME: FloatArray = 1e-3 * np.arange(8000.0)
 
 
-def driven(*frequencies: float) -> dict[str, FloatArray]:
+def driven(*frequencies: float, inertia: float = M) -> dict[str, FloatArray]:
     """A joint whose link swings at some frequencies in rad/s, 1 rad/s fast at each."""
     waves = [(w, np.exp(1j * (w * TIME + k)) / w) for k, w in enumerate(frequencies)]
 
@@ -32,7 +34,7 @@ def driven(*frequencies: float) -> dict[str, FloatArray]:
 
     link = summed(lambda s: s**0)
     motor = summed(lambda s: 1.0 + J * s**2 / K)
-    torque = summed(lambda s: (M * s**2 + F * s) * (1.0 + J * s**2 / K) + J * s**2)
+    torque = summed(lambda s: (inertia * s**2 + F * s) * (1.0 + J * s**2 / K) + J * s**2)
     link, motor = (COUNT * np.rint(values / COUNT) for values in (link, motor))
     return {"time": TIME, "link_position": link, "motor_position": motor, "motor_torque": torque}
 
@@ -62,6 +64,9 @@ RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
     "a deflection": with_deflection(driven(*SLOW)),
     "one encoder": with_one_encoder(driven(*SLOW)),
     "sides that move against each other": driven(*BEYOND),
+    "sides that move as far against each other": driven(
+        *(ANTIRESONANCE * 2.0**0.5 * np.linspace(0.95, 1.05, 5)), inertia=J
+    ),
     "a deflection of such": with_deflection(driven(*BEYOND)),
     "a load that pulls against the torque": with_one_encoder(driven(*BETWEEN)),
     "a load that is let down": let_down(),
@@ -103,3 +108,46 @@ def test_a_wrong_sign_is_turned(case: str, counted: tuple[str, ...], told: tuple
         assert "scale = -1" in warning
         assert rank_of(warning).name == "SCALE"
         assert turned.columns[name].factor == -right.columns[name].factor
+
+
+def test_a_reversed_link_takes_its_velocity_along_if_that_is_reversed() -> None:
+    """Assert that a velocity is the position's derivative, whichever way it was counted."""
+    right = driven(*SLOW)
+    speed = np.gradient(right["link_position"], TIME)
+    for sign in (1.0, -1.0):
+        counted = {"link_position": -right["link_position"], "link_velocity": sign * speed}
+        log = read_columns(right | counted)
+        assert ("link_velocity" in log.turned) == (sign < 0.0)
+        found = log.recordings[0].link_velocity
+        assert found is not None
+        np.testing.assert_allclose(found, speed, atol=1e-9)
+
+
+def test_a_recording_that_rests_says_nothing() -> None:
+    """Assert that of two recordings the one that moves tells, be it the shorter one."""
+    right = driven(*SLOW)
+    time = np.concatenate((TIME, 20.0 + 1e-3 * np.arange(12000.0)))
+    rest = {n: np.concatenate((v, np.full(12000, v[-1]))) for n, v in right.items()}
+    log = read_columns(rest | {"time": time, "motor_torque": -rest["motor_torque"]})
+    assert len(log.recordings) == 2
+    assert log.turned == ("motor_torque",)
+
+
+def test_an_encoder_that_wraps_begins_near_the_other_one() -> None:
+    """Assert that whole turns are taken off once its sign is right."""
+    right = driven(0.3, *SLOW)
+    link = right["link_position"] + 2.5
+    wrapped = np.angle(np.exp(-1j * link))
+    log = read_columns(
+        right | {"link_position": wrapped, "motor_position": right["motor_position"] + 2.5}
+    )
+    assert "link_position" in log.turned
+    assert np.abs(log.recordings[0].deflection).max() < 1.0
+
+
+def test_logs_that_show_different_signs_are_refused() -> None:
+    """Assert that a log whose sign nothing shows is not fitted with one that was turned."""
+    turned = read_columns(driven(*SLOW) | {"motor_torque": -driven(*SLOW)["motor_torque"]})
+    with pytest.raises(RecordingError, match="motor_torque: shows another sign"):
+        check_alike([read_columns(driven(*SLOW)), turned])
+    check_alike([turned, turned])

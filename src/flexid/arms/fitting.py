@@ -117,7 +117,7 @@ _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing sho
 _UNUSUAL_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
 _UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
 
-_FINEST = 1e-3  # of a lag, to which it is sought
+_FINEST, _LAGS = 1e-3, 6  # of a lag, to which it is sought, in so many steps at most
 _HELD_OUT = 1 / 3  # of each recording, at its end, that is predicted
 
 EFFECT_BAND = 20.0
@@ -249,7 +249,10 @@ def _sharpened(best: FittedArm, logged: Data, lag: float) -> tuple[FittedArm, fl
     `lag` so far lacks. The fit as it is where a filter is not clearly better.
     """
     is_first = lag == 0.0
-    while abs(early := -best.by_name.get(INPUT, 0.0)) > _FINEST * lag and lag + early > 0.0:
+    for _ in range(_LAGS):
+        early = -best.by_name.get(INPUT, 0.0)
+        if abs(early) <= _FINEST * lag or lag + early <= 0.0:
+            break
         data = before_the_log(logged, lag + early)
         count = len(best.problem.segments)
         segments = next(own for own in _divisions(data) if len(own) == count)

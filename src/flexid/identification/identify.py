@@ -4,11 +4,13 @@ One path: recordings, full model, structure, estimate, judgement, result.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.estimation.answers import Answer, answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
@@ -60,6 +62,7 @@ from flexid.models.physical import Directional, Sum
 from flexid.recording.recording import Log, Rank, cautions, ranked
 from flexid.recording.slow_motion import late_input
 
+_SAVED = 0.1  # of an exact fit's residuals that another input saves at least, as for a limit
 _ENDLESS = (
     "the steps of the fit do not end, so that nothing is known of it: identify a part of the log, "
     "or fewer terms with `--terms`"
@@ -148,7 +151,7 @@ def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
     """What a log says, of the input that an amplifier passed on; and that amplifier.
 
     What becomes of a voltage depends on it. A torque or a current is what was commanded where the
-    terms explain the log, and where they do not, unless a limit explains more.
+    terms explain the log, and where they do not, unless a limit or a filter explains more.
     """
     is_voltage = job.input_unit == "V"
     found = None if is_voltage else answer(job)
@@ -173,7 +176,10 @@ def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
         job.progress("a filter of the logged input")
         lagging = with_log_lag(*balance, amplifier, early)
         sharp = _behind(lagging, logged)
-        other = answer(sharp) if lagging.log_lag else found
+        other = found
+        if lagging.log_lag:
+            with suppress(ConvergenceError):
+                other = answer(sharp)
         if _is_likelier(other, found):
             job, found, amplifier = sharp, other, lagging
             changes.append(log_lag_changes(*balance, lagging))
@@ -190,12 +196,14 @@ def _behind(amplifier: Amplifier, job: Job) -> Job:
 
 
 def _is_likelier(other: Answer, found: Answer) -> bool:
-    """Whether another input explains the log better than the logged one."""
-    if (other.disturbances is None) != (found.disturbances is None):
-        return other.disturbances is None
-    if other.disturbances is None:
-        return other.fits.reported.excess < found.fits.reported.excess
-    return other.cost < found.cost - CHANCE
+    """Whether another input explains the same data clearly better than the logged one."""
+    one, two = other.disturbances, found.disturbances
+    if (one is None) != (two is None):
+        return one is None
+    if one is None or two is None:
+        return other.fits.reported.excess < (1.0 - _SAVED) * found.fits.reported.excess
+    is_same = (one.sample_time, other.fits.retreat) == (two.sample_time, found.fits.retreat)
+    return is_same and other.cost < found.cost - CHANCE
 
 
 def _explains(found: Answer, thresholds: Thresholds) -> bool:

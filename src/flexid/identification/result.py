@@ -48,7 +48,7 @@ class Choices:
     segment_evidence: tuple[SegmentEvidence, ...]  # what each length of the segments gives
     # constants of the shapes of unusual terms, by name, where there are such
     shapes: Mapping[str, float] = field(default_factory=dict)
-    amplifier: Amplifier = IDEAL  # what became of the logged voltage before it reached the motor
+    amplifier: Amplifier = IDEAL  # by what the input that acted differs from the logged one
 
 
 @dataclass(frozen=True)

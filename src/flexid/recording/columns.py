@@ -190,13 +190,11 @@ class _Plan:
         joint = self._joint_of(usual)
         found: dict[str, list[Recipe]] = {}
         of_joint = {header: one for header, one in usual.items() if one.joint in ("", joint)}
-        # What was measured is nearer to what acted than what was asked for.
-        measured = {one.channel for one in of_joint.values() if not one.commanded}
-        is_measured = not {*INPUTS}.isdisjoint({*measured, *self.found})
+        commanded: dict[str, list[Recipe]] = {}
         for header, one in of_joint.items():
-            if not (one.commanded and is_measured):
-                recipe = recipe_of_column(self.table, header, one.unit)
-                found.setdefault(one.channel, []).append(recipe)
+            recipe = recipe_of_column(self.table, header, one.unit)
+            kind = commanded if one.commanded else found
+            kind.setdefault(one.channel, []).append(recipe)
         # Of several columns those count that are in a unit that needs no scale.
         plain = {
             name: [one for one in own if not is_relative(one.unit or "")]
@@ -220,6 +218,10 @@ class _Plan:
         moves = joint_of(places, "revolute" if known & {*INPUTS} else "prismatic")
         if "force" in found and moves == "prismatic" and "motor_torque" not in self.found:
             found.setdefault("motor_torque", found["force"])
+        # What was measured is nearer to what acted than what was asked for.
+        if {*INPUTS}.isdisjoint({*self.found, *found}):
+            force = {"motor_torque": commanded["force"]} if "force" in commanded else {}
+            found |= {**force, **commanded} if moves == "prismatic" else commanded
         return found
 
     def _joint_of(self, usual: Mapping[str, Usual]) -> str:
@@ -286,11 +288,13 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
 
 def _name_sides(found: dict[str, list[Recipe]]) -> None:
     """Give the sides to two positions q and theta, as the literature calls link and motor."""
-    bare = {words_of(split_header(one.header)[0]): one for one in found.get("position", ())}
-    named = {words.all: one for words, one in bare.items() if words is not None}
-    if {*named} == {("q",), ("theta",)} and found.keys().isdisjoint(POSITIONS):
+    positions = found.get("position", [])
+    words = [words_of(split_header(one.header)[0]) for one in positions]
+    letters = [each.all for each in words if each is not None]
+    if sorted(letters) == [("q",), ("theta",)] and found.keys().isdisjoint(POSITIONS):
         del found["position"]
-        found["link_position"], found["motor_position"] = [named["q",]], [named["theta",]]
+        for letter, one in zip(letters, positions, strict=True):
+            found["link_position" if letter == ("q",) else "motor_position"] = [one]
 
 
 def _side_of_bare(known: Collection[str], count: int) -> str:

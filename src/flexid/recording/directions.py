@@ -21,7 +21,7 @@ from flexid.recording.recording import INPUTS, Draft, Rank, Recording
 from flexid.recording.slow_motion import Smoothing, left_over, own_share, smoothing
 
 _OPPOSITE = -0.98  # correlation of link and motor, whose sizes are alike
-_ALIKE = 1.1  # sizes of link and motor: a soft joint near its resonance moves one side otherwise
+_ALIKE = 1.1  # sizes of link and motor: a soft joint near its resonance moves one side more
 _CERTAIN = 5.0  # standard errors
 _EXPLAINED = 0.5  # of the squares of a deflection or an input, left over at most
 _LIKELIER = 0.5  # of what a deflection leaves over as it is: at most 0.33 if it has to be turned
@@ -33,7 +33,7 @@ def reversed_channels(log: Draft, recording: Recording, *, alone: bool) -> Itera
     An arm's inputs move other joints, too, so that only a joint that is `alone` tells of its own.
     """
     if _is_reversed_link(recording):
-        yield from _named(log, "link", "it moves against the motor's position")
+        yield from _named(log, "link_position", "it moves against the motor's position")
     elif _is_reversed_deflection(recording):
         why = "as it is it does not pull the link, and it is the link's position less the motor's"
         yield from _named(log, "deflection", why)
@@ -46,19 +46,23 @@ def turned(log: Draft, names: list[str]) -> None:
     """Turn channels to the motor's direction, in their values and in what is told of them."""
     for name in names:
         channel = log.channels[name]
-        origin = replace(
-            channel.origin, factor=-channel.origin.factor, offset=-channel.origin.offset
-        )
+        factor, offset = -channel.origin.factor, 0.0 - channel.origin.offset
+        origin = replace(channel.origin, factor=factor, offset=offset)
         log.channels[name] = replace(channel, values=-channel.values, origin=origin)
 
 
-def _named(log: Draft, what: str, why: str) -> Iterator[str]:
-    """Say of a channel, and its velocity, why it is turned."""
-    names = [name for name in log.names if name == what or name.startswith(f"{what}_")]
+def _named(log: Draft, name: str, why: str) -> Iterator[str]:
+    """Say of a channel, and of a velocity that goes with it, why it is turned."""
+    names = [name]
+    velocity = name.replace("position", "velocity")
+    has_one = velocity != name and velocity in log.channels
+    if has_one and log[velocity][1:] @ np.diff(log[name]) > 0.0:
+        names.append(velocity)
     log.warn(
-        names if len(names) > 1 else names[0],
-        f"{' and '.join(names)} was taken with the other sign, since {why}: check the sign, and "
-        f"write scale = -1 in a column map",
+        names if len(names) > 1 else name,
+        f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'} taken with the other sign, "
+        f"since {why}: check the sign, and change that of the scale in a column map (write "
+        f"scale = -1 where there is none)",
         Rank.SCALE,
     )
     yield from names
@@ -67,15 +71,25 @@ def _named(log: Draft, what: str, why: str) -> Iterator[str]:
 def _is_reversed_link(recording: Recording) -> bool:
     """Whether two encoders count in opposite directions.
 
-    Beyond its resonance a joint's sides do move against each other, bending it as its spring does.
+    Beyond the link's own resonance a joint's sides do move against each other, as far as each other
+    where they weigh the same, and bend it as its spring does.
     """
-    link, motor = recording.link_position, recording.motor_position
+    link = recording.link_position
     if link is None or recording.clamped or recording.link_from_deflection:
         return False
-    correlation = float(np.corrcoef(link, motor)[0, 1])
+    if np.corrcoef(link, recording.motor_position)[0, 1] >= 0.0:
+        return False
+    return _pulls_better(recording, -link, otherwise=are_opposed(recording))
+
+
+def are_opposed(recording: Recording) -> bool:
+    """Whether link and motor make one motion in opposite directions."""
+    link, motor = recording.link_position, recording.motor_position
+    if link is None or recording.clamped:
+        return False
     ratio = float(motor.std() / link.std())
-    is_one_motion = correlation < _OPPOSITE and 1.0 / _ALIKE < ratio < _ALIKE
-    return is_one_motion or (correlation < 0.0 and _pulls_better(recording, -link))
+    is_opposed = np.corrcoef(link, motor)[0, 1] < _OPPOSITE
+    return bool(is_opposed and 1.0 / _ALIKE < ratio < _ALIKE)
 
 
 def _is_reversed_deflection(recording: Recording) -> bool:
@@ -84,11 +98,16 @@ def _is_reversed_deflection(recording: Recording) -> bool:
     return is_measured and _pulls_better(recording, recording.motor_position - recording.deflection)
 
 
-def _pulls_better(recording: Recording, turned_link: FloatArray) -> bool:
-    """Whether the spring's deflection pulls the link as it should only with the link turned."""
+def _pulls_better(
+    recording: Recording, turned_link: FloatArray, *, otherwise: bool = False
+) -> bool:
+    """Whether the spring's deflection pulls the link as it should only with the link turned.
+
+    What is `otherwise` is so where it does with neither sign.
+    """
     smoothed = smoothing(recording)
     if smoothed is None:
-        return False
+        return otherwise
     as_it_is, other = (
         _explained(
             smoothed(link - recording.motor_position),
@@ -98,7 +117,7 @@ def _pulls_better(recording: Recording, turned_link: FloatArray) -> bool:
         for link in (recording.needed_link_position, turned_link)
     )
     if not other.against:
-        return False
+        return otherwise and not as_it_is.against
     return not as_it_is.against or other.left < _LIKELIER * as_it_is.left
 
 
@@ -139,7 +158,7 @@ def _explained(
 
 
 def _resisting(recording: Recording, smoothed: Smoothing, moved: FloatArray) -> list[FloatArray]:
-    """Gravity and friction of a side, each of unknown size."""
+    """Gravity, or a spring that a slide pushes on, and friction of a side, of unknown sizes."""
     turns = recording.joint == "revolute"
-    gravity = [smoothed(np.sin(moved)), smoothed(np.cos(moved))] if turns else []
-    return [*gravity, smoothed(moved, 1), smoothed.sign(moved)]
+    load = [smoothed(np.sin(moved)), smoothed(np.cos(moved))] if turns else [smoothed(moved)]
+    return [*load, smoothed(moved, 1), smoothed.sign(moved)]

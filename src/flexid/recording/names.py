@@ -237,6 +237,8 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     is_encoder = not {"enc", "encoder"}.isdisjoint(words.all)
     if not quantities and words.sides and (is_encoder or not _SAID.isdisjoint(words.all)):
         measured = quantity_of(unit) if unit else "position" if is_encoder else None
+        if of_joint and measured != "position":  # a torque there may be the spring's
+            measured = None
         quantities = (measured,) if measured else ()  # as Motor [deg]
     if len(quantities) != 1 or len(sides) > 1:
         return None

@@ -16,7 +16,7 @@ from flexid.models.motion import JointType
 from flexid.readers.formats import format_of
 from flexid.recording import checks
 from flexid.recording.columns import read_channels
-from flexid.recording.directions import reversed_channels, turned
+from flexid.recording.directions import are_opposed, reversed_channels, turned
 from flexid.recording.outliers import mend
 from flexid.recording.recording import ENCODERS, INPUTS, VELOCITIES, Draft, Log, Rank, Recording
 from flexid.recording.sampling import (
@@ -170,22 +170,28 @@ def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool, alone: bool) -
     if not rests:
         checks.drop_dead_inputs(log)
         _check_each(log)
-    unwrap(log)
+    wrapped = unwrap(log)
     _add_link_position(log)
     if not rests:
         _check_together(log)
     recordings = _recordings_of(log, grid)
-    while not rests and (backward := [*reversed_channels(log, _longest(recordings), alone=alone)]):
-        turned(log, backward)
+    backward: dict[str, None] = {}
+    while not rests and (names := [*reversed_channels(log, _most_moved(recordings), alone=alone)]):
+        turned(log, names)
+        _align(log, wrapped)
         _add_link_position(log)
         recordings = _recordings_of(log, grid)
-        origins |= {name: log.channels[name].origin for name in backward}
+        origins |= {name: log.channels[name].origin for name in names}
+        backward |= dict.fromkeys(names)
+    if not rests and are_opposed(_most_moved(recordings)):
+        log.warn(ENCODERS, "link and motor position are opposite: check their signs", Rank.SCALE)
     measured = log.those_of(VELOCITIES)
     unused = {name: None for name in measured if not is_used(log, name, recordings)}
     recordings = [replace(recording, **unused) for recording in recordings]
     if not rests:
-        check_motion(log, _longest(recordings), alone=alone)
-    return Log(tuple(recordings), tuple(log.warnings), log.file, table.sha256, origins, rests)
+        check_motion(log, max(recordings, key=len), alone=alone)
+    rest = table.sha256, origins, rests, tuple(backward)
+    return Log(tuple(recordings), tuple(log.warnings), log.file, *rest)
 
 
 def _recordings_of(log: Draft, grid: Grid) -> list[Recording]:
@@ -195,8 +201,9 @@ def _recordings_of(log: Draft, grid: Grid) -> list[Recording]:
     ]
 
 
-def _longest(recordings: Sequence[Recording]) -> Recording:
-    return max(recordings, key=len)
+def _most_moved(recordings: Sequence[Recording]) -> Recording:
+    """The recording that moves most: one that rests for longer says nothing."""
+    return max(recordings, key=lambda one: len(one) * float(np.var(one.motor_position)))
 
 
 def _check_each(log: Draft) -> None:
@@ -266,19 +273,28 @@ TURN = 2.0 * np.pi  # rad
 _FEW_VALUES = 20  # a position of so few counts does not jump, it steps
 
 
-def unwrap(log: Draft) -> None:
-    """Make the positions of absolute encoders continuous, a turn apart at most."""
+def unwrap(log: Draft) -> str:
+    """Make the positions of absolute encoders continuous, a turn apart at most.
+
+    Returns the last one that was wrapped; empty where none was.
+    """
     encoders = log.those_of(ENCODERS)
     wrapped = []
     for name in encoders:
         wrapped += [name] if _unwrap(log, name) else []
         _check_jumps(log, name)
-    if wrapped and len(encoders) == 2:
-        last = wrapped[-1]
-        (other,) = {*ENCODERS} - {last}
-        turn = TURN if log.joint == "revolute" else _motor_turn(log, last)
-        # Where the encoders began is not known.
-        log[last] = log[last] + turn * float(np.rint(np.median(log[other] - log[last]) / turn))
+    last = wrapped[-1] if wrapped else ""
+    _align(log, last)
+    return last
+
+
+def _align(log: Draft, last: str) -> None:
+    """Move an encoder that wrapped by whole turns, to the other one: where it began is unknown."""
+    if not last or len(log.those_of(ENCODERS)) < 2:
+        return
+    (other,) = {*ENCODERS} - {last}
+    turn = TURN if log.joint == "revolute" else _motor_turn(log, last)
+    log[last] = log[last] + turn * float(np.rint(np.median(log[other] - log[last]) / turn))
 
 
 def _unwrap(log: Draft, name: str) -> bool:

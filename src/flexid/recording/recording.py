@@ -359,6 +359,8 @@ class Log:
         How each channel was computed from the columns of the file, by the channel's name.
     rests : bool
         Whether the motor stands still throughout, as one joint of an arm may.
+    turned : tuple of str
+        Channels that were taken with the other sign, since mechanics contradict the one they had.
     """
 
     recordings: tuple[Recording, ...]
@@ -367,6 +369,7 @@ class Log:
     sha256: str
     columns: Mapping[str, Origin] = field(default_factory=dict)
     rests: bool = False
+    turned: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         recordings = ", ".join(

@@ -169,7 +169,7 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     return (share, error) if named and beside < _EXPLAINED * left else (0.0, 0.0)
 
 
-@lru_cache(maxsize=1)  # a log is checked for scales first, and then for a late input
+@lru_cache(maxsize=1)  # directions, scales and a late input are asked of the same one
 def smoothing(recording: Recording) -> Smoothing | None:
     """What smooths the noise of both encoders; None where a recording is too short for it."""
     motor, link = recording.motor_position, recording.link_position
@@ -212,17 +212,17 @@ def left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
 
 
 def own_share(
-    deflection: FloatArray, moved: FloatArray, mechanics: Sequence[FloatArray]
+    target: FloatArray, regressor: FloatArray, others: Sequence[FloatArray]
 ) -> tuple[float, float]:
-    """The motor position's own share in the deflection, and its standard error (jackknife)."""
-    matrix, sizes = _scaled([moved, *mechanics, np.ones_like(moved)])
+    """A regressor's own share in a target, beside others, and its standard error (jackknife)."""
+    matrix, sizes = _scaled([regressor, *others, np.ones_like(regressor)])
 
     def share(left_out: NDArray[np.intp]) -> float:
-        kept = np.ones(len(deflection), dtype=np.bool_)
+        kept = np.ones(len(target), dtype=np.bool_)
         kept[left_out] = False
-        return float(np.linalg.lstsq(matrix[kept], deflection[kept], rcond=1e-10)[0][0] / sizes[0])
+        return float(np.linalg.lstsq(matrix[kept], target[kept], rcond=1e-10)[0][0] / sizes[0])
 
-    without = [share(part) for part in np.array_split(np.arange(len(deflection)), _PARTS)]
+    without = [share(part) for part in np.array_split(np.arange(len(target)), _PARTS)]
     return float(np.mean(without)), float(np.std(without) * np.sqrt(_PARTS - 1.0))
 
 

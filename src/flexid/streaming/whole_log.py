@@ -60,6 +60,9 @@ def identify_stream(
         raise SettingError("model", "is that of the channels in a stream: leave it")
     progress("reading the head")
     log, head_rows, all_rows = _head(path, columns)
+    for channel in log.turned:
+        reason = "counts against the motor's direction: write scale = -1 for it in a column map"
+        raise RecordingError(shown(path), channel, reason)
     found = identify([log], settings, progress)
     progress("streaming")
     with closing(Replay(path, columns, found.model)) as replay:

@@ -1,4 +1,7 @@
-"""What an amplifier makes of the input that was logged: a limit, and of a voltage a dead zone.
+"""What an input was before it was logged, and what an amplifier made of it.
+
+An amplifier has a limit, and of a voltage a dead zone; on its way into the log an input may have
+been low-passed.
 
 What was commanded is not what reaches the motor. Below the dead zone nothing passes, and of more
 only what exceeds it; beyond the limit nothing follows. Neither is linear in the
@@ -77,7 +80,7 @@ def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Ampli
     A current is controlled, and a torque is what acts, but either may be what was commanded.
     """
     driven = _Driven(structure, data)
-    if min(map(np.count_nonzero, driven.moves.values())) < _FEWEST:
+    if not driven.is_enough:
         return IDEAL
 
     corrections: dict[Literal["dead_zone", "limit"], tuple[float, float]] = {"limit": _LIMITS}
@@ -103,6 +106,8 @@ def with_log_lag(
 ) -> Amplifier:
     """The same amplifier, logged behind the filter that suits the log best, about as `likely`."""
     driven = _Driven(structure, data)
+    if not driven.is_enough:
+        return amplifier
     return replace(amplifier, log_lag=driven.best_log_lag(amplifier, likely))
 
 
@@ -150,6 +155,11 @@ class _Driven:
     def moves(self) -> dict[float, NDArray[np.bool_]]:
         """By filter, whether the motor moves, equation by equation."""
         return {rate: _moves(self.data, rate) for rate in _RATES}
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether the motor moves in enough equations."""
+        return all(np.count_nonzero(moves) >= _FEWEST for moves in self.moves.values())
 
     def best(
         self,

@@ -73,7 +73,7 @@ class Amplifier:
     """Passes an input on; all of it, and as it was logged, unless told otherwise."""
 
     dead_zone: float = 0.0  # in the input's unit
-    limit: float | None = None  # the same, of what was logged; None where none was seen
+    limit: float | None = None  # the same, of what was commanded; None where none was seen
     log_lag: float = 0.0  # s, of a filter of first order on the way into the log
 
     @property
@@ -246,7 +246,7 @@ def traits(joint: JointType, input_unit: str) -> dict[str, str]:
 
 
 def check_alike(logs: Sequence[Log]) -> None:
-    """Refuse logs that differ in their joint, their input or their encoders."""
+    """Refuse logs that differ in their joint, their input, their encoders or the signs of these."""
     found = []
     for log in logs:
         first = log.recordings[0]
@@ -257,6 +257,15 @@ def check_alike(logs: Sequence[Log]) -> None:
             if words != (other := found[0][channel]):
                 reason = f"is {words}, and in {logs[0].source} {other}: take them one by one"
                 raise RecordingError(log.source, channel, reason)
+    turned = next((log for log in logs if log.turned), logs[0])
+    for log in logs:
+        for channel in {*turned.turned} ^ {*log.turned}:
+            raise RecordingError(
+                log.source,
+                channel,
+                f"shows another sign than in {turned.source}, or none: write its scale in a column "
+                f"map (-1 where it counts against the motor's direction)",
+            )
 
 
 def _long_enough(
