@@ -18,12 +18,12 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.recording.recording import INPUTS, Draft, Rank, Recording
-from flexid.recording.slow_motion import Smoothing, left_over, own_share, smoothing
+from flexid.recording.slow_motion import PARTS, Smoothing, left_over, own_share, smoothing
 
 _OPPOSITE = -0.98  # correlation of link and motor, whose sizes are alike
 _ALIKE = 1.1  # sizes of link and motor: a soft joint near its resonance moves one side more
 _CERTAIN = 5.0  # standard errors
-_DISSIPATED = 0.1  # of the work to and fro, what friction takes: more in 54 of 56 trials
+_DISSIPATED = 0.02  # of the work to and fro, what friction takes: more in 54 of 56 trials
 _EXPLAINED = 0.5  # of the squares of a deflection or an input, left over at most
 _LIKELIER = 0.5  # of what a deflection leaves over as it is: at most 0.33 if it has to be turned
 
@@ -155,7 +155,10 @@ def _explained(
     share, error = own_share(signal, acceleration, others)
     size = left_over(signal)
     left = left_over(signal, [acceleration, *others]) / size if size else 1.0
-    return _Explained(left < _EXPLAINED and share < -_CERTAIN * error, left)
+    # Fewer are fitted by anything, and parts of them then tell of no error.
+    is_enough = len(signal) >= PARTS * (len(others) + 2)
+    against = is_enough and left < _EXPLAINED and share < -_CERTAIN * error
+    return _Explained(against, left)
 
 
 def _resisting(recording: Recording, smoothed: Smoothing, moved: FloatArray) -> list[FloatArray]:

@@ -25,7 +25,7 @@ from flexid.recording.velocities import best_half_window, velocity
 
 _REACH = 6.0  # standard deviations of the smoothing kernel on either side: 1e-8 is cut off
 _FEWEST = 40  # smoothed samples that tell apart seven signals
-_PARTS = 10  # of the recording, each left out once, for the standard error
+PARTS = 10  # of the recording, each left out once, for the standard error
 _DEGREES = 180.0 / np.pi
 _FITS_BETTER = 0.2
 """Of the squares left over by gravity in the unit as read, those in another unit: 0.4 or more in
@@ -222,8 +222,8 @@ def own_share(
         kept[left_out] = False
         return float(np.linalg.lstsq(matrix[kept], target[kept], rcond=1e-10)[0][0] / sizes[0])
 
-    without = [share(part) for part in np.array_split(np.arange(len(target)), _PARTS)]
-    return float(np.mean(without)), float(np.std(without) * np.sqrt(_PARTS - 1.0))
+    without = [share(part) for part in np.array_split(np.arange(len(target)), PARTS)]
+    return float(np.mean(without)), float(np.std(without) * np.sqrt(PARTS - 1.0))
 
 
 def _scaled(signals: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
