@@ -145,10 +145,6 @@ class ExactFits:
         """What was fitted in the end, with the unusual terms that it needs."""
         return self.found[-1].structure if self.found else self.asked
 
-    def of_inputs(self, logged: Data) -> Data:
-        """The log, or what it was before its inputs were low-passed."""
-        return before_the_log(logged, self.log_lag)
-
     @property
     def starts(self) -> tuple[dict[str, float], ...]:
         """Values of least squares, and those over the longest segments, by name."""

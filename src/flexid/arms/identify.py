@@ -12,6 +12,7 @@ from flexid.arms.disturbed import along_the_valley, creeping, fit_disturbed
 from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import (
     FittedArm,
+    before_the_log,
     effect_sizes,
     exact_fits,
     explains,
@@ -132,8 +133,8 @@ def _found(
     if best is None or reason:
         progress("what disturbs the arm")
         with suppress(ConvergenceError):
-            inputs = exact.of_inputs(log.data)
-            disturbed = fit_disturbed(exact.structure, inputs, exact.starts)
+            data = before_the_log(log.data, exact.log_lag)
+            disturbed = fit_disturbed(exact.structure, data, exact.starts)
             still = (r.positions[:, 2 * joint - 1] for r in log.recordings for joint in log.resting)
             if not all(map(is_noise, still)):
                 disturbed = creeping(disturbed, fixed, exact.starts)

@@ -128,8 +128,6 @@ def limit_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dic
 
 def log_lag_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dict[str, float]:
     """The same of the lag of the log."""
-    if amplifier.log_lag == 0.0:
-        return {}
     driven = _Driven(structure, data)
     one, other = (driven.best_log_lag(amplifier, amplifier.log_lag, (rate,)) for rate in _RATES)
     spread = max(abs(one - other) / sqrt(2.0), _LEAST_SPREAD * amplifier.log_lag)
