@@ -141,7 +141,7 @@ def test_two_arms_are_compared(folder: Path, flexid: Run):
     ("arguments", "said"),
     [
         ("export true.json --to c99 --sample-time 0.001 --out out", "export it to mjcf"),
-        ("export true.json --to mjcf --sample-time 0.001 --out out", "mjcf has none: leave it out"),
+        ("export true.json --to mjcf --sample-time 0.001 --out out", "leave it out with mjcf"),
         ("watch run.csv --estimate true.json", "the estimate of an arm"),
         ("validate true.json current.csv", "is in A, A"),  # which do not go with newton metres
         *(

@@ -131,7 +131,7 @@ def test_results_cannot_be_changed(estimate, loaded):
     for mapping in (estimate.parameters, estimate.coefficients, estimate.fit_percent):
         with pytest.raises(TypeError, match="assignment"):
             mapping["joint_stiffness"] = 3
-    with pytest.raises(AttributeError, match="is what was found"):
+    with pytest.raises(AttributeError, match="is read-only"):
         estimate.parameters = {}
     loaded.document["parameters"].clear()
     assert loaded.document == estimate.document

@@ -1,1 +1,1 @@
-"""What `import flexid` offers: every command as a function, and results that one can work with."""
+"""Public functions of flexid, one for each command, and the results that they return."""

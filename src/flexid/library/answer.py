@@ -1,4 +1,4 @@
-"""What all answers have in common: text, a page of a notebook, a document, figures, files."""
+"""Base class of all results: text, notebook view, document, figures and files."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ if TYPE_CHECKING:
 
 
 class Answer:
-    """What a function of flexid returns: tables and a figure in a notebook, text in `summary`."""
+    """Result of a flexid function: tables and a figure in a notebook, text in `summary`."""
 
-    _report = ""  # the module of `flexid.report` that presents it
-    _file = "result.json"  # among what the command writes
-    _formats: tuple[str, ...] = ("png",)  # of the figures
+    _report = ""  # module of `flexid.report` that presents the result
+    _file = "result.json"  # name of the document among the files that the command writes
+    _formats: tuple[str, ...] = ("png",)  # file formats of the figures
 
     def __init__(self, result: Any) -> None:
-        self.result = result  # what was found
+        self.result = result  # result object of the computation
 
     def __getattr__(self, name: str) -> Any:
-        if not self._is_the_results(name):
+        if not self._belongs_to_result(name):
             raise AttributeError(f"{type(self).__name__} has no {name!r}", name=name, obj=self)
         value = getattr(self.result, name)
         return MappingProxyType(value) if isinstance(value, dict) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if self._is_the_results(name):
-            raise AttributeError(f"{name!r} is what was found: it stays", name=name, obj=self)
+        if self._belongs_to_result(name):
+            raise AttributeError(f"the result's {name!r} is read-only", name=name, obj=self)
         super().__setattr__(name, value)
 
-    def _is_the_results(self, name: str) -> bool:
-        """Whether a class declares an attribute that is that of the result."""
+    def _belongs_to_result(self, name: str) -> bool:
+        """Return whether the class declares the name as an attribute of the result."""
         every = (vars(each).get("__annotations__", ()) for each in type(self).__mro__)
         return name != "result" and not name.startswith("_") and any(name in one for one in every)
 
@@ -59,56 +59,56 @@ class Answer:
 
     @property
     def _shown(self) -> tuple[Any, ...]:
-        """What the presenter takes."""
+        """Arguments of the presenter's functions."""
         return (self.result,)
 
     def _parts(self) -> Iterable[Part]:
-        """Tables and sentences of the answer."""
+        """Return tables and sentences of the result."""
         return self._presenter.parts(*self._shown)
 
     def _evidence(self) -> Iterable[Part]:
-        """What the choices rest on, for ``--explain``."""
+        """Return the evidence for each choice, as ``--explain`` prints it."""
         return self._presenter.evidence(*self._shown)
 
     def _document(self) -> Mapping[str, Any]:
-        """Everything but the time series; numbers that JSON does not have may be in it."""
+        """Return everything but the time series; numbers may be NaN or infinite."""
         return self._presenter.document(*self._shown)
 
     def _page(self, command: str = "") -> Page:
-        """A page to send; `command` repeats the answer."""
+        """Return the report page; `command` is the command line that repeats the result."""
         return self._presenter.page(self._shown, self._drawn, self.warnings, command)
 
     @cached_property
     def _drawn(self) -> Sequence[Chart]:
-        """The figures, the most important one first; made once for files, page and notebook."""
+        """Figures, the most important first; made once for files, page and notebook."""
         return self._presenter.charts(*self._shown)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What one should know before trusting the numbers."""
+        """Warnings to read before the numbers are used."""
         return getattr(self.result, "warnings", ())
 
     @property
     def document(self) -> Mapping[str, Any]:
-        """Everything but the time series, as the command's ``--json`` has it."""
+        """Everything but the time series, as the command's ``--json`` prints it."""
         return json.loads(to_json(self._document()))
 
     def summary(self) -> str:
-        """The answer as text: what the command of the same name prints."""
+        """Return the result as text, as the command of the same name prints it."""
         from flexid.report.terminal import as_text
 
         return as_text(self._parts())
 
     @entrance
     def plot(self, name: str = "", *, ax: Axes | None = None) -> Figure:
-        """A figure that the command writes with ``--out``.
+        """Draw a figure that the command writes with ``--out``.
 
         Parameters
         ----------
         name : str, optional
-            Of its file, without the suffix; the first one if not given.
+            Name of the figure's file without its suffix; the first figure if not given.
         ax : Axes, optional
-            In whose place the panels are drawn.
+            Axes that are replaced by the panels.
         """
         from flexid.report.figure import draw
 
@@ -116,7 +116,7 @@ class Answer:
         name = name or next(iter(charts), "")
         if name not in charts:
             known = ", ".join(charts) or "none"
-            raise SettingError("plot", f"there is no figure {name!r}; there is {known}")
+            raise SettingError("plot", f"there is no figure {name!r}: give one of {known}")
         return draw(charts[name], ax=ax)
 
     @entrance
@@ -126,7 +126,7 @@ class Answer:
         Parameters
         ----------
         path : path
-            The file; one that is there is replaced.
+            The file; an existing file is replaced.
         """
         from flexid.files import write_document
 
@@ -139,7 +139,7 @@ class Answer:
         Parameters
         ----------
         directory : path
-            Where they go; made if it is not there.
+            Output directory; created if it does not exist.
         """
         from flexid.files import output_directory
         from flexid.report.figure import save_charts
@@ -149,14 +149,14 @@ class Answer:
 
     @entrance
     def report(self, path: FilePath) -> None:
-        """Write a page to send: one HTML file with the answer, its tables and all figures.
+        """Write the report page: one HTML file with the result, its tables and all figures.
 
-        Figures of time series are left out where there are none, as in a loaded estimate.
+        A result without time series, such as a loaded estimate, has no figures of them.
 
         Parameters
         ----------
         path : path
-            The file, such as ``"report.html"``; one that is there is replaced.
+            The file, such as ``"report.html"``; an existing file is replaced.
         """
         from flexid.files import write_document
         from flexid.report.page import page_html
@@ -164,7 +164,7 @@ class Answer:
         write_document(Path(path), page_html(self._page()))
 
     def _write_files(self, directory: Path, command: str, *, csv: bool) -> None:
-        """Write what the command writes: document, time series, figures and page."""
+        """Write the files of the command: document, time series, figures and page."""
         from flexid.report.figure import save_charts
         from flexid.report.page import NAME, page_html
 
@@ -190,7 +190,7 @@ class Answer:
 
 
 class EstimateAnswer(Answer):
-    """An estimate, of a joint or of an arm."""
+    """Estimate of a joint or of an arm."""
 
     _file = "estimate.json"
 
@@ -200,11 +200,11 @@ class EstimateAnswer(Answer):
         return estimate_document(self.result)
 
     def supports(self, *, strict: bool = False) -> bool:
-        """Whether the data determine every parameter, be it weakly.
+        """Return whether the data determine every parameter, at least weakly.
 
         Parameters
         ----------
         strict : bool, optional
-            Count what is weak as not determined.
+            Count weak parameters as not determined.
         """
         return self.result.supports(strict=strict)

@@ -1,4 +1,4 @@
-"""Arguments of the library's functions: refused in a sentence, or converted; and one thread."""
+"""Arguments of the public functions, checked and converted; linear algebra in one thread."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from flexid.recording.recording import Hold
 
     FilePath: TypeAlias = str | os.PathLike[str]
-    """Where a file is."""
+    """Path of a file."""
     Known: TypeAlias = Mapping[str, float | tuple[float, float]]
-    """Values by name, alone or with their standard deviation."""
+    """Values by name, each alone or with its standard deviation."""
     Bounds: TypeAlias = Mapping[str, tuple[float | None, float | None]]
-    """Lower and upper end by name; None where there is none."""
+    """Lower and upper bound by name; None leaves a side unbounded."""
     Terms: TypeAlias = str | Iterable[str]
     """Names of terms, or "auto"."""
     AutoModel: TypeAlias = Kind | Literal["auto"]
     """Model of the joint, or "auto"."""
     AutoHold: TypeAlias = Hold | Literal["auto"]
-    """How the input behaves between samples, or "auto"."""
+    """Input between samples, or "auto"."""
     AutoNumber: TypeAlias = float | Literal["auto"]
     """A number, or "auto"."""
 
@@ -45,14 +45,14 @@ T = TypeVar("T")
 
 
 class _UnfitError(Exception):
-    """An argument, or a part of it, is not what its type says."""
+    """An argument, or a part of it, does not have its declared type."""
 
     def __init__(self, reason: str, part: str = "") -> None:
         self.reason, self.part = reason, part
 
 
 def entrance(function: Callable[P, R]) -> Callable[P, R]:
-    """Make a function convert its arguments, and refuse those that it does not take."""
+    """Return a function that checks and converts its arguments before it runs."""
     signature = inspect.signature(function)
     name = function.__name__
 
@@ -73,14 +73,14 @@ def entrance(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
-    """A value as the annotation of its parameter has it."""
+    """Return a value converted to the declared type of its parameter."""
     declared = str(parameter.annotation)
     kind = declared.removesuffix(" | None")
     if value is None and (kind != declared or parameter.default is None):
         return None
     if kind in _CONVERTED:
         return _CONVERTED[kind](value)
-    choices = re.findall(r"'(\w+)'", kind)  # of a literal
+    choices = re.findall(r"'(\w+)'", kind)  # of a Literal
     kinds = ["str"] if choices else kind.split(" | ")
     own = {base.__name__ for base in type(value).__mro__}
     if {*kinds} & {*_TYPES} and not {*kinds} & own:
@@ -94,12 +94,12 @@ def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
 def _check(value: Any, types: Any, wanted: str, part: str = "") -> None:
     if isinstance(value, bool) or not isinstance(value, types):
         raise _UnfitError(f"is {kind_of(value)}: give {wanted}", part)
-    if isinstance(value, str) and not value and "path" in wanted:  # Python takes it for its folder
+    if isinstance(value, str) and not value and "path" in wanted:  # Path("") is a folder
         raise _UnfitError(f"is empty: give {wanted}", part)
 
 
 def kind_of(value: object) -> str:
-    """What a value is, with its article."""
+    """Return the name of a value's type with its article, such as "an int"."""
     if value is None:
         return "None"
     name = type(value).__name__
@@ -111,15 +111,15 @@ _active = 0
 _limits: threadpool_limits | None = None
 
 
-# Small matrices: threads that share them wait longer than they compute. The limit holds for the
-# process: of several calls at once the first sets it and the last takes it back.
+# The matrices are small, so that several threads would only slow the computation. The limit is one
+# for the process: the first of several concurrent calls sets it, and the last one restores it.
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread, in a ``with`` or as a decorator of a function."""
+    """Limit linear algebra to one thread; a context manager that also decorates functions."""
     global _active, _limits
     with _LOCK:
         if not _active:
-            import scipy.linalg  # noqa: F401 - a library that comes later would not be limited
+            import scipy.linalg  # noqa: F401 - only libraries that are loaded are limited
             from threadpoolctl import threadpool_limits
 
             _limits = threadpool_limits(limits=1, user_api="blas")
@@ -139,7 +139,7 @@ _ENTRY = re.compile(r"^(\w[\w, ]*) : (.*)\n((?: .*\n?)+)", re.MULTILINE)
 
 
 def described(function: Callable[..., object]) -> dict[str, tuple[str, str]]:
-    """What a docstring says of each parameter: its kind, and indented words."""
+    """Return the type and the indented description of each parameter of a docstring."""
     section = _SECTION.search(inspect.getdoc(function) or "")
     return {
         name.strip(): (kind, words)
@@ -151,7 +151,7 @@ def described(function: Callable[..., object]) -> dict[str, tuple[str, str]]:
 def options_of(
     other: Callable[P, object], *left_out: str
 ) -> Callable[[Callable[..., R]], Callable[P, R]]:
-    """A decorator that spells out ``**options`` with the parameters of another function."""
+    """Return a decorator that replaces ``**options`` by the parameters of another function."""
     shared = inspect.signature(other).parameters
     names = [name for name in shared if name not in left_out]
 
@@ -170,7 +170,7 @@ def options_of(
 def joint_settings(
     *, known: Known | None = None, bounds: Bounds | None = None, **options: Any
 ) -> Settings:
-    """Settings of an identification; what is not given is as usual."""
+    """Return the settings of an identification, with defaults for options not given."""
     from flexid.identification.preparation.settings import Settings
 
     values, deviations = with_deviations(known)
@@ -179,7 +179,7 @@ def joint_settings(
 
 
 def with_deviations(known: Known | None) -> tuple[dict[str, float], dict[str, float]]:
-    """Values by name, and the standard deviations of those that have one."""
+    """Return the values by name, and by name the standard deviations that were given."""
     pairs = {name: v if isinstance(v, tuple) else (v,) for name, v in (known or {}).items()}
     values = {name: pair[0] for name, pair in pairs.items()}
     return values, {name: pair[1] for name, pair in pairs.items() if len(pair) > 1}
@@ -205,7 +205,7 @@ def _auto_number(value: Any) -> Any:
 
 
 def _by_name(value: Any, example: str, convert: Callable[[Any, str], T] = _number) -> dict[str, T]:
-    """A mapping by names, each value converted."""
+    """Return a mapping by name with each value converted."""
     _check(value, Mapping, f"a mapping such as {example}")
     for name in value:
         if not isinstance(name, str):
@@ -218,18 +218,18 @@ def _terms(value: Any) -> Any:
 
 
 def _names(value: Any) -> tuple[str, ...]:
-    """Names, each once, that stand between commas or one by one."""
+    """Return the distinct names of an iterable, or of a text with commas."""
     if isinstance(value, str):
         value = [name.strip() for name in value.split(",") if name.strip()]
     names = tuple(value) if isinstance(value, Iterable) else (value,)
     wrong = [name for name in names if not isinstance(name, str)]
     if wrong:
-        raise _UnfitError(f"holds {kind_of(wrong[0])}: give names, such as ['gravity'], or 'auto'")
+        raise _UnfitError(f"contains {kind_of(wrong[0])}: give names such as ['gravity'] or 'auto'")
     return tuple(dict.fromkeys(names))
 
 
 def _uncertain(value: Any, part: str) -> float | tuple[float, float]:
-    """A value, or one with its standard deviation."""
+    """Return a value, or a value with its standard deviation."""
     pair = value if isinstance(value, list | tuple) else (value,)
     if len(pair) not in (1, 2):
         raise _UnfitError("is neither a value nor (value, standard deviation)", part)
@@ -238,9 +238,9 @@ def _uncertain(value: Any, part: str) -> float | tuple[float, float]:
 
 
 def _ends(value: Any, part: str) -> tuple[float, float]:
-    """Ends of a range, infinite where there is none."""
+    """Return a lower and an upper bound; None becomes infinite."""
     if not isinstance(value, list | tuple) or len(value) != 2:
-        raise _UnfitError("is no pair (lower, upper): None where there is none", part)
+        raise _UnfitError("is not a pair (lower, upper): give both, None for no bound", part)
     lower, upper = (
         infinite if end is None else _number(end, part)
         for end, infinite in zip(value, (-math.inf, math.inf), strict=True)
@@ -256,7 +256,7 @@ def _logs(value: Any) -> list[Any]:
 
 
 def _log(value: Any) -> Any:
-    if isinstance(value, _PATH):  # frames take longest to load
+    if isinstance(value, _PATH):  # first, since data frames are slow to import
         _check(value, _PATH, _LOG)
         return value
     from flexid.recording.frame import is_frame
@@ -282,7 +282,7 @@ _CONVERTED: Mapping[str, Callable[[Any], Any]] = {
     "OneLog": _log,
     "Terms": _terms,
 }
-"""What converts an argument, by its annotation."""
+"""Function that converts an argument, by its annotation."""
 
 _TYPES: Mapping[str, tuple[Any, str]] = {
     "Axes": ((), "axes of Matplotlib"),
@@ -297,4 +297,4 @@ _TYPES: Mapping[str, tuple[Any, str]] = {
     "int": (int, "a whole number"),
     "str": (str, "text"),
 }
-"""What an argument may be, by its annotation or a part of that, and in words."""
+"""Types of an argument and their description, by its annotation or a part of the annotation."""

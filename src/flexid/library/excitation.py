@@ -1,4 +1,4 @@
-"""What a log can say, and a motion that says more: `flexid.excitation` and `flexid.design`."""
+"""Assessment of a log, and design of a motion: `flexid.excitation` and `flexid.design`."""
 
 from __future__ import annotations
 
@@ -25,37 +25,37 @@ if TYPE_CHECKING:
 
 
 class LogExcitation(Answer):
-    """How well a log determines each coefficient, what confuses it, and what it lacks."""
+    """How well a log determines each coefficient, and what its motion lacks."""
 
     _report = "excitation"
     _file = "excitation.json"
 
     result: ExcitationReport
     coefficients: Mapping[str, CoefficientAssessment]
-    """By name: value, interval, verdict, and the coefficient that each is confused with."""
+    """By name: value, interval, verdict, and the unknown that correlates most with the value."""
     advice: Advice | None
-    """What the next motion should have more of; None where every coefficient is determined."""
+    """Advice for the next motion; None if every coefficient is determined."""
 
     @property
     def estimate(self) -> JointEstimate:
-        """What `flexid.identify` finds in the log."""
+        """Estimate that `flexid.identify` returns for the log."""
         from flexid.library.joint_estimate import JointEstimate
 
         return JointEstimate(self.result.identification)
 
     def supports(self, *, strict: bool = False) -> bool:
-        """Whether the data determine every parameter, be it weakly.
+        """Return whether the data determine every parameter, at least weakly.
 
         Parameters
         ----------
         strict : bool, optional
-            Count what is weak as not determined.
+            Count weak parameters as not determined.
         """
         return self.result.identification.supports(strict=strict)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What one should know before trusting the numbers."""
+        """Warnings to read before the numbers are used."""
         return self.result.identification.warnings
 
     def __repr__(self) -> str:
@@ -74,10 +74,10 @@ def excitation(
     progress: Progress = silent,
     **options: Any,
 ) -> LogExcitation:
-    """Say what a log determines, and what its motion lacks.
+    """Assess what a log determines, and what its motion lacks.
 
-    The log is identified as flexid identify does it, with the same options and the same answers.
-    Added is what each coefficient is confused with, and what the next motion should have more of.
+    The log is identified as by flexid identify, with the same options and results. For each
+    coefficient, the unknown that correlates most with it is added; then advice for the next motion.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def excitation(
 
 
 class ExperimentDesign(Answer):
-    """An experiment that determines the coefficients within limits, with its predictions."""
+    """Motion that determines the coefficients within the drive's limits, with predictions."""
 
     _report = "design"
     _file = "design.json"
@@ -103,7 +103,7 @@ class ExperimentDesign(Answer):
 
     @property
     def deviations(self) -> Mapping[str, float]:
-        """Predicted standard deviation of each coefficient over its value."""
+        """Predicted standard deviation of each coefficient, divided by its value."""
         return self.result.prediction.deviations
 
     def __repr__(self) -> str:
@@ -124,27 +124,27 @@ def design(
 ) -> ExperimentDesign:
     """Design a motion that determines the parameters.
 
-    It keeps to the drive's limits, and is checked on drives that are wrong by 30 %.
+    The motion respects the drive's limits, also if its parameters are wrong by 30 %.
 
     Parameters
     ----------
     drive : path
         A TOML file with parameters, limits and sensors of the drive.
     duration : float, optional
-        Seconds that the experiment lasts; as the file says if not given.
+        Duration of the experiment in s; by default the duration in the file.
     estimate : JointEstimate or path, optional
-        An estimate.json of flexid identify, whose values replace the file's parameters. Or what
-        `flexid.identify` returned.
+        An estimate.json of flexid identify, whose values replace the file's parameters. Or the
+        result of `flexid.identify`.
     seed : int, optional
         Seed of the search's random starts.
     progress : callable, optional
-        Called with the name of each step that is done.
+        Called with the name of each completed step.
     """
     from flexid.experiment_design.design import design as run
     from flexid.experiment_design.drive import read_drive
 
     if seed < 0:
-        raise SettingError("seed", "give a whole number, 0 or more")
+        raise SettingError("seed", f"must be 0 or more, got {seed}")
     choices = {} if duration is None else {"duration": duration}
     earlier = None if estimate is None else estimated(estimate)
     return ExperimentDesign(run(read_drive(Path(drive), earlier, choices), seed, progress))

@@ -1,4 +1,4 @@
-"""Models as equations, estimates for other tools: `flexid.derive` and `flexid.export`."""
+"""Equations of models, and files for other tools: `flexid.derive` and `flexid.export`."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _SHIPPED = "flexible-joint"  # name of the model that needs no file
 
 
 class ObserverText(str):
-    """Equations as text, with what to know of them."""
+    """Equations as text, with notes on them."""
 
     notes: tuple[str, ...]
 
     def __new__(cls, text: str, notes: tuple[str, ...] = ()) -> ObserverText:
-        """The text with its notes."""
+        """Create the text with its notes."""
         made = super().__new__(cls, text)
         made.notes = notes
         return made
@@ -55,17 +55,17 @@ def derive(
     model : ParametricSystem or path
         A TOML model file, or flexible-joint. Or a `ParametricSystem`.
     to : {"latex", "python", "c"}, optional
-        What the equations are printed as.
+        Format of the equations.
     terms : iterable of str, optional
-        Terms of flexible-joint; those of the paper if not given.
+        Terms of flexible-joint; by default the terms of the paper.
     unknown_input_gain : bool, optional
         Estimate beta1 of flexible-joint as well.
 
     Returns
     -------
     str
-        The equations as LaTeX, a Python module, or a C99 file. Its `notes` are sentences on what is
-        integrated numerically, and on rates of inputs that the observer needs.
+        The equations as LaTeX, a Python module, or a C99 file. Its `notes` name what is integrated
+        numerically, and the inputs whose rate of change the observer needs.
     """
     from flexid.paper.observer import derive_observer
     from flexid.paper.printing import c_observer, latex_observer, python_observer
@@ -90,7 +90,7 @@ def _notes(observer: SymbolicObserver) -> Iterator[str]:
 
 
 def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) -> ParametricSystem:
-    """The model that is meant."""
+    """Return the model: flexible-joint, the given system, or the model of a file."""
     if isinstance(model, str) and model == _SHIPPED:
         from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
 
@@ -100,7 +100,7 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
     if terms is not None or unknown_input_gain:
         raise SettingError(
             "unknown_input_gain" if terms is None else "terms",
-            f"belongs to {_SHIPPED}; a model states its own terms",
+            f"is for {_SHIPPED}; other models define their own terms",
         )
     if isinstance(model, ParametricSystem):
         return model
@@ -110,7 +110,7 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
 
 
 class ExportedFiles(NamedTuple):
-    """What `flexid.export` has written, and what that does not hold of the estimate."""
+    """Files written by `flexid.export`, and warnings on what they leave out."""
 
     paths: tuple[Path, ...]
     warnings: tuple[str, ...]  # a sentence each
@@ -134,33 +134,33 @@ def export(
     """Write an estimate or a model as code or files for another tool.
 
     c99 is the online estimator as one header and one source in C, with an example and a test
-    vector. mjcf is the joint or arm of an estimate as a scene for MuJoCo; what MuJoCo has no word
-    for is left out, with a warning. fmu is the plant of an estimate as FMUs for co-simulation, with
-    sources and, where there is a compiler, compiled.
+    vector. mjcf is the joint or arm of an estimate as a scene for MuJoCo; a warning names what
+    MuJoCo cannot represent. fmu is the plant of an estimate as FMUs for co-simulation, with their
+    sources, and compiled if a C compiler is found.
 
     Parameters
     ----------
     what : JointEstimate, ParametricSystem or path
-        An estimate.json or the folder that holds it, a TOML model file, or flexible-joint. Or what
-        `flexid.identify` returned, or a `ParametricSystem`.
+        An estimate.json or the folder that holds it, a TOML model file, or flexible-joint. Or a
+        result of `flexid.identify`, or a `ParametricSystem`.
     to : {"c99", "mjcf", "fmu"}
         The online estimator in C99, a scene of MuJoCo, or the plant as FMUs of FMI 2.0 and 3.0.
     out : path
         Directory for the files.
     sample_time : float, optional
-        Seconds between the estimator's samples; the log's if there is one.
+        Seconds between the estimator's samples; by default the sample time of the log.
     hold : {"zero", "linear"}, optional
-        The input between samples; as it was identified, else zero.
+        The input between samples: held, or on straight lines. By default as identified, else zero.
     filter_rate : float, optional
-        Rate in 1/s of the filter that positions pass; as it was identified, else 20.
+        Rate in 1/s of the filter for positions; by default as identified, else 20.
     memory : float, optional
-        Seconds after which a sample counts 1/e as much, or inf; 60 if not given.
+        Seconds after which a sample counts 1/e as much, or inf; by default 60.
     log : log, optional
         Motion for the test vector. As `flexid.read_log` takes it.
     columns : path or mapping, optional
         A column map for the log. As `flexid.identify` takes it.
     terms : iterable of str, optional
-        Terms of flexible-joint; those of the paper if not given.
+        Terms of flexible-joint; by default the terms of the paper.
     """
     from flexid.files import output_directory
 
@@ -169,20 +169,20 @@ def export(
     of_estimator = [n for n, v in (("sample_time", sample_time), ("log", log)) if v is not None]
     if to != "c99" and (of_estimator or given):
         option = [*given, *of_estimator][0]
-        raise SettingError(option, f"is of an online estimator, and {to} has none: leave it out")
-    module, meant = _what_is_meant(what, terms, to)
+        raise SettingError(option, f"is for the online estimator of c99: leave it out with {to}")
+    module, content = _exporter(what, terms, to)
     if to == "c99":
-        samples = None if log is None else _longest(log, columns, meant)
-        estimator = _estimator_settings(meant, samples, sample_time, given)
-        meant = replace(meant, settings=estimator, samples=samples)
+        samples = None if log is None else _longest(log, columns, content)
+        estimator = _estimator_settings(content, samples, sample_time, given)
+        content = replace(content, settings=estimator, samples=samples)
     with output_directory(Path(out)) as directory:
-        warnings = import_module(f"flexid.exports.{module}").write(meant, directory)
+        warnings = import_module(f"flexid.exports.{module}").write(content, directory)
         names = sorted(path.name for path in directory.iterdir())
     return ExportedFiles(tuple(Path(out) / name for name in names), tuple(warnings))
 
 
-def _what_is_meant(what: Any, terms: Iterable[str] | None, to: str) -> tuple[str, Any]:
-    """The module that writes it, and what that takes: an estimate, or a model with its values."""
+def _exporter(what: Any, terms: Iterable[str] | None, to: str) -> tuple[str, Any]:
+    """Return the name of the exporting module, and its input: an estimate or an export request."""
     from flexid.exports.request import ExportRequest, request_of_identification
     from flexid.library.identify import estimated
     from flexid.library.joint_estimate import JointEstimate
@@ -191,7 +191,7 @@ def _what_is_meant(what: Any, terms: Iterable[str] | None, to: str) -> tuple[str
     stored = path is not None and (path.suffix.lower() == ".json" or path.is_dir())
     if isinstance(what, JointEstimate) or stored:
         if terms is not None:
-            raise SettingError("terms", f"belongs to {_SHIPPED}; an estimate has its own terms")
+            raise SettingError("terms", f"is for {_SHIPPED}; an estimate has its own terms")
         found = estimated(what).result
         if found.model == "arm":
             if to == "mjcf":
@@ -211,7 +211,7 @@ def _estimator_settings(
     sample_time: float | None,
     given: Mapping[str, Any],
 ) -> EstimatorSettings:
-    """Settings of the estimator: what is given, else as identified."""
+    """Return the settings of the estimator: as given, else as identified."""
     from flexid.exports.request import EstimatorSettings
 
     of_log = sample_time if samples is None else samples.sample_time
@@ -232,7 +232,7 @@ def _estimator_settings(
 
 
 def _longest(log: Any, columns: Any, request: ExportRequest) -> Samples:
-    """Samples of a log's longest recording; raise if its input is not the estimate's."""
+    """Return samples of a log's longest recording; raise if its input has another unit."""
     from flexid.library.logs import read_log, samples
 
     read = read_log(log, columns=columns)

@@ -1,4 +1,4 @@
-"""The main job: `flexid.identify`, `flexid.load`, and estimates in every form that users give."""
+"""Identification and loading: `flexid.identify`, `flexid.load`; estimates from any source."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from flexid.library.logs import Columns, Logs
     from flexid.stored_estimates.estimate_file import StoredEstimate
 
-_MANY = 300_000  # samples, which take about a minute
+_MANY = 300_000  # samples, whose identification takes about a minute
 _LOG = logging.getLogger(__name__)
 
 
@@ -59,52 +59,52 @@ def identify(
     """Find a drive's parameters, with intervals and verdicts.
 
     The logs are of one drive with an elastic joint: two encoders and the motor's torque, voltage or
-    current. With one encoder the joint is taken as rigid; without an input the link is identified
-    alone, driven by the motor's motion. What is auto is chosen from the logs.
+    current. With one encoder the joint is modelled as rigid. Without an input the link alone is
+    identified, driven by the motor's motion. Settings that are auto are chosen from the logs.
 
     Parameters
     ----------
     logs : log or list of logs
         Logs of one drive. Paths of files, data frames of pandas, Polars, PyArrow or another library
-        that `narwhals` knows, mappings of arrays, or what `flexid.read_log` read. Columns are found
+        that `narwhals` knows, mappings of arrays, or logs of `flexid.read_log`. Columns are found
         by name, with their unit in brackets: ``"time [s]"``, ``"link_position [deg]"``,
         ``"motor_position [deg]"``, ``"motor_torque [N m]"``; of a prismatic joint in m and N.
     columns : path or mapping, optional
-        A column map, which renames, scales and combines raw columns: a TOML file. Or what it would
-        hold, ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
+        A column map, which renames, scales and combines raw columns: a TOML file. Or its content as
+        a mapping, ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
     known : mapping of str to float or (float, float), optional
-        Physical parameters or coefficients that are known, with their standard deviation if they
-        have one. For example ``{"motor_inertia": (0.3, 0.01)}``.
+        Known values of physical parameters or coefficients, each exact or with a standard
+        deviation. For example ``{"motor_inertia": (0.3, 0.01)}``.
     bounds : mapping of str to (float, float), optional
-        Lower and upper end of physical parameters or coefficients. None where there is no end:
+        Lower and upper bound of physical parameters or coefficients. None means no bound:
         ``{"joint_stiffness": (50, None)}``.
     model : {"auto", "flexible", "link", "rigid"}, optional
-        Model of the joint: flexible; link, the link alone, driven by the measured motor position,
-        without the input; or rigid, from the motor's encoder alone.
+        Model of the joint: flexible; link, for the link alone, driven by the measured motor
+        position, without the input; or rigid, for a log of the motor's encoder alone.
     terms : iterable of str, optional
         Terms of the model besides the joint spring. A rigid joint has gravity, gravity_cosine,
         viscous, viscous_asymmetry, coulomb and offset. See `flexid.TERMS` and `flexid.SHAPE_TERMS`.
     hold : {"auto", "zero", "linear", "cubic"}, optional
-        The input between samples: held, on straight lines, or smooth.
+        The input between samples: held (zero), on straight lines (linear) or smooth (cubic).
     input_delay : float, optional
         Seconds by which the input acts later than recorded.
     link_delay : float, optional
         Seconds by which the link's encoder lags behind the motor's.
     coulomb_velocity : float, optional
-        Velocity in rad/s or m/s over which Coulomb friction changes sign; auto: at once.
+        Velocity in rad/s or m/s over which Coulomb friction changes sign; auto: abruptly.
     filter_rate : float, optional
-        Rate in 1/s of the filter of least squares.
+        Rate in 1/s of the filter of the least-squares estimator.
     segment_duration : float, optional
-        Seconds of the segments over which the model is fitted.
+        Length in seconds of the segments over which the model is fitted.
     validation_share : float, optional
         Share of each log, at its end, that is kept out of the fit and predicted.
     stream : bool, optional
-        Take one Parquet file of any length in one pass, in bounded memory, by least squares with
-        choices made on its beginning.
+        Read one Parquet file of any length in one pass and in bounded memory; fit by least squares,
+        with the model chosen from the beginning of the file.
     thresholds : Thresholds, optional
-        What is decided by, if not by `flexid.Thresholds()`.
+        Thresholds of all decisions; by default `flexid.Thresholds()`.
     progress : callable, optional
-        Called with each step in words, for example ``print``.
+        Called with a description of each step, for example ``print``.
 
     Examples
     --------
@@ -149,15 +149,15 @@ def _streamed(logs: Any, columns: Any, settings: Settings, progress: Progress) -
     if len(logs) > 1:
         raise SettingError("stream", "only one log can be streamed: name one Parquet file")
     if not isinstance(logs[0], str | os.PathLike):
-        raise ArgumentError("identify", "logs", "is to be the path of one Parquet file to stream")
+        raise ArgumentError("identify", "logs", "must be the path of one Parquet file to stream")
     return identify_stream(Path(logs[0]), as_columns(columns), settings, progress)
 
 
 @entrance
 def load(path: FilePath) -> JointEstimate:
-    """Read an estimate that was saved, by `JointEstimate.save` or by ``flexid identify --out``.
+    """Read an estimate saved by `JointEstimate.save` or by ``flexid identify --out``.
 
-    It predicts and validates logs; the time series of the log that it was made from are not stored.
+    It can predict and validate other logs. The time series of its own log are not stored.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def load(path: FilePath) -> JointEstimate:
 
 
 def estimated(estimate: JointEstimate | FilePath | Mapping[str, Any]) -> StoredEstimate:
-    """The estimate that is meant: what was identified, a file, or the content of one."""
+    """Return the estimate of a result, of a file, or of the content of a file."""
     from flexid.arrays import to_json
     from flexid.library.joint_estimate import JointEstimate
     from flexid.stored_estimates.estimate_file import StoredEstimate, read_estimate
@@ -183,7 +183,7 @@ def estimated(estimate: JointEstimate | FilePath | Mapping[str, Any]) -> StoredE
 
 
 class ArmEstimate(EstimateAnswer):
-    """Parameters of each joint of an arm, with intervals and verdicts."""
+    """Estimate of an arm: parameters of each joint, with intervals and verdicts."""
 
     _report = "arm"
 
@@ -194,7 +194,7 @@ class ArmEstimate(EstimateAnswer):
 def identify_arm(
     log: Path, arm: Path, columns: Path | None = None, progress: Progress = silent
 ) -> ArmEstimate:
-    """Parameters of the arm that a TOML file describes, from one log."""
+    """Identify the arm that a TOML file describes, from one log."""
     from flexid.arms.identify import identify_arm as run
     from flexid.models.model_file import read_arm
 

@@ -1,4 +1,4 @@
-"""What `flexid.identify` returns: an estimate to look at, to compute with, to keep, to test."""
+"""Result of `flexid.identify`: the estimate of a joint."""
 
 from __future__ import annotations
 
@@ -34,33 +34,33 @@ if TYPE_CHECKING:
 
 
 class JointEstimate(EstimateAnswer):
-    """Parameters of a joint, with intervals and verdicts, and the model that they make.
+    """Estimate of a joint: parameters with intervals and verdicts, and the fitted model.
 
-    `flexid.identify` returns one, `flexid.load` reads one that was saved.
+    `flexid.identify` returns an estimate, and `flexid.load` reads a saved one.
     """
 
     _report = "identification"
 
     result: Identification
     model: str
-    """``"flexible"``; ``"link"`` where there is no input, ``"rigid"`` with one encoder."""
+    """``"flexible"``, ``"link"`` (log without an input) or ``"rigid"`` (one encoder)."""
     joint: str
-    """``"revolute"``; ``"prismatic"`` where it slides, and values are in m, N and kg."""
+    """``"revolute"``, or ``"prismatic"`` for a linear axis with values in m, N and kg."""
     parameters: Mapping[str, ValueEstimate]
-    """Physical parameters by name: value, unit, interval, verdict and reason of each."""
+    """Physical parameters by name, each with value, unit, interval, verdict and reason."""
     coefficients: Mapping[str, ValueEstimate]
-    """Lumped coefficients of the model by name, likewise."""
+    """Lumped coefficients of the model by name, with the same fields as `parameters`."""
     removed: Mapping[str, ValueEstimate]
-    """Parameters that the model does without: how large they could be."""
+    """Parameters of excluded terms by name; the interval bounds their size."""
     disturbances: Disturbances | None
-    """What the drive does that no term describes; None where the model explains the log."""
+    """Acceleration that no term describes; None if the model explains the log."""
     verdict: Verdict
     """The worst of all verdicts."""
     provenance: Mapping[str, Any]
     """Version, settings, and the logs with their hashes."""
 
     def __getitem__(self, name: str) -> ValueEstimate:
-        """A parameter or coefficient by name."""
+        """Return a parameter or coefficient by name."""
         if name not in self._every:
             raise SettingError(
                 name, f"the estimate has no such value{did_you_mean(name, self._every)}"
@@ -75,33 +75,33 @@ class JointEstimate(EstimateAnswer):
 
     @property
     def fit_percent(self) -> Mapping[str, float]:
-        """By channel, how much of the held-out data a free run repeats, in per cent."""
+        """Fit in per cent of a free run to the held-out data, by channel."""
         return MappingProxyType(self.result.validation.fit_percent)
 
     @property
     def residuals(self) -> Mapping[str, NDArray[np.float64]]:
-        """Measured minus simulated held-out data in rad or m by channel; none of a loaded one."""
+        """Measured minus simulated held-out data in rad or m, by channel; empty after `load`."""
         found = self.result.validation
         off = [run.measured - run.simulated for run in found.runs]
         return dict(zip(found.fit_percent, np.concatenate(off).T, strict=True)) if off else {}
 
     @property
     def chi_square(self) -> float:
-        """Squared residuals of the fit over the variances of the sensors' noise, summed.
+        """Sum of the squared residuals of the fit, each divided by its sensor's noise variance.
 
-        NaN of an estimate that was loaded, or not made by prediction errors.
+        NaN for a loaded estimate, and for any estimator but the prediction error.
         """
         excess = self.result.residual_excess.values()
         return sum(self._samples * ratio**2 for ratio in excess) if self._samples else np.nan
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion for known noise, up to a constant: chi-square + 2 k, of k unknowns."""
+        """Akaike's criterion for known noise, up to a constant: chi-square + 2 k for k unknowns."""
         return self.chi_square + 2.0 * len(self.result.fit.names)
 
     @property
     def bic(self) -> float:
-        """Schwarz' criterion, likewise: chi-square + k log(n), of n measured positions."""
+        """Schwarz' criterion, up to a constant: chi-square + k log(n) for n measured positions."""
         measured = self._samples * len(self.result.residual_excess)
         return self.chi_square + len(self.result.fit.names) * (
             np.log(measured) if measured else np.nan
@@ -109,7 +109,7 @@ class JointEstimate(EstimateAnswer):
 
     @property
     def _samples(self) -> int:
-        """Samples of each position whose residuals are known; zero if they are not."""
+        """Number of samples with known residuals, per measured position; 0 if unknown."""
         known = self.result.choices.estimator == "prediction-error"
         return sum(map(len, self.result.recordings)) if known else 0
 
@@ -120,7 +120,7 @@ class JointEstimate(EstimateAnswer):
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """What was asked for, by option; what was ``"auto"`` is chosen from the log."""
+        """Settings of the identification by option, as given by the user."""
         return MappingProxyType(self.result.provenance.get("settings", {}))
 
     @cached_property
@@ -136,8 +136,8 @@ class JointEstimate(EstimateAnswer):
     def covariance(self) -> NDArray[np.float64]:
         """Covariance of all parameters and coefficients, in the order of `names`.
 
-        Shape (k, k), in SI units, by the delta method. The variance of what the log leaves free is
-        infinite; of what was given it is zero.
+        Shape (k, k), in SI units, by the delta method. A value that the log does not determine at
+        all has infinite variance, and a given value has zero variance.
         """
         fit = self.result.fit
         slopes = slopes_of([*self._every.values()], fit.names)
@@ -151,7 +151,7 @@ class JointEstimate(EstimateAnswer):
         return covariance
 
     def intervals(self, level: float = CONFIDENCE) -> dict[str, tuple[float, float]]:
-        """Intervals of all parameters and coefficients by name.
+        """Return the intervals of all parameters and coefficients by name.
 
         Parameters
         ----------
@@ -162,7 +162,7 @@ class JointEstimate(EstimateAnswer):
         return {name: value.interval_at(level) for name, value in self._every.items()}
 
     def to_dataframe(self, *, level: float = CONFIDENCE) -> pl.DataFrame:
-        """Parameters and coefficients as a data frame of Polars, with a row each.
+        """Return a Polars data frame with one row per parameter and coefficient.
 
         Its columns are name, kind, value, unit, std, lower, upper, verdict and reason.
 
@@ -189,7 +189,7 @@ class JointEstimate(EstimateAnswer):
         return pl.DataFrame(columns)
 
     def summary(self, *, explain: bool = False) -> str:
-        """The answer as text: what ``flexid identify`` prints.
+        """Return the result as text, as ``flexid identify`` prints it.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class JointEstimate(EstimateAnswer):
         return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
     def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:
-        """Hold the estimate against other logs, as `flexid.validate` does.
+        """Predict other logs with the estimate, as `flexid.validate` does.
 
         Parameters
         ----------
@@ -222,16 +222,16 @@ class JointEstimate(EstimateAnswer):
         position: float | None = None,
         level: float = CONFIDENCE,
     ) -> FrequencyResponse:
-        """Frequency responses of the joint for small motions: what ``plot("bode")`` draws.
+        """Return frequency responses of the joint for small motions, as in ``plot("bode")``.
 
         Parameters
         ----------
         frequency : array_like, shape (n,), optional
-            In Hz; chosen if not given, dense where a peak may be.
+            Frequencies in Hz; by default a grid that is dense near possible peaks.
         position : float, optional
-            In rad or m, about which link and motor move; where gravity has no torque, if not given.
+            Operating point in rad or m; by default where gravity has no torque.
         level : float, optional
-            Nominal coverage of the intervals, at each frequency for itself.
+            Nominal coverage of the pointwise intervals.
         """
         from flexid.stored_estimates.frequency_response import frequency_response
 

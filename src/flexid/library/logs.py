@@ -1,4 +1,4 @@
-"""Whatever holds a log, as logs: files, data frames, arrays by name, recordings, lists of these."""
+"""Logs from files, data frames, mappings of arrays, recordings, or lists of these."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     OneLog: TypeAlias = (
         str | os.PathLike[str] | IntoDataFrame | Mapping[str, ArrayLike] | Log | Recording
     )
-    """A file, a data frame, arrays by name, or a log that was read."""
+    """A file, a data frame, arrays by name, or the result of `read_log`."""
 
     Logs: TypeAlias = OneLog | Sequence[OneLog]
     """One log, or several of the same drive."""
 
     Columns: TypeAlias = str | os.PathLike[str] | Mapping[str, object]
-    """A column map: a TOML file, or what it would hold."""
+    """A column map: a TOML file, or its content as a mapping."""
 
 
 @entrance
 def read_log(log: OneLog, *, columns: Columns | None = None) -> Log:
-    """Read a log and check it, as every function here does with what it is given.
+    """Read and check a log, as all functions that take logs do.
 
     Parameters
     ----------
@@ -45,21 +45,21 @@ def read_log(log: OneLog, *, columns: Columns | None = None) -> Log:
         with their unit in brackets: ``"time [s]"``, ``"link_position [deg]"``,
         ``"motor_position [deg]"``, ``"motor_torque [N m]"``; without a unit they are in SI.
     columns : path or mapping, optional
-        A column map for raw sensor columns: a TOML file, or what it would hold, such as
+        A column map for raw sensor columns: a TOML file, or its content as a mapping,
         ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
 
     Returns
     -------
     Log
-        Recordings in SI units on an even time grid, one where the log has no gap; its ``warnings``
-        say what was mended or looks odd.
+        Recordings in SI units on an even time grid, one for each gap-free part. Its ``warnings``
+        name what was repaired or looks unusual.
     """
     from flexid.recording.read import log_of_table
     from flexid.recording.read import read_log as read
 
     if isinstance(log, Log | Recording):
         if columns is not None:
-            raise SettingError("columns", "is for logs that are yet to be read: leave it out")
+            raise SettingError("columns", "is for unread logs, and this one is read: leave it out")
         return log if isinstance(log, Log) else _log_of(log)
     column_map = as_columns(columns)
     if isinstance(log, str | os.PathLike):
@@ -72,12 +72,12 @@ def read_log(log: OneLog, *, columns: Columns | None = None) -> Log:
 
 @entrance
 def samples(log: OneLog, *, columns: Columns | None = None) -> tuple[Samples, ...]:
-    """Samples of a log as estimators take them, one for each recording without a gap.
+    """Return the samples of a log for estimators, one `Samples` for each recording.
 
     Parameters
     ----------
     log : path, data frame, mapping of arrays, Log or Recording
-        As `read_log` takes it. With one encoder the samples are those of a rigid joint.
+        As `read_log` takes it. A log of one encoder gives samples of a rigid joint.
     columns : path or mapping, optional
         A column map for raw sensor columns. As `read_log` takes it.
 
@@ -95,17 +95,17 @@ def samples(log: OneLog, *, columns: Columns | None = None) -> tuple[Samples, ..
 
 
 def all_logs(logs: Any, columns: Any) -> list[Log]:
-    """Logs from what a user gives, which `entrance` has made a list."""
+    """Read each log of a list."""
     return [read_log(log, columns=columns) for log in logs]
 
 
 def as_columns(columns: Columns | None) -> MapSource | None:
-    """A column map as what reads logs takes it."""
+    """Return a column map as a path or a mapping."""
     return columns if columns is None or isinstance(columns, Mapping) else Path(columns)
 
 
 def _log_of(recording: Recording) -> Log:
-    """A recording as a log of its own."""
+    """Return a log that consists of one recording."""
     digest = hashlib.sha256(f"{recording.sample_time} {recording.start_time}".encode())
     for channel in CHANNELS:
         values = getattr(recording, channel)

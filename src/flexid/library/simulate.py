@@ -1,4 +1,4 @@
-"""Experiment files: `flexid.simulate`, `flexid.campaign`; and the paper, `flexid.reproduce`."""
+"""Simulated experiments: `flexid.simulate`, `flexid.campaign` and `flexid.reproduce`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class SimulatedRun(Answer):
-    """A closed loop over time: plant, controller and observer."""
+    """Simulated closed loop of plant, controller and observer."""
 
     _report = "simulated_run"
     _file = "run.json"
@@ -36,13 +36,13 @@ class SimulatedRun(Answer):
 
     @cached_property
     def measures(self) -> Measures:
-        """The run in numbers: final errors, settling times, tracking, excitation."""
+        """Figures of the run: final errors, settling times, tracking errors, excitation."""
         from flexid.experiments.measures import measure
 
         return measure(self.result)
 
     def log(self) -> Log:
-        """What a drive would have logged, for `flexid.identify`."""
+        """Return the log that a drive would record, for `flexid.identify`."""
         from flexid.experiments.measures import log_columns
         from flexid.library.logs import read_log
 
@@ -53,7 +53,7 @@ class SimulatedRun(Answer):
         return self.experiment, self.result, self.measures
 
     def to_dataframe(self) -> pl.DataFrame:
-        """All time series, as a data frame of Polars: the columns of ``run.parquet``."""
+        """Return all time series as a Polars data frame, with the columns of ``run.parquet``."""
         import polars as pl
 
         from flexid.experiments.measures import run_columns
@@ -72,14 +72,14 @@ def simulate(
 ) -> SimulatedRun:
     """Simulate a closed loop with an observer, from a file.
 
-    Plant, controller, reference, observer, sensors and noise stand in the experiment file.
+    The experiment file defines plant, controller, reference, observer, sensors and noise.
 
     Parameters
     ----------
     experiment : path
-        A TOML file.
+        A TOML file with the experiment.
     set : mapping of str to float, optional
-        Numbers that replace those of the file, by dotted path. For example
+        Values that replace numbers of the file, by dotted path. For example
         ``{"controller.k": 30.0}``.
     """
     from flexid.experiments import read_experiment
@@ -89,16 +89,16 @@ def simulate(
 
 
 class CampaignResult(Answer):
-    """What a campaign says, finished or not."""
+    """Summary of a campaign, which may be unfinished."""
 
     _report = "campaign"
     _file = "summary.json"
 
     result: Summary
     directory: Path
-    """Where the rows are."""
+    """Directory of the rows."""
     statuses: Mapping[str, int]
-    """How many runs ended how, the most frequent first."""
+    """Number of runs by status, the most frequent first."""
     complete: bool
     """Whether every run has its row."""
 
@@ -119,25 +119,25 @@ def campaign(
     summary: FilePath | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> CampaignResult:
-    """Run an experiment many times, or summarise such runs.
+    """Run an experiment many times, or summarise its runs.
 
-    What varies stands in the file's table named campaign. A campaign that was interrupted goes on
-    with the same command, and ends with the same rows.
+    The file's table named campaign defines what varies. The same command continues an interrupted
+    campaign, which ends with the same rows as without the interruption.
 
     Parameters
     ----------
     experiment : path, optional
         A TOML file with a table named campaign.
     out : path, optional
-        Directory of the rows; a campaign begun there goes on.
+        Directory of the rows; an unfinished campaign there is continued.
     workers : int, optional
-        Threads; all cores if not given.
+        Number of threads; by default one for each core.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers run it instead, such as tcp://host:8786.
+        Address of a Dask scheduler whose workers run the campaign, such as tcp://host:8786.
     summary : path, optional
-        Directory of a campaign to summarise instead.
+        Directory of a campaign to summarise; nothing is run.
     progress : callable, optional
-        Called with the number of runs whose rows are kept, and the number of all.
+        Called with the number of runs whose rows are stored, and the number of all runs.
     """
     from flexid.experiments import read_experiment
     from flexid.experiments.campaign_runner import run_campaign
@@ -160,14 +160,14 @@ def campaign(
 
 
 class PaperReproduction(Answer):
-    """Huang (2003) reproduced: Table I, Figures 1 to 5, the readings, every claim."""
+    """Reproduction of Huang (2003): Table I, Figures 1 to 5, readings of the law, claims."""
 
     _report = "reproduction"
     _formats = ("png", "pdf")
 
     result: Reproduction
     claims: tuple[Claim, ...]
-    """The paper's claims, decided."""
+    """The paper's claims, each with its verdict."""
 
     def __repr__(self) -> str:
         verdicts = [claim.verdict for claim in self.claims]
@@ -177,14 +177,14 @@ class PaperReproduction(Answer):
 @entrance
 @one_thread()
 def reproduce(*, progress: Progress = silent) -> PaperReproduction:
-    """Reproduce the paper, and check its claims.
+    """Reproduce the paper Huang (2003), and check its claims.
 
-    Huang (2003): Table I, Figures 1 to 5, both readings of its control law, and every claim.
+    Covers Table I, Figures 1 to 5, both readings of the control law, and every claim.
 
     Parameters
     ----------
     progress : callable, optional
-        Called with the name of each part that is done.
+        Called with the name of each completed part.
     """
     from flexid.studies.reproduction import reproduce as run
 

@@ -1,4 +1,4 @@
-"""Estimates tested: on other logs, `flexid.validate`, and side by side, `flexid.compare`."""
+"""Tests of estimates: `flexid.validate` on other logs, `flexid.compare` on other estimates."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 
 class EstimateValidation(Answer):
-    """How well, and for how long, an estimate predicts logs that it was not made from.
+    """How well, and over which horizons, an estimate predicts other logs.
 
-    `flexid.validate` and `JointEstimate.validate` return one.
+    Returned by `flexid.validate` and `JointEstimate.validate`.
     """
 
     _report = "validation"
@@ -35,30 +35,30 @@ class EstimateValidation(Answer):
 
     result: Validated
     fit_percent: Mapping[str, float]
-    """By channel, how much of the motion a free run repeats, in per cent."""
+    """Fit in per cent of the free run, by channel."""
     horizons: Mapping[float, Mapping[str, float]]
-    """The same for predictions that begin again every so many seconds."""
+    """Fit in per cent of predictions over each horizon in s, by horizon and channel."""
     residuals: Mapping[float, Mapping[str, float]]
-    """Root mean square of each channel's error in rad or m, by horizon; inf for the free run."""
+    """RMS prediction error in rad or m by horizon and channel; horizon inf is the free run."""
     noise: Mapping[str, float]
-    """Standard deviation of each channel's noise in rad or m."""
+    """Standard deviation of the sensor noise in rad or m, by channel."""
 
     def supports(self, min_fit: float | None = None) -> bool:
-        """Whether the free run explains enough of every channel that moves.
+        """Return whether the free run reaches the required fit in every channel that moves.
 
         Parameters
         ----------
         min_fit : float, optional
-            Least fit in per cent of the free run; any will do if not given.
+            Required fit of the free run in per cent; by default any fit passes.
         """
         moving = [fit for fit in self.fit_percent.values() if not isnan(fit)]
         return min_fit is None or (bool(moving) and min(moving) >= min_fit)
 
     @property
     def series(self) -> Mapping[str, NDArray[np.float64]]:
-        """The free runs: time in s, and each channel in rad or m, measured and predicted.
+        """Free runs as arrays: time in s, each channel in rad or m, measured and predicted.
 
-        Recordings of a log with gaps follow each other.
+        Several recordings are concatenated.
         """
         runs = self.result.runs
         found = {"time": np.concatenate([run.time for run in runs])}
@@ -82,15 +82,14 @@ def validate(
 ) -> EstimateValidation:
     """Predict other logs of the same drive with an estimate.
 
-    Nothing is fitted but the state at the start of each prediction, which is taken from the half
-    second before it. Predictions begin all over each log, for 0.05, 0.2, 1 and 5 s, and once for
-    all of it.
+    Only the initial state of each prediction is fitted, to the half second before it. Predictions
+    over 0.05, 0.2, 1 and 5 s begin at regular times in each log, and one free run covers the log.
 
     Parameters
     ----------
     estimate : JointEstimate, path or mapping
-        An estimate.json of flexid identify, or the folder that holds it. Or what `flexid.identify`
-        returned, or the content of a file.
+        An estimate.json of flexid identify, or its folder. Or a result of `flexid.identify`, or
+        the content of a file.
     logs : log or list of logs
         Logs of the same drive, with the same kind of input. As `flexid.read_log` takes them; of an
         arm, paths.
@@ -106,14 +105,14 @@ def validate(
     several = logs if isinstance(logs, list) else [logs]
     paths = [Path(log) for log in several if isinstance(log, str | PathLike)]
     if len(paths) < len(several) or isinstance(columns, Mapping):
-        raise SettingError("logs", "of an arm are files, and so is their column map: give paths")
+        raise SettingError("logs", "of an arm and their column map must be files: give paths")
     return EstimateValidation(validate_arm(stored, paths, Path(columns) if columns else None))
 
 
 class EstimateComparison(Answer):
-    """What differs between two estimates, and whether chance explains it.
+    """Differences between two estimates, and whether they are beyond chance.
 
-    `flexid.compare` returns one.
+    Returned by `flexid.compare`.
     """
 
     _report = "comparison"
@@ -121,15 +120,15 @@ class EstimateComparison(Answer):
 
     result: Comparison
     parameters: Mapping[str, Difference]
-    """By name, each parameter of either estimate: difference, interval and outcome."""
+    """Parameters of either estimate by name, each with difference, interval and outcome."""
     coefficients: Mapping[str, Difference]
-    """Lumped coefficients of the model by name, likewise; none if their meaning differs."""
+    """Lumped coefficients by name, with the same fields; empty if their meaning differs."""
     agree: bool
-    """Whether all that is in both drives was compared, and no change is established."""
+    """Whether everything was compared, and no change was found."""
 
     @property
     def changed(self) -> tuple[str, ...]:
-        """Names of what has changed, however much is compared."""
+        """Names of changed values, corrected for the number of comparisons."""
         return tuple(d.name for d in self.result.having("changed", "contradictory"))
 
     def __repr__(self) -> str:
@@ -142,17 +141,17 @@ class EstimateComparison(Answer):
 def compare(
     a: JointEstimate | FilePath | Mapping[str, Any], b: JointEstimate | FilePath | Mapping[str, Any]
 ) -> EstimateComparison:
-    """Compare two estimates: what has changed, and how surely.
+    """Compare two estimates: what has changed, and how certainly.
 
-    Before and after a repair, two drives of a batch, two settings on one log. Each difference is
-    B's value minus A's, with a 95 % interval; what is called changed is so beyond chance, however
-    many numbers are compared.
+    For example before and after a repair, two drives of a batch, or two settings on one log. Each
+    difference is B's value minus A's, with a 95 % interval. Values called changed differ beyond
+    chance, also after correction for the number of comparisons.
 
     Parameters
     ----------
     a, b : JointEstimate, path or mapping
-        An estimate.json of flexid identify, or the folder that holds it. Or what `flexid.identify`
-        returned, or the content of a file.
+        An estimate.json of flexid identify, or its folder. Or a result of `flexid.identify`, or
+        the content of a file.
     """
     from flexid.stored_estimates.comparison import compare_estimates
 

@@ -1,4 +1,4 @@
-"""Estimation next to a drive: `flexid.watch`."""
+"""Online estimation while a drive runs: `flexid.watch`."""
 
 from __future__ import annotations
 
@@ -36,51 +36,51 @@ def watch(
 ) -> Watch:
     """Estimate a drive's parameters while it runs.
 
-    Samples are lines of numbers below a header, as in a log. Outliers, gaps, late and repeated
-    samples, encoders that stick and inputs at their limit are left out and counted. Without an
-    input the link alone is watched, driven by the motor's measured motion.
+    Samples are lines of numbers below a header, as in a log. Outliers, late and repeated samples,
+    stuck encoders, saturated inputs and gaps are excluded and counted. Without an input the link
+    alone is estimated, driven by the motor's measured motion.
 
     Without a source, feed samples with `Watch.feed`; with one, iterate over the `Watch`.
 
     Parameters
     ----------
     source : str or path, optional
-        A text file that may grow, - for standard input, or a log of another format such as MCAP.
+        A text file that may still grow, - for standard input, or a log in another format.
     columns : path or mapping, optional
-        A column map, as for logs; of samples that are fed, only its ``joint`` counts.
+        A column map, as for logs. With samples from `Watch.feed`, only its ``joint`` is used.
     header : str, optional
-        Names of the columns, where the source does not begin with them. Such as
+        Names of the columns, if the source does not begin with a header. For example
         'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.
     sample_time : float, optional
-        Seconds between samples; without it, that of the source's first time stamps.
+        Seconds between samples; by default from the source's first time stamps.
     estimate : JointEstimate, path or mapping, optional
-        An estimate that the drive is compared with: the estimate.json of flexid identify. Or what
-        `flexid.identify` returned. Its model, terms and filter are taken. Where the drive departs
-        from its values, the health is inconsistent and says in what and by how much.
+        An estimate to compare the drive with: an estimate.json of flexid identify. Or a result of
+        `flexid.identify`. Its model, terms and filter are used. If the drive departs from its
+        values, the health becomes inconsistent, and the report names the values and their change.
     known : mapping of str to float or pair of float, optional
-        Physical parameters or coefficients that are known, with their standard deviation if they
-        have one. As `flexid.identify` takes them.
+        Known values of physical parameters or coefficients, each exact or with a standard
+        deviation. As `flexid.identify` takes them.
     model : {"auto", "flexible", "link", "rigid"}, optional
-        Model of the joint; that of the estimate, or what the channels show, if not given.
+        Model of the joint; by default as in the estimate, else according to the channels.
     terms : iterable of str, optional
-        Terms of the model besides the joint spring; those of the estimate, or the usual ones:
-        gravity, viscous and Coulomb friction of the motor, damping of the spring. A rigid joint
+        Terms of the model besides the joint spring; by default as in the estimate, else gravity,
+        viscous and Coulomb friction of the motor, and damping of the spring. A rigid joint
         has gravity, gravity_cosine, viscous, viscous_asymmetry, coulomb and offset. See
         `flexid.TERMS`.
     hold : {"auto", "linear", "zero"}, optional
-        The input between samples, on straight lines or held; that of the estimate if not given, or
-        the intervals are wider by what it matters.
+        The input between samples: on straight lines (linear) or held (zero). By default as in the
+        estimate; else unknown, and the intervals are widened by its effect.
     filter_rate : float, optional
-        Rate of the filter of least squares in 1/s; that of the estimate, or 20, if not given.
+        Rate in 1/s of the least-squares filter; by default as in the estimate, else 20.
     memory : float, optional
         Seconds after which a sample counts 1/e as much.
     coulomb_velocity : float, optional
-        Velocity over which Coulomb friction changes its sign; that of the estimate, or 0.1 rad/s
-        or 0.005 m/s, if not given.
+        Velocity over which Coulomb friction changes sign; by default as in the estimate, else
+        0.1 rad/s or 0.005 m/s.
     every : float, optional
-        Seconds of the stream between two reports.
+        Seconds of the stream between reports.
     stop_at_end : bool, optional
-        Stop at the end of a file, rather than wait for it to grow.
+        Stop at the end of a file instead of waiting for more samples.
 
     Examples
     --------

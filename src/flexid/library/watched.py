@@ -1,4 +1,4 @@
-"""What `flexid.watch` returns: a stream that is fed or followed, and read at any time."""
+"""Result of `flexid.watch`: an estimator of a stream that is fed or followed."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from flexid.streaming.guard import Counts
     from flexid.streaming.learner import Departure
 
-_AT_ONCE = 64  # samples that wait to be worked on, unless something is read
+_AT_ONCE = 64  # samples that are collected before they are processed together
 
 
 class Watch(Answer):
-    """A stream that is watched: fed, or followed, and read at any time; `flexid.watch` makes it."""
+    """Online estimate of a stream, returned by `flexid.watch`: feed it or iterate over it."""
 
     _report = "watch"
     _file = "watch.json"
@@ -59,21 +59,21 @@ class Watch(Answer):
     parameters: Mapping[str, ValueEstimate]
     """Physical parameters by name, with intervals and verdicts."""
     excitation: Mapping[str, Excitation]
-    """Excitation of each row by what was learnt from: (A4) of Huang (2003), measured."""
+    """Excitation of each row by the samples used so far: (A4) of Huang (2003), measured."""
     counts: Counts
-    """What became of the samples."""
+    """Numbers of samples that were used and excluded, by cause."""
     changes: tuple[Change, ...]
-    """When the drive changed, as far as its motion says."""
+    """Detected changes of the drive, with their times."""
     departures: tuple[Departure, ...]
-    """What differs from the estimate that the drive is held against, the clearest first."""
+    """Departures from the estimate given as reference, the clearest first."""
 
     def __init__(
         self,
         source: str | None,  # None: samples are fed
-        chosen: Mapping[str, Any],  # by the names of `WatchOptions`; None and "auto" are not chosen
-        every: float = 1.0,  # s of the stream between two reports
+        chosen: Mapping[str, Any],  # options by name; None and "auto": not chosen
+        every: float = 1.0,  # s of the stream between reports
         *,
-        estimate: Identification | None = None,  # that the drive is held against
+        estimate: Identification | None = None,  # reference for the drive
         column_map: MapSource | None = None,
         header: str | None = None,
         stop_at_end: bool = False,
@@ -82,10 +82,10 @@ class Watch(Answer):
         self._estimate, self._column_map = estimate, column_map
         self._header, self._stop_at_end = header, stop_at_end
         self._kind = wanted_kind(chosen, estimate)
-        self._session: Session | None = None  # as soon as its channels are known
+        self._session: Session | None = None  # made once its channels are known
         self._warnings: tuple[str, ...] = ()
-        self._names: set[str] = set()  # of what is fed
-        self._sampled: list[str] = []  # of what is learnt from of that, in a sample's order
+        self._names: set[str] = set()  # names of the channels that are fed
+        self._sampled: list[str] = []  # channels of a sample that are used, in order
         self._start = 0.0
         self._since_start = 0
         self._pending: list[FloatArray] = []
@@ -93,24 +93,24 @@ class Watch(Answer):
 
     @property
     def result(self) -> Session:
-        """The session, with all that was fed."""
+        """Session with all samples fed so far."""
         if self._session is None:
-            raise ArgumentError("watch", "samples", "have not come yet: feed some first")
+            raise ArgumentError("watch", "samples", "have not arrived yet: feed some first")
         self._catch_up(self._session)
         return self._session
 
     @property
     def has_begun(self) -> bool:
-        """Whether samples have come."""
+        """Whether samples have arrived."""
         return self._session is not None
 
     @property
     def has_converged(self) -> bool:
-        """Whether the intervals of spring and inertias are narrow."""
+        """Whether the intervals of stiffness and inertias are narrow."""
         return self.health.health is Health.CONVERGED
 
     def turns(self) -> Generator[bool]:
-        """Follow the source; whether a report is due, after each turn in which it was looked at."""
+        """Follow the source; yield after each read of it, with True whenever a report is due."""
         with closing(self._opened()) as incoming:
             for samples in incoming:
                 self._warnings = tuple(dict.fromkeys(self._warnings + incoming.warnings))
@@ -121,7 +121,7 @@ class Watch(Answer):
                         sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
                     self._begin(incoming.channels, sample_time)
                 if self._session is not None:
-                    yield from _take(self._session, samples, self._every)
+                    yield from _feed_until_due(self._session, samples, self._every)
                 yield False
 
     def _opened(self) -> TextSamples | Replay:
@@ -143,7 +143,7 @@ class Watch(Answer):
         )
 
     def _begin(self, channels: StreamChannels, sample_time: float) -> Session:
-        """The session of a stream with these channels."""
+        """Create the session of a stream with these channels."""
         options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
         if self._estimate is not None:
             self._warnings += tuple(not_accounted_for(self._estimate, sample_time))
@@ -151,7 +151,7 @@ class Watch(Answer):
         return self._session
 
     def _catch_up(self, session: Session) -> None:
-        """Work on what was fed one by one: a call for each sample would cost ten times as much."""
+        """Process pending samples together; one call per sample would take ten times as long."""
         if self._pending:
             samples = np.concatenate(self._pending)
             self._pending, self._n_pending = [], 0
@@ -168,19 +168,19 @@ class Watch(Answer):
         motor_voltage: ArrayLike | None = None,
         time: ArrayLike | None = None,
     ) -> None:
-        """Take in one sample, or a block of them; how a stream is cut into blocks changes nothing.
+        """Feed one sample or a block of samples; the size of the blocks does not change the result.
 
         Parameters
         ----------
         motor_position : float or array, shape (n,)
-            In rad, at the link's side of the gear; in m where the joint is prismatic.
+            In rad, at the link's side of the gear; in m for a prismatic joint.
         link_position, deflection : float or array, shape (n,), optional
-            One of them, in the same unit; without either the joint is taken as rigid.
+            One of them, in the same unit; without either the joint is modelled as rigid.
         motor_torque, motor_current, motor_voltage : float or array, shape (n,)
-            One of them, in N m or N, A or V; without any the link alone is watched, driven by the
+            One of them, in N m or N, A or V; without any the link alone is estimated, driven by the
             motor's measured motion.
         time : float or array, shape (n,), optional
-            In s; without it every sample follows the one before after a sample time.
+            In s; by default the samples are one sample time apart.
         """
         given = {
             "time": time,
@@ -198,7 +198,7 @@ class Watch(Answer):
         if len({*lengths.values()}) > 1:
             raise ArgumentError("feed", "samples", f"differ in number: {lengths}")
         names = {*arrays} - {"time"}
-        session = self._session or self._fed_at_first(arrays)
+        session = self._session or self._begin_fed(arrays)
         if names != self._names:
             given, before = (", ".join(sorted(each)) for each in (names, self._names))
             raise ArgumentError(
@@ -216,8 +216,8 @@ class Watch(Answer):
         if self._n_pending >= _AT_ONCE:
             self._catch_up(session)
 
-    def _fed_at_first(self, arrays: Mapping[str, FloatArray]) -> Session:
-        """The session of what is fed."""
+    def _begin_fed(self, arrays: Mapping[str, FloatArray]) -> Session:
+        """Create the session of a fed stream from its first samples."""
         if self._source is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
         made = "revolute" if self._estimate is None else self._estimate.joint
@@ -232,7 +232,7 @@ class Watch(Answer):
         return session
 
     def __iter__(self) -> Iterator[Watch]:
-        """Follow the source; a turn each `every` seconds of the stream, and one at its end."""
+        """Follow the source; yield every `every` seconds of the stream, and at its end."""
         error = None
         try:
             for due in self.turns():
@@ -247,14 +247,14 @@ class Watch(Answer):
 
     @property
     def health(self) -> Judgement:
-        """How the estimation is, a `Health`, and the reason, a sentence."""
+        """State of the estimation as a `Health`, with a sentence as the reason."""
         if not self.has_begun:
-            return Judgement(Health.CONVERGING, "no sample has come so far")
+            return Judgement(Health.CONVERGING, "no sample has arrived so far")
         return self.result.health
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What was assumed of the source's columns, and what a stream does not account for."""
+        """Assumptions on the source's columns, and effects that a stream neglects."""
         return self._warnings
 
     def __repr__(self) -> str:
@@ -262,8 +262,8 @@ class Watch(Answer):
         return f"<Watch: {health.health.words}, {health.reason}>"
 
 
-def _take(session: Session, samples: FloatArray, every: float) -> Iterator[bool]:
-    """Feed the session; stop wherever a report is due."""
+def _feed_until_due(session: Session, samples: FloatArray, every: float) -> Iterator[bool]:
+    """Feed the session; yield True whenever a report is due."""
     between = max(1, round(min(every / session.options.sample_time, 1e15)))
     done = 0
     while done < len(samples):
@@ -275,7 +275,7 @@ def _take(session: Session, samples: FloatArray, every: float) -> Iterator[bool]
 
 
 def _as_samples(name: str, values: Any) -> FloatArray:
-    """Numbers of a channel, shape (n,); an `ArgumentError` for what is none."""
+    """Return a channel's numbers, shape (n,); raise `ArgumentError` for other values."""
     try:
         found = np.atleast_1d(np.asarray(values, dtype=np.float64))
     except (TypeError, ValueError):
