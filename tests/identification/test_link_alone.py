@@ -106,7 +106,7 @@ def test_delay_moves_damping_and_friction_by_as_much():
 
 def test_what_an_input_alone_gives_a_meaning_to_is_refused():
     """Assert that a hold, or a log with the input beside it, is refused, and the model has none."""
-    with pytest.raises(SettingError, match="no input that it could be true of"):
+    with pytest.raises(SettingError, match="no input, so this setting has no meaning"):
         identify([motion(1)], Settings(hold="zero"))
     with pytest.raises(RecordingError, match=r"made 6.*is missing, and in made 5 in N m"):
         identify([log(made(5)), motion(6)])

@@ -1,1 +1,1 @@
-"""The main job: recordings and a model become an estimate."""
+"""Identification of a joint: from logs and a model to an estimate."""

@@ -1,6 +1,6 @@
-"""The main job: logs and a model become an estimate with intervals and a verdict.
+"""Identification of a joint: from logs and a model to an estimate with intervals and verdicts.
 
-One path: recordings, full model, structure, estimate, judgement, result.
+The steps are recordings, full model, structure, estimate, judgement and result.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -62,9 +62,9 @@ from flexid.models.physical import Directional, Sum
 from flexid.recording.recording import Log, Rank, cautions, ranked
 from flexid.recording.slow_motion import late_input
 
-_SAVED = 0.1  # of an exact fit's residuals that another input saves at least, as for a limit
-_ENDLESS = (
-    "the steps of the fit do not end, so that nothing is known of it: identify a part of the log, "
+_CLEAR_GAIN = 0.1  # least relative fall of an exact fit's excess for a corrected input
+_NOT_CONVERGED = (
+    "the fit does not converge, so the value is unknown: identify a part of the log, "
     "or fewer terms with `--terms`"
 )
 
@@ -77,14 +77,14 @@ def identify(
 ) -> Identification:
     """Identify a joint from one or several logs.
 
-    The full model is fitted to the data before each recording's held-out end; what these do not
-    show is taken away; what is left predicts the ends, and is fitted once more, to all data, for
-    the report.
+    The full model is fitted to the data before each recording's held-out end. Terms that these
+    data do not show are removed. The remaining structure predicts the held-out ends. It is then
+    fitted to all data for the report.
     """
     settings = settings or Settings()
     recordings, dropped = prepare(logs, settings.validation_share, settings.model)
     job = job_of(recordings, settings, progress, thresholds)
-    job, found, amplifier = _answered(job)
+    job, found, amplifier = _answer_with_amplifier(job)
     recordings = job.recordings
     fits, validation, choice = found.fits, found.validation, found.fits.choice
     numbers = _numbers(job, fits, found)
@@ -125,13 +125,13 @@ def identify(
                 *cautions(Rank.MODEL, fits.retreat),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
                 *amplifier_warnings(amplifier, job.input_unit),
-                *sign_warnings(_undoubted(numbers.coefficients, found), fits.driving),
+                *sign_warnings(_with_known_sign(numbers.coefficients, found), fits.driving),
                 *(one_way_warnings(fits.one_way) if exact else ()),
                 *division_warnings(numbers.parameters),
                 *model_warnings(
                     fits.error, job.joint.kind, numbers.widest, found.disturbances, thresholds
                 ),
-                *(validation_warnings(_of_what_moves(job, validation)) if exact else ()),
+                *(validation_warnings(_moving_channels(job, validation)) if exact else ()),
                 *(compliance_warnings(compliance) if exact else ()),
             )
         ),
@@ -141,23 +141,23 @@ def identify(
     )
 
 
-def _of_what_moves(job: Job, validation: Validation) -> dict[str, float]:
-    """Fits in per cent of channels that are not clamped."""
+def _moving_channels(job: Job, validation: Validation) -> dict[str, float]:
+    """Return the fits in per cent of the channels that are not clamped."""
     clamped = job.recordings.recorded[0].clamped
     return {name: fit for name, fit in validation.fit_percent.items() if name not in clamped}
 
 
-def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
-    """What a log says, of the input that an amplifier passed on; and that amplifier.
+def _answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
+    """Return the job with the corrected input, its answer and the amplifier found.
 
-    What becomes of a voltage depends on it. A torque or a current is what was commanded where the
-    terms explain the log, and where they do not, unless a limit or a filter explains more.
+    A voltage is always checked for an amplifier. A torque or a current is checked only if the
+    terms alone leave more than noise.
     """
     is_voltage = job.input_unit == "V"
     found = None if is_voltage else answer(job)
     if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
         return job, found, IDEAL
-    # Late: of a torque that the terms explain nothing of it is asked.
+    # Imported late: a log whose terms explain it does not need this module.
     from flexid.identification.full_model.amplifier import (
         amplifier_of,
         limit_changes,
@@ -169,13 +169,13 @@ def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
     amplifier = amplifier_of(*balance, is_voltage=is_voltage)
     changes = [limit_changes(*balance, amplifier)]
     if found is None or amplifier.corrects:
-        job = _behind(amplifier, logged)
+        job = _with_amplifier(amplifier, logged)
         found = answer(job)
     early = -found.fits.reported.by_name.get(INPUT, 0.0)
     if early > 0.0 and not _explains(found, job.thresholds):
         job.progress("a filter of the logged input")
         lagging = with_log_lag(*balance, amplifier, early)
-        sharp = _behind(lagging, logged)
+        sharp = _with_amplifier(lagging, logged)
         other = found
         if lagging.log_lag:
             with suppress(ConvergenceError):
@@ -190,30 +190,30 @@ def _answered(job: Job) -> tuple[Job, Answer, Amplifier]:
     return job, replace(found, estimate=estimate), amplifier
 
 
-def _behind(amplifier: Amplifier, job: Job) -> Job:
-    """A job of what an amplifier passed on."""
+def _with_amplifier(amplifier: Amplifier, job: Job) -> Job:
+    """Return the job with the amplifier's output as its input."""
     return replace(job, recordings=amplifier.split_behind(job.recordings))
 
 
 def _is_likelier(other: Answer, found: Answer) -> bool:
-    """Whether another input explains the same data clearly better than the logged one."""
+    """Whether the other input explains the same data clearly better than the input of `found`."""
     one, two = other.disturbances, found.disturbances
     if (one is None) != (two is None):
         return one is None
     if one is None or two is None:
-        return other.fits.reported.excess < (1.0 - _SAVED) * found.fits.reported.excess
+        return other.fits.reported.excess < (1.0 - _CLEAR_GAIN) * found.fits.reported.excess
     is_same = (one.sample_time, other.fits.retreat) == (two.sample_time, found.fits.retreat)
     return is_same and other.cost < found.cost - CHANCE
 
 
 def _explains(found: Answer, thresholds: Thresholds) -> bool:
-    """Whether the terms alone leave no more than noise."""
+    """Whether the terms alone leave residuals no larger than noise."""
     fitted = found.fits.reported
     return found.disturbances is None and fitted.excess <= thresholds.sensor_excess
 
 
 class _Numbers(NamedTuple):
-    """What is reported of each number, and what speaks against what is known of it."""
+    """Reported values, and the contradictions between the log and the known values."""
 
     estimate: Estimate
     coefficients: dict[str, ValueEstimate]
@@ -224,7 +224,7 @@ class _Numbers(NamedTuple):
 
 
 def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
-    """Join what is known beforehand, and judge each number."""
+    """Join the prior knowledge to the estimate, and judge each value."""
     reported, full, thresholds = fits.reported, fits.choice.full, job.thresholds
     estimate = found.estimate.without_knowledge_of(fits.unexcited(thresholds.lost_share))
     given = {**job.stated.given, **reported.at_bound}
@@ -255,15 +255,15 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
         thresholds,
         joined.exact,
     )
-    coefficients = {name: c.because(*_widest(c, found)) for name, c in coefficients.items()}
-    parameters = {name: p.because(*_widest(p, found)) for name, p in parameters.items()}
+    coefficients = {name: c.because(*_main_causes(c, found)) for name, c in coefficients.items()}
+    parameters = {name: p.because(*_main_causes(p, found)) for name, p in parameters.items()}
     constants = sought_constants(joined.estimate, reported.structure)
     parameters |= constant_estimates(job.joint, constants, thresholds)
-    against = contradicted[0] if contradicted else "" if reported.converged else _ENDLESS
+    against = contradicted[0] if contradicted else "" if reported.converged else _NOT_CONVERGED
     half = widest(coefficients, sizes)
 
-    def doubted(values: Mapping[str, ValueEstimate]) -> dict[str, ValueEstimate]:
-        """What is known where the log contradicts something, or does not show a spring."""
+    def with_unknown(values: Mapping[str, ValueEstimate]) -> dict[str, ValueEstimate]:
+        """Mark values as unknown after a contradiction, or if the log shows no spring."""
         lost = {name: against for name in values if against}
         if found.doubts:
             spring = (name for name, e in values.items() if found.doubted & e.slopes.keys())
@@ -272,30 +272,30 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
 
     return _Numbers(
         joined.estimate,
-        doubted(coefficients),
-        doubted(parameters),
+        with_unknown(coefficients),
+        with_unknown(parameters),
         contradicted,
         joined.against,
         half,
     )
 
 
-def _widest(estimate: ValueEstimate, found: Answer) -> dict[str, None]:
-    """What makes most of the intervals that a value rests on."""
+def _main_causes(estimate: ValueEstimate, found: Answer) -> dict[str, None]:
+    """Return the main causes of the interval widths of a value's coefficients."""
     return dict.fromkeys(found.widest.get(name, "") for name in estimate.slopes)
 
 
 def _clock_warnings(job: Job, logs: Sequence[Log]) -> Iterator[str]:
-    """Warnings of inputs that no fit follows, since they are on another clock."""
+    """Warn of inputs whose clock differs from the encoders', which no fitted delay can correct."""
     if job.joint.kind == "flexible" and job.settings.input_delay == "auto":
         for log in logs:
             yield from late_input(max(log.recordings, key=len))
 
 
-def _undoubted(
+def _with_known_sign(
     coefficients: Mapping[str, ValueEstimate], found: Answer
 ) -> dict[str, ValueEstimate]:
-    """Coefficients whose signs mean something: those that no doubt holds for unknown."""
+    """Return the coefficients that no doubt makes unknown; only their signs have a meaning."""
     doubted = found.doubted if found.doubts else frozenset()
     return {name: each for name, each in coefficients.items() if name not in doubted}
 
@@ -314,7 +314,7 @@ def _compliance(
 def _removed(
     job: Job, fits: FinalFits, kept: Mapping[str, ValueEstimate]
 ) -> dict[str, ValueEstimate]:
-    """Parameters of the full model that the reported one does without; none if it has no fit."""
+    """Return parameters of the full model's removed terms; none if that model has no fit."""
     full = fits.full
     if not np.isfinite(full.minimum.last_step):
         return {}
@@ -329,8 +329,8 @@ def _removed(
     found = parameter_estimates(
         job.joint, estimate, unknowns, every, job.input_unit, job.thresholds
     )
-    # Friction by direction of a model without asymmetry is its mean, which is reported; of a sum
-    # its parts are.
+    # Without asymmetry, friction by direction equals the reported mean. The parts of a sum are
+    # reported themselves.
     known = {*kept} | {
         p.name
         for p in job.joint.parameters(full.structure.joint.units, job.input_unit)
@@ -342,7 +342,7 @@ def _removed(
 def without_estimate(
     at_bound: Mapping[str, float], given: Mapping[str, float]
 ) -> dict[str, tuple[float, str]]:
-    """What was not estimated, and why."""
+    """Return values that were not estimated, each with the reason."""
     fixed = {name: (value, "given") for name, value in given.items()}
     return fixed | {name: (value, "at its bound") for name, value in at_bound.items()}
 
@@ -369,14 +369,14 @@ def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices
 
 
 def _evidence(choice: Choice) -> tuple[TermEvidence, ...]:
-    """What the full model says of each term, and whether it was kept in the end."""
+    """Return the full model's evidence on each term, and whether the term was kept."""
     structure = choice.structure
     kept = structure.joint.optional - structure.absent | {*structure.timing.sought}
     return tuple(replace(e, kept=e.name.partition("[")[0] in kept) for e in choice.terms)
 
 
 def _delay(name: str, settings: Settings, estimate: Estimate, in_full: Estimate) -> Delay:
-    """A delay as it was found, or, of one that is none, as large as it could be."""
+    """Return the delay as found; for a removed delay, zero with its interval in the full model."""
     asked = settings.input_delay if name == INPUT else settings.link_delay
     if not isinstance(asked, str):
         return Delay(asked, 0.0, (asked, asked), "given")

@@ -1,9 +1,7 @@
 """Intervals and verdicts of coefficients and parameters, and whether a log shows a compliance.
 
-The verdict on each number follows from the width of its interval, and from nothing else.
-
-Whatever is doubted, the structure, model error, correlated residuals, delays, widens the interval;
-a verdict reads its width.
+The verdict on a number follows from the width of its interval. Doubts about the structure, model
+error, correlated residuals and delays all widen the interval.
 """
 
 from collections import Counter
@@ -42,10 +40,10 @@ def verdict(
     effect: float = float("inf"),
     thresholds: Thresholds = THRESHOLDS,
 ) -> Judged:
-    """Judge a number by its interval; the reason of a determined one is empty."""
+    """Judge a number by its interval; the reason is empty if the number is determined."""
     half = 0.5 * (interval[1] - interval[0])
     if not isfinite(half):
-        return "undetermined", "the log holds no information on it"
+        return "undetermined", "the log has no information on it"
     relative = half / abs(value) if value else float("inf")
     if relative <= thresholds.determined_width or effect <= thresholds.negligible_share:
         return "determined", ""
@@ -58,7 +56,7 @@ def _percent(share: float) -> str:
 
 
 def widest(estimates: Mapping[str, ValueEstimate], sizes: Mapping[str, float]) -> float:
-    """Half the widest interval, over the value or over what moves its row, whichever is less."""
+    """Return the largest half-width over its value, or over its row's acceleration if less."""
 
     def relative(found: ValueEstimate) -> float:
         half = found.half_width
@@ -79,7 +77,7 @@ def judged_value(
     size: float = np.inf,
     thresholds: Thresholds = THRESHOLDS,
 ) -> ValueEstimate:
-    """A number that was fitted, with interval and verdict; `size` is the effect of one unit."""
+    """Return a fitted number with interval and verdict; `size` is the effect of one unit."""
     ends = interval(value, std, freedom)
     effect = 0.5 * (ends[1] - ends[0]) * size
     judged = verdict(value, ends, effect, thresholds)
@@ -92,15 +90,15 @@ def judged_function(
     estimate: Estimate,
     thresholds: Thresholds = THRESHOLDS,
 ) -> ValueEstimate:
-    """A function of what was fitted, by the delta method, with interval and verdict.
+    """Return a function of fitted values with interval (delta method) and verdict.
 
-    One that divides by a coefficient of zero has no value: nan.
+    The value is nan if the function divides by a coefficient that is zero.
     """
     value = function.value(values)
     value = value if np.isfinite(value) else np.nan
     names = tuple(name for name in estimate.names if name in function.coefficients)
     ends, std, freedom, logarithmic, slopes = (value, value), 0.0, np.inf, False, {}
-    if names:  # else it follows from what was given
+    if names:  # otherwise all its coefficients were given
         places = [estimate.names.index(name) for name in names]
         gradient = function.gradient(values, names)
         freedom = float(min(estimate.degrees_of_freedom[i] for i in places))
@@ -114,7 +112,7 @@ def judged_function(
     return ValueEstimate(name, unit, value, std, ends, *judged, freedom, logarithmic, slopes)
 
 
-_ROUNDING = 1e-6  # of the largest share, below which a degree is none
+_ROUNDING = 1e-6  # of the largest share; a smaller degree counts as zero
 
 
 def _deviation(gradient: FloatArray, covariance: FloatArray) -> float:
@@ -124,7 +122,7 @@ def _deviation(gradient: FloatArray, covariance: FloatArray) -> float:
 
 
 def _degree(gradient: FloatArray, names: tuple[str, ...], values: Mapping[str, float]) -> int:
-    """Sign of the parameter's degree in the coefficients, by Euler: g'p = degree g, with g > 0."""
+    """Return the sign of the degree of homogeneity, from Euler's g'p = degree g, with g > 0."""
     shares = gradient * [values[name] for name in names]
     degree = float(np.sum(shares))
     if not abs(degree) >= _ROUNDING * float(np.abs(shares).max()):  # nor where a coefficient is 0
@@ -141,12 +139,12 @@ def coefficient_estimates(
     input_unit: str,
     thresholds: Thresholds = THRESHOLDS,
 ) -> dict[str, ValueEstimate]:
-    """Estimate with interval and verdict for every coefficient; what is fixed has no width."""
+    """Return every coefficient with interval and verdict; fixed ones have zero width."""
     estimates = {}
     for name in estimate.names:
         if _base(name) not in joint.units:  # a delay
             continue
-        # Only what may be absent can be determined to be negligible.
+        # Only a coefficient of an optional term can be determined to be negligible.
         size = sizes.get(name, np.inf) if _base(name) in joint.optional else np.inf
         unit = joint.unit_of(joint.units[_base(name)], input_unit)
         estimates[name] = judged_value(name, unit, *estimate.of(name), size, thresholds)
@@ -174,7 +172,7 @@ def _tied(
     input_unit: str,
     thresholds: Thresholds,
 ) -> dict[str, ValueEstimate]:
-    """Coefficients that follow from others, by the delta method."""
+    """Return the coefficients that follow from others, by the delta method."""
     values = {name: found.value for name, found in known.items()}
     found = {}
     for name, (a, b, d) in unknowns.tied.items():
@@ -184,17 +182,16 @@ def _tied(
             name, joint.unit_of(joint.units[name], input_unit), {**Counter((a, b)), d: -1}
         )
         tied = judged_function(tie, values, estimate, thresholds)
-        if np.isfinite(tied.std) and known[a].verdict == "determined":  # be it as none
+        if np.isfinite(tied.std) and known[a].verdict == "determined":  # perhaps as negligible
             tied = replace(tied, verdict="determined", reason="")
         found[name] = tied
     return found
 
 
 def _doubts(estimates: Mapping[str, ValueEstimate]) -> dict[str, str]:
-    """Why nothing is known of a balance that was estimated: a spring or inertia that no drive has.
+    """Return, by balance, the reason why its values are unknown: a negative spring or inertia.
 
-    A motor's inertia is the whole drive's where the fit has no spring, however sharp it is. The
-    other side's balance stands for itself.
+    With a negative stiffness in one balance, the values of the other balance are still used.
     """
     doubts: dict[str, str] = {}
     for name in sorted(POSITIVE & estimates.keys()):
@@ -213,10 +210,10 @@ def parameter_estimates(
     thresholds: Thresholds = THRESHOLDS,
     exact: Mapping[str, tuple[float, str]] | None = None,
 ) -> dict[str, ValueEstimate]:
-    """Physical parameters that the coefficients determine, by the delta method.
+    """Return the physical parameters that the coefficients determine, by the delta method.
 
-    A parameter that depends on a coefficient of each log its own is given for each log. One that is
-    known exactly has that value, and no width. A sum stands for what is not known of its parts.
+    A parameter with a coefficient that differs by log is given for each log. An exactly known
+    parameter has zero width. A sum is given if it is known and one of its parts is not determined.
     """
     estimates: dict[str, ValueEstimate] = {}
     doubts = _doubts(coefficients)
@@ -245,13 +242,13 @@ def parameter_estimates(
                     for c in made
                 )
             ):
-                judged, reason = "determined", ""  # to be as small as the term is
+                judged, reason = "determined", ""  # its term is determined as negligible
             elif not found.slopes:
                 reason = min(c.reason for c in made)  # at its bound, or given
             elif isinstance(parameter, ZeroAngle) and all(
                 c.verdict == "undetermined" for c in made
             ):
-                # An angle of a gravity that may be none; its interval is that of small changes.
+                # Gravity may be zero here, and then the delta method fails for its angle.
                 judged, reason = "undetermined", made[0].reason
             name = parameter.name + of_group
             if isinstance(parameter, Sum) and (
@@ -277,19 +274,19 @@ def constant_estimates(
     constants: Mapping[str, tuple[float, float, float]],
     thresholds: Thresholds = THRESHOLDS,
 ) -> dict[str, ValueEstimate]:
-    """Constants of shapes, from value, standard deviation and degrees of freedom of each."""
+    """Return constants of shapes; each is given as value, std and degrees of freedom."""
     estimates = {}
     for name, (value, std, freedom) in constants.items():
         unit = joint.unit_of(CONSTANT_UNITS[name], "")
         known = name, unit, value, std, freedom, np.inf, thresholds
         found = judged_value(*known)
-        # One that was held is not among what was fitted.
+        # A constant with infinite deviation was held fixed, not fitted.
         estimates[name] = found if np.isfinite(std) else replace(found, slopes={})
     return estimates
 
 
 def _renamed(estimate: Estimate, labels: Mapping[str, str]) -> Estimate:
-    """An estimate under the names that the coefficients have in one recording."""
+    """Return the estimate with the names that the coefficients have in one recording."""
     base = {label: c for c, label in labels.items()}
     return replace(estimate, names=tuple(base.get(name, name) for name in estimate.names))
 
@@ -302,7 +299,7 @@ def _one_recording_of_each_group(unknowns: Unknowns) -> list[int]:
 def _labels(
     unknowns: Unknowns, recording: int, coefficients: Mapping[str, ValueEstimate]
 ) -> dict[str, str]:
-    """Each coefficient of the system that is on, and its name among the estimates."""
+    """Return the name in `coefficients` of each of the system's coefficients that is on."""
     columns = unknowns.columns(recording)
     group = unknowns.groups[recording] + 1 if unknowns.groups else 1
     labels = {}
@@ -321,13 +318,13 @@ def _base(name: str) -> str:
 
 
 WEAK_FIT = 50.0
-"""Part of the deflection, in per cent, that the spring has to explain in a free run to be one."""
+"""Least part of the deflection, in per cent, that a real spring explains in a free run."""
 
-_BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
+_BEYOND_NOISE = 3.0  # least ratio of a visible deflection to its noise
 
 
 def of_joint(recordings: SplitRecordings, found: Validation) -> Compliance:
-    """Whether the spring explains the deflection that is held out."""
+    """Judge whether the spring explains the held-out deflection."""
     ends = [p.deflection[s:] for p, s in zip(recordings.recorded, recordings.starts, strict=True)]
     squares = sum(float(np.sum((end - end.mean()) ** 2)) for end in ends)
     moved = float(np.sqrt(squares / sum(map(len, ends))))
@@ -343,32 +340,32 @@ def of_joint(recordings: SplitRecordings, found: Validation) -> Compliance:
 def of_link_alone(
     recordings: SplitRecordings, driven: Validation, stiffness: ValueEstimate
 ) -> Compliance:
-    """Whether the spring explains the deflection that the motor's motion causes."""
+    """Judge whether the spring explains the deflection that the motor's motion causes."""
     found = of_joint(recordings, driven)
     if found.visible and stiffness.verdict == "undetermined":
         unit = unit_of("rad", recordings.recorded[0].joint)
         reason = (
-            f"the deflection moves by {found.deflection:.2g} {unit}, which another stiffness would "
-            f"explain as well"
+            f"the deflection moves by {found.deflection:.2g} {unit}, but another stiffness would "
+            f"explain it as well"
         )
         return replace(found, visible=False, reason=reason)
     return found
 
 
 def one_encoder() -> Compliance:
-    """The answer for a log with one encoder."""
+    """Return the compliance of a log with one encoder: not visible."""
     reason = "the joint was taken as rigid, so there is no compliance to see"
     return Compliance(False, reason, np.nan, np.nan)
 
 
 def _judge(fit: float, deflection: float, noise: float, unit: str) -> tuple[bool, str]:
     size = f"the deflection moves by {deflection:.2g} {unit}"
-    # A sparsely sampled motion passes for noise; but no spring explains noise in a free run.
+    # A coarsely sampled motion looks like noise, but no spring explains noise in a free run.
     explained = fit >= 100 * (1 - 1 / _BEYOND_NOISE)
     if deflection < _BEYOND_NOISE * noise and not explained:
         return False, f"{size}, hardly more than its noise of {noise:.2g} {unit}"
     if np.isnan(fit):
-        return False, f"{size} where it is held out, too little to be tested"
+        return False, f"{size} in the held-out part, too little to be tested"
     if fit < WEAK_FIT:
         return False, f"{size}, but the spring explains only {max(fit, 0.0):.0f} % of it"
     return True, f"{size}, of which the spring explains {fit:.0f} % in a free run"

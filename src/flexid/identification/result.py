@@ -1,4 +1,4 @@
-"""What an identification returns, where it comes from, and its choices in three sentences."""
+"""Result of an identification: values, provenance, warnings, and a summary of the choices."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -32,56 +32,54 @@ Estimator = Literal["prediction-error", "innovations", "least-squares"]
 
 @dataclass(frozen=True)
 class Choices:
-    """What was chosen for the user, and the evidence for it."""
+    """Choices that the identification made, with the evidence for them."""
 
     terms: tuple[str, ...]  # terms of the model
     alignment: Alignment  # hold and delays
     hold: Hold  # behaviour of the input between samples
-    # velocity in rad/s over which Coulomb friction changes sign, if that was given; None where
-    # friction is dry
+    # given velocity in rad/s over which Coulomb friction changes sign; None for dry friction
     coulomb_velocity: float | None
     filter_rate: float  # rate λ of the state-variable filter in 1/s
-    estimator: Estimator  # where the coefficients come from
+    estimator: Estimator  # the estimator of the coefficients
     segment_duration: float | None  # length of the segments in s; None for least squares
-    # what the full model says of each coefficient that may be absent
+    # evidence of the full model on each optional coefficient
     term_evidence: tuple[TermEvidence, ...]
-    segment_evidence: tuple[SegmentEvidence, ...]  # what each length of the segments gives
-    # constants of the shapes of unusual terms, by name, where there are such
+    segment_evidence: tuple[SegmentEvidence, ...]  # one for each segment length tried
+    # constants of the shapes of unusual terms, by name
     shapes: Mapping[str, float] = field(default_factory=dict)
-    amplifier: Amplifier = IDEAL  # by what the input that acted differs from the logged one
+    amplifier: Amplifier = IDEAL  # difference between the logged input and the input that acted
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Everything `flexid.identification.identify.identify` finds out."""
+    """Result of `flexid.identification.identify.identify`."""
 
-    # what was identified: the flexible joint; its link alone where there is no input; or the rigid
-    # joint where there is one encoder
+    # kind of model: the flexible joint, its link alone (no input) or the rigid joint (one encoder)
     model: Kind
     coefficients: Mapping[str, ValueEstimate]  # by name, in the model's order
     parameters: Mapping[str, ValueEstimate]  # by name
-    least_squares: Mapping[str, float]  # least squares beside the estimates, by coefficient
+    least_squares: Mapping[str, float]  # least-squares values for comparison, by coefficient
     excitation: Mapping[str, Excitation]  # by row name
-    # by position: residual over the noise of its sensor, as root mean squares
+    # by position: root mean square of the residual over its sensor's noise
     residual_excess: Mapping[str, float]
-    model_error: ModelError  # what the residuals say about the model
+    model_error: ModelError  # model error that the residuals show
     # free run over the held-out end of each recording, with coefficients fitted without it
     validation: Validation
     compliance: Compliance  # whether the log shows that the joint is flexible
-    # how large parameters could be that the model does without
+    # parameters of removed terms, with intervals
     removed: Mapping[str, ValueEstimate]
-    fit: Estimate  # names, values, covariance and degrees of freedom of what was estimated
-    choices: Choices  # what was chosen, with the evidence
+    fit: Estimate  # estimated coefficients: names, values, covariance and degrees of freedom
+    choices: Choices  # choices made, with the evidence
     summary: tuple[str, ...]  # the choices and their reasons in three sentences
-    # what to know before trusting the numbers, in the order in which to act on it
+    # warnings, the one to act on first at the front
     warnings: tuple[str, ...]
     # version, settings, inputs with their hashes
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    # the data that it was made from; empty for what was streamed, or loaded from a file
+    # the data; empty for a streamed estimate or one loaded from a file
     recordings: tuple[Recording, ...] = ()
-    # what the drive does that no term describes; None where the exact model was fitted
+    # disturbances that were fitted; None for an exact fit
     disturbances: Disturbances | None = None
-    joint: JointType = "revolute"  # how it moves, which the units of all values follow
+    joint: JointType = "revolute"  # type of motion, which determines the units of all values
 
     @property
     def verdict(self) -> Verdict:
@@ -104,18 +102,18 @@ class Identification:
 
     @property
     def unexplained(self) -> bool:
-        """Whether the residuals hold something that no term describes."""
+        """Whether the residuals show an effect that no term describes."""
         return self.disturbances is not None or self.model_error.share > 0.0
 
     def supports(self, *, strict: bool = False) -> bool:
-        """Whether the data determine every parameter, be it weakly; if strict, not weakly."""
+        """Whether every value is determined or weak; if `strict`, whether all are determined."""
         return self.verdict == "determined" or (self.verdict == "weak" and not strict)
 
 
 def provenance(
     logs: Sequence[Log], settings: Settings, model: Kind, choices: Choices
 ) -> dict[str, object]:
-    """What it takes to repeat a result."""
+    """Return all that is needed to repeat the identification."""
     return {
         "flexid_version": flexid.__version__,
         "settings": asdict(settings),
@@ -142,7 +140,7 @@ _HOLDS = {
 
 
 def summary(choices: Choices, model: Kind, *, asked: bool = False) -> tuple[str, str, str]:
-    """Terms, alignment and estimator, a sentence each."""
+    """Return one sentence each on terms, alignment and estimator."""
     return (
         _model_sentence(choices, model, asked=asked),
         _alignment_sentence(choices.alignment, model),
@@ -167,7 +165,7 @@ def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
 
 
 def _term(name: str, choices: Choices) -> str:
-    """A term; of a ripple, from where its angle counts."""
+    """Return a term's name; for a ripple also the origin of its angle."""
     origin = choices.shapes.get(RIPPLE_ORIGIN, 0.0)
     if name != "torque_ripple" or not origin:
         return name
@@ -188,12 +186,12 @@ def _alignment_sentence(alignment: Alignment, model: Kind) -> str:
 
 
 def _doubt(alignment: Alignment) -> str:
-    """What the link alone cannot tell from a delay."""
+    """Return text on the link delays that the log cannot tell from damping and friction."""
     lower, upper = (1e3 * end for end in alignment.link_delay.interval)
     if alignment.link_delay.status != "none" or lower == upper:
         return ""
     return (
-        f", though one of {lower:.3g} to {upper:.3g} ms would pass for damping and friction: give "
+        f", though {lower:.3g} to {upper:.3g} ms would look like damping and friction: give "
         f"--link-delay if you know it"
     )
 
@@ -223,8 +221,8 @@ def _estimator_sentence(choices: Choices) -> str:
     return sentence + "."
 
 
-_SLIGHT = 1.005  # which would be printed as 1
-_NOTED_SHARE = 0.02  # of a row's acceleration, unexplained, from which on it is worth a warning
+_SLIGHT = 1.005  # a smaller ratio would be printed as 1
+_NOTED_SHARE = 0.02  # least unexplained share of a row's acceleration that is worth a warning
 
 _SIGN_ADVICE = {
     "theta2": "an encoder is read late, or the sign of an angle is wrong",
@@ -236,7 +234,7 @@ _SIGN_ADVICE = {
 def sign_warnings(
     coefficients: Mapping[str, ValueEstimate], driving: Collection[str]
 ) -> Iterator[Caution]:
-    """Warn of coefficients that physics wants positive and the data want negative."""
+    """Warn of negative estimates of coefficients that are positive in any real drive."""
     for name, advice in _SIGN_ADVICE.items():
         if name in coefficients and coefficients[name].interval[1] < 0:
             yield Caution(
@@ -244,35 +242,35 @@ def sign_warnings(
             )
     if driving:
         yield Caution(
-            f"{', '.join(sorted(driving))} came out negative, which no friction can be: it stands "
-            f"for something that no term here describes; the intervals allow for that",
+            f"{', '.join(sorted(driving))} came out negative, which no friction can be: it takes "
+            f"the place of an effect that no term here describes; the intervals allow for that",
             Rank.MODEL,
         )
 
 
 def one_way_warnings(frictions: Collection[str]) -> Iterator[Caution]:
-    """Warn of dry frictions that are nothing but a part of a constant torque."""
+    """Warn of dry frictions that the log cannot separate from a constant input."""
     if frictions:
         yield Caution(
-            "the drive turns one way under a constant input, of which dry friction may take any "
-            "part; the intervals allow for that: record motion both ways",
+            "the drive turns one way under a constant input, so the log cannot separate it from "
+            "dry friction; the intervals allow for that: record motion both ways",
             Rank.MODEL,
         )
 
 
 def division_warnings(parameters: Mapping[str, ValueEstimate]) -> Iterator[Caution]:
-    """Warn of inertias of which the sum is known better than how it is divided."""
+    """Warn if the total inertia is known better than the motor's part of it."""
     motor = parameters.get("motor_inertia")
     if motor and motor.verdict != "determined" and "total_inertia" in parameters:
         yield Caution(
-            "the log knows total_inertia better than how link and motor share it: give the motor's "
-            "part, as its data sheet has it, with `--known motor_inertia=VALUE`, or move faster",
+            "the log determines total_inertia better than its parts, link and motor: give the "
+            "motor's, from its data sheet, with `--known motor_inertia=VALUE`, or move faster",
             Rank.MOTION,
         )
 
 
 def amplifier_warnings(amplifier: Amplifier, unit: str) -> Iterator[Caution]:
-    """Warn of an input that was corrected before anything was fitted to it."""
+    """Warn of corrections of the input for filter, dead zone and limit."""
     found = []
     if amplifier.log_lag:
         yield Caution(
@@ -294,21 +292,21 @@ def amplifier_warnings(amplifier: Amplifier, unit: str) -> Iterator[Caution]:
 
 
 def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[Caution]:
-    """Warn of channels that the free run does not repeat."""
+    """Warn of channels that the free run does not reproduce."""
     still = [channel for channel, fit in fit_percent.items() if isnan(fit)]
     weak = {channel: fit for channel, fit in fit_percent.items() if fit < WEAK_FIT}
     if weak:
         shown = [f"{name} {f'{fit:.0f} %' if fit > 0 else 'not'}" for name, fit in weak.items()]
         yield Caution(
-            f"simulated freely over the held-out part, the model repeats {', '.join(shown)}: it "
-            f"lacks something that the drive has; see how far it predicts over shorter horizons",
+            f"in a free run over the held-out part, the model reproduces {', '.join(shown)}: it "
+            f"lacks something that the drive has; see its predictions over shorter horizons",
             Rank.MODEL,
         )
     if still:
         yield Caution(
             f"{', '.join(still)} hardly moves in the held-out part, so the free run tests nothing "
             f"there: cut the log where its motion ends, or choose another --validation-share",
-            Rank.DATA,  # what is judged by that part follows from it
+            Rank.DATA,  # before warnings that this part of the log causes
         )
 
 
@@ -319,10 +317,10 @@ def model_warnings(
     disturbances: Disturbances | None = None,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Iterator[Caution]:
-    """Warn of residuals that show a drive which no model here describes.
+    """Warn of a model error.
 
-    One that is no larger than the sensors' noise is uncertain, and that leaves every interval
-    narrow, is no cause for alarm.
+    There is no warning if the excess is within the uncertainty of the sensors' noise and every
+    interval is narrow.
     """
     if disturbances is not None:
         worst = max(disturbances.shares, key=lambda name: disturbances.shares[name])
@@ -330,7 +328,7 @@ def model_warnings(
         if share >= 100.0 * _NOTED_SHARE:
             yield Caution(
                 f"no term here describes {share:.0f} % of the {worst}'s acceleration: other axes, "
-                f"backlash, a further bending mode or a friction of another law move it as well; "
+                f"backlash, a further bending mode or another friction law also move it; "
                 f"the intervals allow for that",
                 Rank.MODEL,
             )
@@ -339,15 +337,15 @@ def model_warnings(
     if error.share == 0.0 or small:
         return
     cause = (
-        "the joint has something that no term here describes, or an encoder is not as even as it "
-        "is fine"
+        "the joint has an effect that no term here describes, or an encoder is less accurate than "
+        "its resolution"
         if model == "link"
-        else "the drive has something that no term here describes, or the input as recorded is not "
-        "what acted, by noise, a lag or a limit"
+        else "the drive has an effect that no term here describes, or the recorded input differs "
+        "from the one that acted, by noise, a lag or a limit"
     )
     yield Caution(
-        f"the residuals are {_times(error)} the sensors' noise: {cause}; the intervals make "
-        f"allowance for that",
+        f"the residuals are {_times(error)} the sensors' noise: {cause}; the intervals allow "
+        f"for that",
         Rank.MODEL,
     )
 
@@ -358,10 +356,10 @@ def _times(error: ModelError) -> str:
 
 
 def compliance_warnings(compliance: Compliance) -> Iterator[Caution]:
-    """Warn where two encoders show no compliance."""
+    """Warn if a log with two encoders shows no compliance."""
     if isfinite(compliance.deflection) and not compliance.visible:
         yield Caution(
-            f"no compliance to see: {compliance.reason}; do not use the stiffness, check the gear "
-            f"ratio and the scales, then drive the joint harder or log finer",
+            f"the log shows no compliance: {compliance.reason}; do not use the stiffness, check "
+            f"the gear ratio and the scales, then drive the joint harder or log finer",
             Rank.MOTION,
         )

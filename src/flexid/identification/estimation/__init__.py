@@ -1,1 +1,1 @@
-"""The structure fitted to all data, and all that is doubted."""
+"""Fits to all data, with or without disturbances, and the doubts that widen their intervals."""

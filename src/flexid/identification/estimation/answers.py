@@ -1,9 +1,9 @@
-"""The exact fit of a log; or, where that does not explain it, the fit with disturbances.
+"""Choice between the exact fit of a log and the fit with disturbances.
 
-The exact fit knows nothing but the sensors' noise, and reaches the Cramér-Rao bound on a log that
-the model explains. Where it leaves more, its intervals allow for the worst error that may hide in
-what is left. The fit with disturbances expects to be wrong. Of the two that is reported which knows
-the inertias, the stiffness and gravity better.
+The exact fit assumes sensor noise alone. It reaches the Cramér-Rao bound on a log that the model
+explains. If it leaves larger residuals, its intervals allow for the worst error that these may
+hide. The fit with disturbances assumes that the model is incomplete. The fit that determines
+inertias, stiffness and gravity better is reported.
 """
 
 from collections.abc import Mapping
@@ -65,41 +65,41 @@ from flexid.recording.recording import Caution, Rank
 if TYPE_CHECKING:
     from flexid.identification.estimation.disturbed import Disturbed
 
-PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
-UNEXPLAINED = 0.1  # of a balance's acceleration: with less, its spring is there all the same
+PREDICTED = 25.0  # least per cent of the deflection that a spring predicts; noise alone gives 0
+UNEXPLAINED = 0.1  # share of a balance's acceleration; with less unexplained, the spring is real
 OF_A_LENGTH = "segments of other lengths give other values"
 _BY_DELAY = "all of which is a delay between the encoders"
-_BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold can be told"
+_BY_DISTURBANCES = "the input is low-passed to the joint's band, where all holds are alike"
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a log says."""
+    """Answer from a log: the fits, the estimate with all doubts, and their main causes."""
 
-    fits: FinalFits  # to all data
-    validation: Validation  # of the same structure, fitted to the data before the held-out ends
-    estimate: Estimate  # with all that is doubted in its covariance
-    disturbances: Disturbances | None = None  # of the fit with disturbances, if that is it
-    cost: float = np.nan  # of that fit: twice the negative logarithm of its likelihood
-    widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
-    # why some coefficient is not known, whatever its interval says
+    fits: FinalFits  # fits to all data
+    validation: Validation  # of the structure fitted to the data before the held-out ends
+    estimate: Estimate  # with all doubts in its covariance
+    disturbances: Disturbances | None = None  # None for an exact fit
+    cost: float = np.nan  # -2 log likelihood of a fit with disturbances
+    widest: Mapping[str, str] = field(default_factory=dict)  # main cause of each interval's width
+    # reasons why coefficients are unknown in spite of their intervals
     doubts: tuple[Caution, ...] = ()
-    # which these are, in one balance or in both: of the motor, as the link may be part of it, all
+    # the unknown coefficients, of one balance or both
     doubted: frozenset[str] = POSITIVE
-    prediction: str = ""  # how well the spring predicts the deflection
+    prediction: str = ""  # text on how well the spring predicts the deflection
 
 
 def answer(job: Job) -> Answer:
-    """The fit that knows more."""
+    """Return the exact fit or the fit with disturbances, whichever determines more."""
     try:
         chosen = predicting(job)
     except ConvergenceError:
         if job.exact:
             raise
         return _disturbed(job)
-    exact = _standing(job, chosen)
-    if exact is not None and (settled := _settled(job, exact)):
-        return settled
+    exact = _reportable_exact(job, chosen)
+    if exact is not None and (final := _final_exact(job, exact)):
+        return final
     nearly = exact if exact and nearly_explains(exact.fits.reported, job.thresholds) else None
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
@@ -112,8 +112,8 @@ def answer(job: Job) -> Answer:
     return disturbed
 
 
-def _standing(job: Job, chosen: tuple[Choice, Validation]) -> Answer | None:
-    """The exact fit; None where it may not stand, or does not end and another may."""
+def _reportable_exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer | None:
+    """Return the exact fit; None if it leaves too much to be reported, or does not converge."""
     fitted, thresholds = chosen[0].fitted, job.thresholds
     if not (job.exact or may_stand(fitted, thresholds)):
         return None
@@ -127,24 +127,24 @@ def _standing(job: Job, chosen: tuple[Choice, Validation]) -> Answer | None:
 
 
 def _explains(fitted: Fitted, job: Job) -> bool:
-    """Whether a fit leaves no more than noise, or what contradicts its bound."""
+    """Whether a fit leaves no more than noise, or lies at a bound that may explain the rest."""
     return fitted.excess <= job.thresholds.sensor_excess or bool(fitted.at_bound)
 
 
-def _settled(job: Job, exact: Answer) -> Answer | None:
-    """The exact fit where no other is asked; None where one with disturbances may know more."""
+def _final_exact(job: Job, exact: Answer) -> Answer | None:
+    """Return the exact fit if it is final; None if a fit with disturbances may determine more."""
     reported = exact.fits.reported
-    # Disturbances would follow any bound; the exact fit says what contradicts it.
+    # Disturbances would hide that the log contradicts a bound; the exact fit shows it.
     if job.exact or reported.at_bound:
         return exact
     if reported.excess > job.thresholds.sensor_excess:
         return None
-    doubts = _skewed(job, job.whole, entirely=True)
+    doubts = _delay_doubts(job, job.whole, entirely=True)
     return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
 
 
 def _core_width(found: Answer) -> float:
-    """Geometric mean of the core's relative deviations; infinite where one is not known."""
+    """Return the geometric mean of the core's relative deviations; infinite if not converged."""
     widths = core_deviations(found.estimate)
     if not found.fits.reported.converged or not len(widths):
         return np.inf
@@ -152,7 +152,7 @@ def _core_width(found: Answer) -> float:
 
 
 def _exact(job: Job, chosen: tuple[Choice, Validation], *, anyhow: bool) -> Answer:
-    """The fit that knows of the sensors' noise alone."""
+    """Return the answer of the exact fit, which assumes sensor noise alone."""
     choice, validation = chosen
     job.progress("fit to all data")
     rate, thresholds = job.settings.filter_rate, job.thresholds
@@ -176,10 +176,11 @@ def _exact(job: Job, chosen: tuple[Choice, Validation], *, anyhow: bool) -> Answ
 
 
 def between_lengths(fits: FinalFits, thresholds: Thresholds) -> FloatArray:
-    """Directions of errors of a model that does not explain long segments, shape (k, n).
+    """Return directions of errors, shape (k, n), from fits over segments of other lengths.
 
-    Noise hides over short segments what is missing, but not what that does to the values: these
-    change with the length. Of two encoders the deflection tells how much it is.
+    They apply to a rigid joint that does not explain long segments. Over short segments noise hides
+    the model error, but the values change with the length. With two encoders the deflection shows
+    the error instead.
     """
     own, every = fits.reported, fits.lengths_fitted
     explained = every[-1].excess <= thresholds.sensor_excess
@@ -193,7 +194,7 @@ def between_lengths(fits: FinalFits, thresholds: Thresholds) -> FloatArray:
 
 
 def _if_possible(job: Job) -> Answer | None:
-    """The fit with disturbances; None where it leads nowhere."""
+    """Return the fit with disturbances; None if it does not converge."""
     try:
         return _disturbed(job)
     except ConvergenceError:
@@ -201,8 +202,8 @@ def _if_possible(job: Job) -> Answer | None:
 
 
 def _disturbed(job: Job) -> Answer:
-    """The fit with disturbances."""
-    # Late: a log that its model explains needs none of their five modules.
+    """Return the answer of the fit with disturbances."""
+    # Imported late: a log that its model explains needs none of these modules.
     from flexid.identification.estimation.disturbed import fit_disturbed, fit_disturbed_to, follower
     from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
 
@@ -217,7 +218,7 @@ def _disturbed(job: Job) -> Answer:
         job.thresholds,
         with_play=job.settings.terms == "auto" and job.joint.kind != "rigid",
     )
-    undisturbed = _undisturbed(fitted.fitted, training)
+    undisturbed = _without_observer(fitted.fitted, training)
     follow = follower(fitted, whole)
     validation = validate(undisturbed, whole, job.recordings.starts, follow=follow)
     retreat: tuple[str, ...] = ()
@@ -226,7 +227,7 @@ def _disturbed(job: Job) -> Answer:
     except ConvergenceError:
         refitted, whole, retreat = fitted, training, (RETREAT,)
     fits = _fits(refitted, retreat, job)
-    # Every drive has friction; what no term describes may hide it.
+    # Every drive has friction, and disturbances may hide it.
     hidden = hidden_covariance(fits, certain=DISSIPATIVE)
     estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
     disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
@@ -235,7 +236,7 @@ def _disturbed(job: Job) -> Answer:
 
 
 def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
-    """An answer that does not explain the log, with what speaks against its stiffness."""
+    """Add doubts about the stiffness to an answer that does not explain the log."""
     if job.joint.kind == "rigid":
         return found
     period, predicted = _over_a_period(fitted, job)
@@ -246,7 +247,7 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
         f"of which the spring predicts {share} over {period:.2g} s, a period of the resonance"
     )
     found = replace(found, prediction=prediction)
-    skewed = _skewed(job, found.fits.reported.data, entirely=False)
+    skewed = _delay_doubts(job, found.fits.reported.data, entirely=False)
     if skewed or predicted >= PREDICTED:
         return replace(found, doubts=skewed)
     shares = {} if found.disturbances is None else found.disturbances.shares
@@ -259,19 +260,19 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
 
 
 def weak_spring(what: str, period: str, share: str, otherwise: str = "") -> Caution:
-    """That a spring predicts too little of the deflection to be one."""
+    """Return the warning about a spring that predicts too little of the deflection."""
     return Caution(
-        f"more moves {what} than the model has: over {period} of the resonance, its spring "
+        f"more moves {what} than the model describes: over {period} of the resonance, its spring "
         f"predicts {share} of the deflection; look for other axes, loads and backlash{otherwise}",
         Rank.MODEL,
     )
 
 
 def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
-    """Period of the resonance in s, and per cent of the deflection that is predicted over it.
+    """Return the resonance's period in s, and the per cent of the deflection predicted over it.
 
-    It begins from the state that fits the period before: what acts besides the spring shifts a
-    state that has to fit many.
+    A prediction begins from the state that fits one period before. A state that fits more periods
+    would be shifted by disturbances.
     """
     whole, starts = job.whole, job.recordings.starts
     period = float(whole.periods(np.array(resonance(fitted.by_name))))
@@ -279,9 +280,9 @@ def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
     return period, found[period].get("deflection", np.nan) if found else np.nan
 
 
-def _skewed(job: Job, data: Data, *, entirely: bool) -> tuple[Caution, ...]:
-    """That a delay makes the deflection: most of it, or, `entirely`, all but noise."""
-    # A delay of a deflection's sensor shifts the deflection, and makes none.
+def _delay_doubts(job: Job, data: Data, *, entirely: bool) -> tuple[Caution, ...]:
+    """Return the warning that a delay causes the deflection, or, `entirely`, all but noise."""
+    # A delay of a deflection's sensor only shifts the deflection.
     if job.joint.kind == "rigid" or job.settings.link_delay != "auto" or job.deflection:
         return ()
     found = skew(job.joint, data)
@@ -298,21 +299,21 @@ def _skewed(job: Job, data: Data, *, entirely: bool) -> tuple[Caution, ...]:
 
 
 def _whole_drive(job: Job) -> str:
-    """What a log without a stiffness knows all the same, if an input drives it."""
+    """Return the advice to fit a rigid joint, if the log has an input."""
     if job.joint.kind == "link":
         return ""
     return "; `--model rigid` reports the inertia and friction of the whole drive"
 
 
-def _undisturbed(fitted: Fitted, data: Data) -> Fitted:
-    """The values of a fit in a motion that nothing corrects, of data as they were logged."""
+def _without_observer(fitted: Fitted, data: Data) -> Fitted:
+    """Return the fit's values in a motion without observer, over the data as logged."""
     segments = lengths(data)[-1]
     problem, _ = motion_at(fitted.ended, data, segments, fitted.by_name, None)
     return replace(fitted, problem=problem, data=data)
 
 
 def _fits(found: "Disturbed", retreat: tuple[str, ...], job: Job) -> FinalFits:
-    """The fit as all fits are reported."""
+    """Return a fit with disturbances as `FinalFits`."""
     fitted, full = found.fitted, found.full
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
     choice = Choice(full.structure, fitted.structure, fitted, found.terms, (), by_length)

@@ -1,10 +1,10 @@
-"""The band in which a joint is the right model: a log low-passed and thinned out to it.
+"""Fits with disturbances in the joint's band: a log low-passed and thinned out.
 
-Above a joint's resonance a log holds the sensors' own errors, further bending modes and steps of
-encoders. None of them says anything about the joint, and a likelihood of every sample would fit
-them. So a log that the model does not explain is low-passed, without phase shift and all channels
-alike, and sampled some 16 times per period of the resonance, however fast it was logged. There a
-structure is fitted with disturbances (`flexid.estimators.innovations`).
+Above a joint's resonance a log contains sensor errors, further bending modes and encoder steps. A
+likelihood of every sample would fit these instead of the joint. So a log that the model does not
+explain is low-passed without phase shift, in all channels alike. It is then thinned to about 16
+samples per period of the resonance, and a structure is fitted with disturbances
+(`flexid.estimators.innovations`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,24 +31,24 @@ from flexid.recording.velocities import position_noise
 PER_PERIOD = 16.0
 """Samples per period of the resonance."""
 
-_EDGE = 0.8  # of the new Nyquist frequency, where the low-pass begins
-_REACH = 10  # new samples that the low-pass reaches to either side
+_EDGE = 0.8  # cut-off of the low-pass over the new Nyquist frequency
+_REACH = 10  # half-length of the low-pass in new samples
 _WINDOW = 2  # thinned samples over which a velocity is measured: an eighth of a period
 _LONGEST_WINDOW = 0.03  # s
-_SLOW = 0.1  # of a row's usual speed, up to which its friction is not that of a direction
+_SLOW = 0.1  # of a row's usual speed; below it the friction law does not apply
 _BY_NOISE = 2.0  # standard deviations of a velocity
-_POWER = 0.99  # share of a rigid joint's acceleration that lies in its band
-_RIGID_PER_PERIOD = 8.0  # samples per period of the fastest of that
-SPRING_SHARE = 0.25  # of the resonance, that is the least rate of a disturbance
-_FEWEST = 200  # samples that are left at least
-_SAME_TIME = 1e-3  # of a sample
-# Steps of integration over the usual ones: a phase of 3e-5 is lost, and a stiffness is less known.
-# Of what needs more than nine per sample, with sixteen of these in a period, nothing swings.
+_POWER = 0.99  # share of a rigid joint's squared acceleration that lies in its band
+_RIGID_PER_PERIOD = 8.0  # samples per period of the highest frequency in that band
+SPRING_SHARE = 0.25  # least rate of a disturbance over the resonance
+_FEWEST = 200  # least number of samples after thinning
+_SAME_TIME = 1e-3  # of a sample, for equal times
+# Coarser integration steps than usual. The phase error of 3e-5 is below any uncertainty of a
+# stiffness. With 16 samples per period, no oscillation needs more than nine substeps.
 _INTEGRATION = Steps(coarser=0.4, most_substeps=9)
 
 
 def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PERIOD) -> int:
-    """Every how many samples of a log describe the joint."""
+    """Return the thinning factor of a log: one of so many samples is kept."""
     sample_time = max(samples.sample_time for samples in data.samples)
     fastest = resonance(start)
     if start.keys().isdisjoint(SPRING):
@@ -64,24 +64,24 @@ def factor_of(
     recorded: Sequence[int],
     per_period: float = PER_PERIOD,
 ) -> int:
-    """Every how many samples suffice for an angular frequency; some are left at least.
+    """Return the thinning factor for an angular frequency, within what the recordings allow.
 
-    They are counted over all recordings, so that a short one makes the band no wider than it must
-    be: as many as either half of it needs to be a segment.
+    At least `_FEWEST` samples of all recordings together remain, and enough of the shortest one
+    for a segment in each half.
     """
     wanted = int(2.0 * np.pi / (fastest * per_period * sample_time))
     return max(1, min(wanted, sum(recorded) // _FEWEST, min(recorded) // (2 * FEWEST_SAMPLES)))
 
 
 def slowest_disturbance(data: Data, *, rigid: bool) -> float:
-    """Least rate of a disturbance in 1/s: below it, it would take the part of friction."""
+    """Return the least rate of a disturbance in 1/s; a slower one would act like friction."""
     sample_time = max(samples.sample_time for samples in data.samples)
     resonance = 2.0 * np.pi / (PER_PERIOD * sample_time)
     return resonance if rigid else SPRING_SHARE * resonance
 
 
 def _fastest(data: Data) -> float:
-    """Angular frequency in rad/s below which nearly all of a motion's acceleration lies."""
+    """Return the angular frequency in rad/s below which 99 % of the acceleration's power lies."""
     longest = max(data.samples, key=len)
     assert longest.velocities is not None
     rates = longest.velocities[:, -1]
@@ -92,7 +92,7 @@ def _fastest(data: Data) -> float:
 
 
 def thinned(data: Data, factor: int, *, held: bool) -> Data:
-    """A log in its band."""
+    """Return the log low-passed and thinned by a factor."""
     if factor == 1:
         return data
     found = [thinned_samples(samples, factor, held=held) for samples in data.samples]
@@ -106,7 +106,7 @@ def thinned(data: Data, factor: int, *, held: bool) -> Data:
 
 
 def thinned_samples(samples: Samples, factor: int, *, held: bool) -> Samples:
-    """A recording in its band; an input that is held is half a sample late."""
+    """Return a recording low-passed and thinned; a held input is first averaged by pairs."""
     if factor == 1:
         return samples
     inputs, velocities = samples.inputs, samples.velocities
@@ -124,14 +124,15 @@ def thinned_samples(samples: Samples, factor: int, *, held: bool) -> Samples:
 def directions(
     recordings: Sequence[Samples], factor: int, in_band: int | None = None
 ) -> FloatArray:
-    """Mean direction of each row's motion over the interval from each thinned sample on.
+    """Return the mean direction of each row's motion over the interval after each thinned sample.
 
-    The direction of a velocity that is only just measured is its expectation: the difference of
-    the probabilities that it is positive and negative. It is measured over an eighth of a period
-    in the band of a fit (`in_band`, the factor where it is another): longer, a reversal would blur.
+    The direction of a noisy velocity is its expected sign: the probability that it is positive less
+    the probability that it is negative. The velocity is measured over an eighth of the resonance's
+    period, since a longer window would blur reversals. `in_band` is the fit's thinning factor if it
+    differs from `factor`.
 
-    Returns shape (n_samples, n_rows): From -1 to 1, of all recordings together; `RESTING` where a
-    row is slow over the whole interval.
+    Returns shape (n_samples, n_rows) for all recordings together, from -1 to 1. It is `RESTING`
+    where a row is slow over the whole interval.
     """
     parts = []
     for samples in recordings:
@@ -153,30 +154,30 @@ def directions(
 
 
 def _velocity(position: FloatArray, sample_time: float, window: int) -> tuple[FloatArray, float]:
-    """Velocity at each sample, shape (n,), and its standard deviation by the position's noise."""
+    """Return the velocity at each sample, shape (n,), and its standard deviation from noise."""
     window = min(max(5, window | 1), (len(position) - 1) | 1)
     rate = _slope(position, window // 2) / sample_time
-    # Of a straight line through the window, for white noise of the position.
+    # Standard error of a line's slope through the window, for white noise of the position.
     return rate, position_noise(position) / sample_time * np.sqrt(12.0 / window**3)
 
 
 def _direction(rate: FloatArray, deviation: float) -> FloatArray:
-    """Expected sign of a velocity."""
+    """Return the expected sign of a velocity."""
     return erf(rate / np.sqrt(2.0) / max(deviation, np.finfo(float).tiny))
 
 
 def _is_slow(rate: FloatArray, deviation: float) -> NDArray[np.bool_]:
-    """Where a friction may be anything: about rest a row sticks or creeps, and friction rises.
+    """Return where a row is nearly at rest, so that its friction follows no simple law.
 
-    Nowhere, if noise hides that it is slow.
+    This is nowhere if noise hides whether the row is slow.
     """
     slow = _SLOW * np.sqrt(np.mean(rate**2))
     return (np.abs(rate) <= slow) & (_BY_NOISE * deviation <= slow)
 
 
 def _slope(values: FloatArray, half: int) -> FloatArray:
-    """Slope per sample of the parabola through 2 half + 1 values about each: Savitzky and Golay."""
-    from scipy.ndimage import correlate1d  # a fifth of a second, and few logs get here
+    """Return the slope per sample by a Savitzky-Golay filter of second order, 2 half + 1 long."""
+    from scipy.ndimage import correlate1d  # imported late: it takes 0.2 s, and few logs need it
 
     places = np.arange(-half, half + 1.0)
     slopes = correlate1d(values, places / (places @ places), mode="nearest")
@@ -194,7 +195,7 @@ def _low_passed(columns: FloatArray, factor: int) -> FloatArray:
 
 
 def _convolved(columns: FloatArray, factor: int) -> FloatArray:
-    """Columns, shape (n, k), low-passed; turned round about their ends beyond these."""
+    """Return low-passed columns, shape (n, k), extended by point reflection about their ends."""
     half = min(_REACH * factor, len(columns) - 1)
     places = np.arange(-half, half + 1.0)
     kernel = np.sinc(places * _EDGE / factor) * np.hamming(len(places))
@@ -208,25 +209,25 @@ def _convolved(columns: FloatArray, factor: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class FitInBand(Generic[M]):
-    """A fit with disturbances."""
+    """Fit with disturbances in the band."""
 
-    fitted: Fitted[M]  # its residuals are innovations
-    sizes: Sizes  # of noise and disturbances
-    cost: float  # twice the negative logarithm of the likelihood, but for a constant
+    fitted: Fitted[M]  # with innovations as residuals
+    sizes: Sizes  # sizes of noise and disturbances
+    cost: float  # -2 log likelihood, up to a constant
 
 
 @dataclass(frozen=True, eq=False)
 class InBand(Generic[M]):
-    """A structure and a log in its band, to be fitted with disturbances."""
+    """Structure and low-passed log to be fitted with disturbances."""
 
     structure: Structure[M]
     data: Data  # low-passed and thinned out
-    directions: FloatArray  # (n_samples, n_rows): of friction; with no samples, it is set-valued
-    slowest: float  # in 1/s, of a disturbance
-    noise: FloatArray  # (n_rows,): standard deviation of each sensor's, to begin with
-    segment: float  # in s: longer than what an observer remembers
-    integration: Steps = USUAL  # its steps, beside those of a fit without disturbances
-    steps: tuple[int, int] = STEPS  # of values, each time before sizes are sought, and at last
+    directions: FloatArray  # (n_samples, n_rows): of motion; empty for set-valued friction
+    slowest: float  # least rate of a disturbance, in 1/s
+    noise: FloatArray  # (n_rows,): first value of each sensor's standard deviation
+    segment: float  # length of the segments in s, longer than an observer's memory
+    integration: Steps = USUAL  # integration steps
+    steps: tuple[int, int] = STEPS  # Gauss-Newton steps before each search of sizes, and at the end
 
     def fit(
         self,
@@ -234,7 +235,7 @@ class InBand(Generic[M]):
         sizes: Sizes | None = None,
         near: Fitted[M] | None = None,
     ) -> FitInBand[M]:
-        """Values and sizes from a start, in turn; `near` is a fit whose motion is much the same."""
+        """Fit values and sizes in turn from a start; `near` is a fit with a similar motion."""
         problem, point = self._problem(start, near)
         found = fit_innovations(problem, point, self.directions, self.slowest, sizes, self.steps)
         if not np.isfinite(found.cost):
@@ -243,13 +244,13 @@ class InBand(Generic[M]):
         return FitInBand(fitted, found.sizes, found.cost)
 
     def misfit(self, start: Mapping[str, float]) -> float:
-        """How little likely a start is, before any fit; see `first_cost`."""
+        """Return the cost of a start before any fit; see `first_cost`."""
         return first_cost(*self._problem(start, None), self.directions, self.slowest)
 
     def with_gains_of(
         self, near: Fitted[M], start: Mapping[str, float], iterations: int
     ) -> Fitted[M]:
-        """Values alone, with the observer of another fit."""
+        """Fit the values alone, with the observer of another fit."""
         problem, point = self._problem(start, near)
         observer, weights = near.problem.observer, near.problem.weights
         problem = replace(problem, observer=observer, weights=weights)
@@ -277,10 +278,13 @@ def fit_in_band(
     *,
     of_band: bool = True,
 ) -> FitInBand:
-    """A structure fitted to a log in its band, within bounds; from sizes of that band, or not."""
+    """Fit a structure to a log in its band, within bounds.
+
+    `of_band` is whether the given sizes belong to this band.
+    """
     own = thinned(data, factor, held=structure.timing.hold == "zero")
     noise = noise_in_band(own)
-    if sizes is not None and not of_band:  # with gains for less noise the steps lead astray
+    if sizes is not None and not of_band:  # gains for less noise make the steps diverge
         sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
     in_band = InBand(
         structure,
@@ -303,12 +307,12 @@ def fit_in_band(
 
 
 def noise_in_band(data: Data) -> FloatArray:
-    """Noise of each sensor; of a deflection's its own."""
+    """Return the noise of each sensor; a deflection sensor's own noise where there is one."""
     return sensor_noise(data, [0] if "motor" in data.relative_to.values() else [])
 
 
 def _states_near(segments: Segments, near: Fitted[M]) -> FloatArray:
-    """Initial states, shape (n_segments, n_states): a fit's own, where its segments begin too."""
+    """Return initial states, shape (n_segments, n_states), from a near fit at equal start times."""
     found = near.problem.with_memories(first_states(segments))
     times, states = near.problem.segments.start_times, near.minimum.point.initial_states
     for s, time in enumerate(segments.start_times):
@@ -319,10 +323,10 @@ def _states_near(segments: Segments, near: Fitted[M]) -> FloatArray:
 
 
 def observer_following(directions: FloatArray, sizes: Sizes, factor: int) -> Follower:
-    """Predictions from where an observer has got to that knows the sizes of disturbances.
+    """Return a follower that starts predictions from an observer's states.
 
-    They are of a log as it was recorded, and the sizes those of every so many of its samples. Where
-    the observer runs away, predictions begin from the states that fit best.
+    It applies to a log as recorded; `sizes` are those of the log thinned by `factor`. If the
+    observer diverges, predictions begin from fitted states.
     """
     sizes = replace(sizes, sensors=sizes.sensors * np.sqrt(factor))
 

@@ -1,4 +1,4 @@
-"""Excitation of the rows of a log: assumption (A4) of Huang (2003), measured."""
+"""Excitation of the rows of a log: a measure of assumption (A4) of Huang (2003)."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -13,33 +13,33 @@ from flexid.estimators.state_variable_filter import RowFit
 from flexid.identification.full_model.starting import DIRECTED
 from flexid.models import flexible_joint as declared
 
-# By the spring, which acts on both rows, with how it is curved and damped.
+# The spring with its curvature and damping, which couples both rows.
 _COUPLED = declared.POSITIVE | declared.HARDENING | declared.DAMPING
-_STANDING = (
+_NEARLY_CONSTANT = (
     *declared.SPRING,
     *declared.coefficients_of("gravity_cosine"),
-)  # which a constant takes part of
+)  # regressors that are counted from their mean next to an offset
 _OFFSETS = (
     *declared.TERMS["link_offset"].coefficients,
     *declared.TERMS["motor_offset"].coefficients,
 )
-# Of equations, those in which a side that turns one way keeps moving: 0.72 in a step response,
-# 0.002 where it turns round so fast that the filter hardly ever forgets it.
+# Least share of equations during which a side keeps moving: 0.72 in a step response, 0.002 if the
+# side reverses too fast for the filter.
 _MOSTLY = 0.5
-_SCATTER = 3.0  # standard deviations of a mean square, by which noise may exceed its own
-_NO_MOTION = 1e-100  # squares of an acceleration, summed: a row that is clamped has none
-_PART = 0.1  # of a direction, from which on a coefficient counts as part of it
+_SCATTER = 3.0  # standard deviations that a mean square of noise may exceed its expectation by
+_NO_MOTION = 1e-100  # least sum of squared accelerations, for a clamped row
+_PART = 0.1  # least squared component of a coefficient that is part of a direction
 _LEAST_MOTION = (
-    1e-9  # of a deflection's square, about its mean: 0.3 mrad where zeros are 10 rad apart
+    1e-9  # least share of a square that is left about the mean: 0.3 mrad for zeros 10 rad apart
 )
 
 
 def row_excitation(row: RowFit, known: Collection[str]) -> Excitation:
-    """Excitation of a row beside what is known of it.
+    """Return the excitation of a row's unknown coefficients.
 
-    Where a constant is sought besides the spring, the deflection counts from its mean: where the
-    encoders have their zeros says nothing about the motion. So does the cosine of a tilted gravity,
-    which hardly changes about its rest.
+    If an offset is sought next to the spring, the deflection counts from its mean, since the
+    encoders' zeros are no motion. The same holds for the cosine of a tilted gravity, which hardly
+    changes about its rest.
     """
     sought = [place for place, name in enumerate(row.coefficients) if name not in known]
     if not sought:
@@ -47,36 +47,35 @@ def row_excitation(row: RowFit, known: Collection[str]) -> Excitation:
     names = [row.coefficients[place] for place in sought]
     gram = row.gram[np.ix_(sought, sought)]
     centred = _from_its_mean(names, gram)
-    used = centred.gram if centred.moves else gram  # what is left of no motion would pass for one
+    used = centred.gram if centred.moves else gram  # without motion the remainder is only rounding
     return excitation_of_gram(row.name, names, used / row.count)
 
 
 class _Centred(NamedTuple):
-    """A Gram matrix with deflection and cosine less their part along the constants sought."""
+    """Gram matrix of a row, with deflection and cosine centred if an offset is sought."""
 
     gram: FloatArray  # (k, k)
-    change: FloatArray  # (k, k): factors that make its regressors of the row's
-    moves: bool  # whether what is left of them is a motion, or noise and rounding
+    change: FloatArray  # (k, k): matrix that maps the row's regressors to the centred ones
+    moves: bool  # whether the centred regressors show motion, not only noise and rounding
 
 
 def _from_its_mean(names: Sequence[str], gram: FloatArray) -> _Centred:
     constants = [i for i, name in enumerate(names) if name.partition("[")[0] in _OFFSETS]
-    standing = [i for i, name in enumerate(names) if name in _STANDING]
+    nearly_constant = [i for i, name in enumerate(names) if name in _NEARLY_CONSTANT]
     change = np.eye(len(names))
-    constant, along = gram[np.ix_(constants, constants)], gram[np.ix_(constants, standing)]
-    change[np.ix_(standing, constants)] = -np.linalg.lstsq(constant, along)[0].T
+    constant, along = gram[np.ix_(constants, constants)], gram[np.ix_(constants, nearly_constant)]
+    change[np.ix_(nearly_constant, constants)] = -np.linalg.lstsq(constant, along)[0].T
     centred = change @ gram @ change.T
-    moves = np.diag(centred)[standing] > _LEAST_MOTION * np.diag(gram)[standing]
+    moves = np.diag(centred)[nearly_constant] > _LEAST_MOTION * np.diag(gram)[nearly_constant]
     return _Centred(centred, change, bool(moves.all()))
 
 
 def unexcited(
     rows: Iterable[RowFit], values: Mapping[str, float], lost_share: float
 ) -> frozenset[str]:
-    """Coefficients with a part in a direction that the motion does not excite.
+    """Return the coefficients that are part of a direction which the motion does not excite.
 
-    Along such a direction a fit may end anywhere, and the quadratic form about where it ended knows
-    nothing of that.
+    Along such a direction a fit may end anywhere, and its covariance does not show that.
     """
     found: set[str] = set()
     for row in rows:
@@ -90,11 +89,11 @@ def unexcited(
 def one_way_frictions(
     rows: Iterable[RowFit], kept: Collection[str], lost_share: float
 ) -> dict[str, dict[str, float]]:
-    """Dry frictions beside what was kept that the rows cannot show, and what each passes for.
+    """Return removed dry frictions that the log cannot show, and their kept equivalents.
 
-    A side that keeps turning one way under a constant torque has a constant friction: that torque
-    less a part of it moves the same drive, a lighter one. Before it moves friction balances what
-    acts, and nothing of that is seen either.
+    While a side turns one way under a constant torque, its friction is constant too. More friction
+    then looks like less torque and inertia. At rest before the motion, friction balances the torque
+    and does not show either. The equivalents are factors of kept coefficients, by name.
     """
     hidden: dict[str, dict[str, float]] = {}
     for row in rows:
@@ -114,23 +113,23 @@ def one_way_frictions(
 
 
 def without_noise(row: RowFit, noisier: RowFit, independent: float) -> RowFit:
-    """A row whose Gram matrix is that of the motion alone, from so many independent values.
+    """Return the row with the noise's part of its Gram matrix removed.
 
-    Noise that is added shows what the sensors' own makes of it. Either square scatters by 2 over
-    their number, and twice their product by 4, relative variances.
+    `noisier` is the row with as much noise added again. With `independent` values the relative
+    variance of either square is 2 over their number, and that of twice their product is 4 over it.
     """
     part = 1.0 + _SCATTER * np.sqrt(8.0 / independent)
     return replace(row, gram=row.gram - part * (noisier.gram - row.gram))
 
 
 def directions(row: RowFit, values: Mapping[str, float]) -> tuple[FloatArray, list[frozenset[str]]]:
-    """How much of a row's acceleration combinations of its coefficients make, the least first.
+    """Return the share of a row's acceleration due to each combination of coefficients.
 
-    Each coefficient counts by its own size, or by what moves the row as much as it does move, if
-    that is more: the torques on a light motor all but cancel, and what they leave is its motion.
+    Each coefficient counts by its own size, or by the size that alone makes the acceleration, if
+    that is larger. On a light motor the torques nearly cancel, and their difference is the motion.
 
-    Returns their root mean squares, shape (k,), over that of the acceleration, and what has a part
-    in each: nothing in a row of one coefficient.
+    Returns root mean squares over the acceleration's, shape (k,), the least first, and the
+    coefficients in each combination. A row of one coefficient has none.
     """
     names = row.coefficients
     centred = _from_its_mean(names, row.gram)
@@ -139,7 +138,7 @@ def directions(row: RowFit, values: Mapping[str, float]) -> tuple[FloatArray, li
     own = np.linalg.solve(centred.change.T, np.array([values.get(name, 0.0) for name in names]))
     reach = np.maximum(np.abs(own) * np.sqrt(np.diag(centred.gram).clip(0.0) / total), 1.0)
     norm = np.sqrt(np.diag(gram).clip(0.0))
-    scale = reach / np.where(norm > 0.0, norm, 1.0)  # what does not move at all is lost
+    scale = reach / np.where(norm > 0.0, norm, 1.0)  # a regressor of zero gives a share of zero
     squares, vectors = eigen(gram * np.outer(scale, scale))
     has_part = (vectors.T**2 >= _PART) & (len(names) > 1)
     parts = [frozenset(np.array(names)[own].tolist()) for own in has_part]
@@ -147,7 +146,7 @@ def directions(row: RowFit, values: Mapping[str, float]) -> tuple[FloatArray, li
 
 
 def row_sizes(rows: Sequence[RowFit]) -> dict[str, float]:
-    """Root mean square of each coefficient's regressor over that of its row's acceleration."""
+    """Return each regressor's root mean square over its row's acceleration's, by coefficient."""
     sizes = {}
     for row in rows:
         total = max(row.total_sum, _NO_MOTION)

@@ -1,4 +1,4 @@
-"""What the user knows, held against what the log says by itself."""
+"""Prior knowledge compared with the log and joined to the estimate."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,10 +14,10 @@ from flexid.identification.preparation.stated import Known, Stated, contradictio
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
 
-_DURATION = 1.0  # s, segments of a fit that says whether something known is wrong altogether
-_SLACK = 1e-9  # relative, within which a value stands on its bound
-_ROUNDS = 4  # of holding at bounds and letting go, for each of them
-_LEAST = 0.01  # relative difference from which on a contradiction matters
+_DURATION = 1.0  # s, segments of the fit that checks known values
+_SLACK = 1e-9  # relative tolerance of a value at its bound
+_ROUNDS = 4  # of activating and releasing bounds, for each bound
+_LEAST = 0.01  # least relative difference of a contradiction
 
 
 def contradictions(
@@ -27,7 +27,7 @@ def contradictions(
     data: Data,
     thresholds: Thresholds,
 ) -> tuple[str, ...]:
-    """A sentence for each coefficient, exactly known or at its bound, that the log contradicts."""
+    """Return a sentence for each coefficient, known or at its bound, that the log contradicts."""
     wanted = [Known(name, value, 0.0) for name, value in given.items()]
     wanted += [Known(name, value, 0.0, bound=True) for name, value in at_bound.items() if value]
     if not wanted:
@@ -60,14 +60,14 @@ def _sentence(known: Known, value: float, std: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """An estimate with what is known joined to it."""
+    """Estimate with prior knowledge joined to it."""
 
-    estimate: Estimate  # of the log and of what is known
-    # physical parameters that are thereby fixed, and why: ``"given"`` or ``"at its bound"``
+    estimate: Estimate  # from the log and the prior knowledge
+    # fixed physical parameters, each with its value and the reason: "given" or "at its bound"
     exact: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    # a sentence for each of them that the log contradicts: nothing that rests on it is known
+    # a sentence for each exact value that the log contradicts, which makes all values unknown
     contradicted: tuple[str, ...] = ()
-    # a sentence for each uncertain one that it contradicts: the estimate spans both
+    # a sentence for each uncertain value that the log contradicts; the intervals span both
     against: tuple[str, ...] = ()
 
 
@@ -79,7 +79,7 @@ def with_prior_knowledge(
     input_unit: str,
     thresholds: Thresholds,
 ) -> Joined:
-    """The estimate with what is known of it joined, within the bounds of its functions."""
+    """Join known values to the estimate, within the bounds of functions of its coefficients."""
     if not stated.known and not stated.within:
         return Joined(estimate)
     parameters = joint.parameters({*estimate.names, *given}, input_unit)
@@ -92,8 +92,8 @@ def with_prior_knowledge(
             return estimate, {}
         return informed(estimate, known, parameters, given, thresholds.contradiction)
 
-    def beyond(name: str, found: Estimate) -> float | None:
-        """The end that a function has left; it may stand on it."""
+    def violated(name: str, found: Estimate) -> float | None:
+        """Return the bound that a function violates; None if it is within or at its bounds."""
         if name not in functions:
             return None
         value = functions[name].value(found.with_values(given))
@@ -102,23 +102,23 @@ def with_prior_knowledge(
         return lower if value < lower - slack else upper if value > upper + slack else None
 
     active: dict[str, float] = {}
-    found, said = joined(active)
+    found, sentences = joined(active)
     for _ in range(_ROUNDS * len(stated.within)):
-        left = {n: end for n in stated.within if (end := beyond(n, found)) is not None}
+        left = {n: end for n in stated.within if (end := violated(n, found)) is not None}
         idle = [
             n
             for n in active
-            if beyond(n, joined({m: v for m, v in active.items() if m != n})[0]) is None
-        ]  # what stays within its bounds without being held there
+            if violated(n, joined({m: v for m, v in active.items() if m != n})[0]) is None
+        ]  # functions that stay within their bounds without this constraint
         if not left and not idle:
             break
         active = {n: v for n, v in (active | left).items() if n not in idle}
-        found, said = joined(active)
+        found, sentences = joined(active)
     exact = {k.name: (k.value, "given") for k in stated.known if k.std == 0.0}
     exact |= {name: (value, "at its bound") for name, value in active.items()}
     return Joined(
         found,
         exact,
-        tuple(sentence for name, sentence in said.items() if name in exact),
-        tuple(sentence for name, sentence in said.items() if name not in exact),
+        tuple(sentence for name, sentence in sentences.items() if name in exact),
+        tuple(sentence for name, sentence in sentences.items() if name not in exact),
     )

@@ -1,7 +1,7 @@
-"""Errors of a rig that are as likely as its log lets them be.
+"""Changes of the values by errors of the rig, weighted by how well they fit the log.
 
-Errors of the rig have a size that good rigs keep to. About a fit residuals are linear in all of
-them, so that the log tells which are there, and which are smaller than they might be.
+Each error has a prior size, that of good rigs. Near a fit the residuals are linear in all errors.
+So the log determines them in part: their posterior mean and covariance follow.
 """
 
 from collections.abc import Sequence
@@ -14,11 +14,11 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import Equations, SegmentedMotion
 from flexid.identification.full_model.model import Fitted, M
 
-SHARE = 0.3  # of an error's size, at which it is tried: a larger one bends the motion elsewhere
+SHARE = 0.3  # of an error's size, for the trial: a larger one leaves the linear range
 
 
 def otherwise_shown(fitted: Fitted[M], row: int, error: FloatArray) -> SegmentedMotion:
-    """The motion of a fit whose sensor of a row errs by `SHARE` of an error, shape (n_samples,)."""
+    """Return a fit's motion with `SHARE` of an error, shape (n_samples,), in a row's sensor."""
     segments = fitted.problem.segments
     outputs = segments.outputs.copy()
     outputs[:, row] += SHARE * error
@@ -28,10 +28,10 @@ def otherwise_shown(fitted: Fitted[M], row: int, error: FloatArray) -> Segmented
 def likely_changes(
     fitted: Fitted[M], rigs: Sequence[SegmentedMotion], scatter: float = 1.0
 ) -> FloatArray:
-    """Changes of the values by errors that are as likely as the log lets them be.
+    """Return changes of the values by errors of the rig, given the log.
 
-    Innovations are taken for `scatter` times as large, squared, as they are. Returns directions,
-    shape (k, n_rigs + 1): of what the log leaves open, and what it tells.
+    `scatter` multiplies the variance of the innovations. Returns directions, shape (k, n_rigs + 1):
+    the uncertainty that the log leaves, and the mean change in the last column.
     """
     size = np.sqrt(max(fitted.excess, 1.0) * scatter)
     before = _innovations(fitted.problem, fitted.minimum.equations) / size
@@ -39,12 +39,12 @@ def likely_changes(
     steps = np.array([step for step, _ in followed]) / SHARE
     changes = np.array([after / size - before for _, after in followed]) / SHARE
     covariance = np.linalg.inv(changes @ changes.T + np.eye(len(rigs)))
-    told = -covariance @ (changes @ before)
-    return steps.T @ np.column_stack((np.linalg.cholesky(covariance), told))
+    mean = -covariance @ (changes @ before)
+    return steps.T @ np.column_stack((np.linalg.cholesky(covariance), mean))
 
 
 def _followed(fitted: Fitted[M], rig: SegmentedMotion) -> tuple[FloatArray, FloatArray]:
-    """The step of the values, shape (k,), that suits another rig, and its innovations, flat."""
+    """Return the step of the values, shape (k,), for another rig, and its innovations, flat."""
     point, before = fitted.minimum.point, fitted.minimum.reduced
     reduced = rig.solve(rig.equations(point))
     step = reduced.values_step - before.values_step
@@ -57,8 +57,8 @@ def _followed(fitted: Fitted[M], rig: SegmentedMotion) -> tuple[FloatArray, Floa
 
 
 def _innovations(problem: SegmentedMotion, equations: Equations) -> FloatArray:
-    """All innovations in standard deviations, flat."""
+    """Return all innovations in standard deviations, flat."""
     assert problem.observer is not None
-    # The observer of a longer log has more segments, all alike.
+    # The observer may have more segments than the log; all have the same whitening.
     parts = zip(problem.segments.of(equations.residuals), problem.observer.whitening, strict=False)
     return np.concatenate([(part @ white.T).ravel() for part, white in parts])

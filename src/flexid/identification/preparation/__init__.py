@@ -1,1 +1,1 @@
-"""What a user gives, made ready to be fitted."""
+"""Preparation of logs, settings and prior knowledge for the fit."""

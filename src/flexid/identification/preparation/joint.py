@@ -1,8 +1,7 @@
-"""The models that a log is held against: a joint, flexible, its link alone or rigid, and an arm.
+"""Models that are fitted to a log: a flexible joint, its link alone, a rigid joint, and an arm.
 
-Each joint is compiled twice with every term there is: as most drives are, and with terms for what a
-drive may have beside. A term that is off is a coefficient fixed at 0, so that terms can be tried
-and dropped without a kernel of their own.
+Each joint is compiled with all usual terms, and again with the unusual ones. A term that is off is
+a coefficient fixed at 0. So terms can be tried and removed without another kernel.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -47,55 +46,55 @@ if TYPE_CHECKING:
 
 Kind = Literal["flexible", "link", "rigid"]
 
-_MOTOR = 1  # of both sides
+_MOTOR = 1  # index of the motor among the two sides
 
-# Widths of shapes, relative to the root mean square of what they depend on: a quarter and four
-# times as wide describe nearly the same friction, since the log is fitted with the amplitude.
+# Widths of shapes, relative to the root mean square of their argument. The amplitude is fitted, so
+# widths from a quarter to four times as large describe nearly the same friction.
 _BACKLASH_SHARE, _SMOOTHING_SHARE = 0.1, 0.1
-_GRIP_SHARE = 0.4  # reach with which the search for a spring's hysteresis begins
-_LEAST = 1e-15  # of such widths, lest anything be divided by none
+_GRIP_SHARE = 0.4  # first reach in the search for a spring's hysteresis
+_LEAST = 1e-15  # least width, to avoid a division by zero
 
 
 @dataclass(frozen=True)
 class Joint:
     """A joint with all its terms; made by `flexible`, `link` and `rigid`."""
 
-    # two encoders and a spring between them; the same without an input, where the motor's measured
-    # motion drives the link; or one encoder
+    # flexible: two encoders and a spring between them; link: the link alone, driven by the motor's
+    # measured motion; rigid: one encoder
     kind: Kind
-    system: ParametricSystem  # the model with every usual term, and dry friction
-    extended: ParametricSystem  # the same with those of `SHAPE_TERMS` that have no memory
-    remembering: ParametricSystem  # the same with those that have
-    # the first with smoothed friction: what least squares and the paper's observer take
+    system: ParametricSystem  # model with every usual term, and dry friction
+    extended: ParametricSystem  # `system` with the terms of `SHAPE_TERMS` that have no memory
+    remembering: ParametricSystem  # `system` with all terms of `SHAPE_TERMS`
+    # `system` with smoothed friction, for least squares and the paper's observer
     smooth: ParametricSystem
-    shaped: ParametricSystem  # the extended one with smoothed friction
-    terms: Mapping[str, tuple[str, ...]]  # coefficients that each term adds
-    shapes: frozenset[str]  # coefficients that only the extended model has
+    shaped: ParametricSystem  # `extended` with smoothed friction
+    terms: Mapping[str, tuple[str, ...]]  # coefficients of each term
+    shapes: frozenset[str]  # coefficients of the terms in `SHAPE_TERMS`
     # unit of every coefficient; ``{input}`` stands for the unit of the input
     units: Mapping[str, str]
-    channels: tuple[str, ...]  # what a free run is compared in
-    # coefficients that follow from others
+    channels: tuple[str, ...]  # names of the channels that a free run is compared in
+    # coefficients that follow from three others, by name
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
-    # coefficients of terms that are not linear, and the nonlinear one which these need
+    # coefficients of terms with a nonlinear coefficient, and the name of the latter
     nonlinear: Mapping[str, str] = field(default_factory=dict)
-    # where the search for such a one begins; what it is where its term is off
+    # start value of each nonlinear coefficient; its fixed value while its term is off
     first: Mapping[str, float] = field(default_factory=dict)
-    type: JointType = "revolute"  # how it moves
-    # coefficients of the systems that are zero, since such a joint has no term with them
+    type: JointType = "revolute"  # type of motion
+    # coefficients of the systems that are always zero, since the joint has no such term
     never: frozenset[str] = frozenset()
 
     @cached_property
     def remembered(self) -> frozenset[str]:
-        """Coefficients that only the model with memory has."""
+        """Coefficients of terms with memory: only the model `remembering` has them."""
         return frozenset({*self.remembering.coefficients} - {*self.extended.coefficients})
 
     @cached_property
     def optional(self) -> frozenset[str]:
-        """Coefficients that a term brings, and that may be absent."""
+        """Coefficients of terms, which may all be absent."""
         return frozenset(c for names in self.terms.values() for c in names)
 
     def scaled(self, recordings: Sequence[Samples]) -> "Joint":
-        """The same with shapes as wide as suits the motion of some recordings, with velocities."""
+        """Return the joint with widths of shapes that suit recordings with velocities."""
         last = _root_mean_square([_velocities(p)[:, -1] for p in recordings])
         smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * last, _LEAST)})
         if self.kind == "rigid":
@@ -110,12 +109,12 @@ class Joint:
         return replace(self, smooth=smooth).with_widths(widths)
 
     def _origin(self, parts: Sequence[FloatArray]) -> float:
-        """Where a ripple counts from: the middle of some motion, or the whole turns next to it."""
+        """Return the origin of a ripple's angle: the middle of motion, rounded to whole turns."""
         middle = 0.5 * (max(float(x.max()) for x in parts) + min(float(x.min()) for x in parts))
         return TURN * round(middle / TURN) if self.type == "revolute" else middle
 
     def with_widths(self, widths: Mapping[str, float]) -> "Joint":
-        """The same with other values of those constants that it has, or where they begin."""
+        """Return the joint with other values, or start values, of its constants."""
 
         def wide(system: ParametricSystem) -> ParametricSystem:
             own = {name: w for name, w in widths.items() if name in system.constants}
@@ -130,11 +129,11 @@ class Joint:
 
     @property
     def constants(self) -> dict[str, float]:
-        """Constants of its shapes, sought ones among them."""
+        """Constants of the shapes, with start values for those that are sought."""
         return {**self.first, **self.extended.constants}
 
     def constants_of(self, coefficients: Collection[str]) -> dict[str, float]:
-        """The constants that the regressors of some coefficients have."""
+        """Return the constants in the regressors of the given coefficients."""
         regressors = [
             regressor
             for row in self.extended.rows
@@ -146,13 +145,13 @@ class Joint:
 
     @property
     def with_shapes_in_least_squares(self) -> "Joint":
-        """The same whose least squares may seek the terms of the extended model, too."""
+        """Joint whose least squares also covers the terms of the extended model."""
         known = {**self.constants, **self.smooth.constants}
         widths = {name: known[name] for name in self.shaped.constants if name in known}
         return replace(self, smooth=self.shaped.with_constants(widths))
 
     def both_sides(self, recording: Samples) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities of link and motor, shape (n, 2) each, of a recording of both."""
+        """Return positions and velocities of link and motor, shape (n, 2) each."""
         if self.kind == "flexible":
             return recording.positions, _velocities(recording)
         motor = recording.inputs[:, :1], recording.inputs[:, 1:]
@@ -161,12 +160,12 @@ class Joint:
         )
 
     def deflections(self, recordings: Sequence[Samples]) -> FloatArray:
-        """Deflection in rad of all samples of some recordings, one after the other."""
+        """Return the deflection in rad of all samples of the recordings, concatenated."""
         sides = (self.both_sides(recording)[0] for recording in recordings)
         return np.concatenate([np.subtract(*positions.T) for positions in sides])
 
     def with_coulomb_velocity(self, velocity: float) -> "Joint":
-        """The same with friction smoothed over a velocity in rad/s instead of dry."""
+        """Return the joint with friction smoothed over a velocity in rad/s instead of dry."""
         smooth = self.smooth.with_constants({SMOOTHING: velocity})
         usual = {t: names for t, names in self.terms.items() if not {*names} <= self.shapes}
         return replace(
@@ -183,11 +182,11 @@ class Joint:
         )
 
     def of_coefficient(self, name: str) -> str | None:
-        """The term that a coefficient belongs to; None for those that are always there."""
+        """Return the term of a coefficient; None if the coefficient is always in the model."""
         return next((term for term, names in self.terms.items() if name in names), None)
 
     def samples(self, recording: Recording) -> Samples:
-        """A recording as the estimators take it."""
+        """Return a recording as `Samples` for the estimators."""
         return samples_of_recording(recording, self.kind)
 
     def channels_of(
@@ -195,7 +194,7 @@ class Joint:
         positions: FloatArray,  # (n, n_rows)
         inputs: FloatArray,  # (n, n_inputs)
     ) -> FloatArray:
-        """Channels, shape (n, n_channels), in rad."""
+        """Return the channels, shape (n, n_channels), in rad."""
         if self.kind == "rigid":
             return positions
         motor = inputs[:, 0] if self.kind == "link" else positions[:, 1]
@@ -207,7 +206,7 @@ class Joint:
         fixed: Mapping[str, float],
         groups: Sequence[int] = (),
     ) -> Unknowns:
-        """What is sought where some coefficients are zero."""
+        """Return the unknowns, with absent coefficients at zero and fixed ones at their values."""
         system = self.system if self.shapes <= {*absent} else self.extended
         system = system if self.remembered <= {*absent} else self.remembering
         off = {c: self.first.get(c, 0.0) for c in system.coefficients if c in absent}
@@ -232,7 +231,7 @@ class Joint:
     def parameters(
         self, coefficients: Collection[str], input_unit: str
     ) -> tuple[PhysicalParameter, ...]:
-        """Physical parameters that a set of coefficients determines, in units of the joint."""
+        """Return the physical parameters that the coefficients determine, in the joint's units."""
         found = physical_parameters(coefficients, input_unit in FORCES, self.kind)
         return tuple(
             p if isinstance(p, ZeroAngle) else replace(p, unit=self.unit_of(p.unit, input_unit))
@@ -240,13 +239,13 @@ class Joint:
         )
 
     def unit_of(self, declared: str, input_unit: str) -> str:
-        """The unit of this joint in place of a declared one."""
+        """Return this joint's unit for a declared unit."""
         named = f"({input_unit})" if " " in input_unit else input_unit
         return unit_of(declared, self.type).format(input=named)
 
 
 def flexible() -> Joint:
-    """The flexible joint of Huang (2003), eq. (4), with every further term."""
+    """Return the flexible joint of Huang (2003), eq. (4), with every further term."""
     smooth = flexible_joint(tuple(TERMS))
     every = TERMS | SHAPE_TERMS
     shaped = flexible_joint([name for name, term in every.items() if term.memory is None])
@@ -273,10 +272,10 @@ def flexible() -> Joint:
 
 
 def link() -> Joint:
-    """The link of the flexible joint alone, with every term of its row.
+    """Return the link of the flexible joint alone, with every term of its row.
 
-    The motor's measured position and velocity are its inputs. Each coefficient is sought for
-    itself, since there is no motor's row to share one with.
+    The motor's measured position and velocity are its inputs. No coefficients are tied, since
+    there is no motor row.
     """
     whole = flexible()
     smooth = row_alone(whole.smooth, "link")
@@ -300,7 +299,7 @@ def link() -> Joint:
 
 
 def rigid() -> Joint:
-    """The rigid joint with every term."""
+    """Return the rigid joint with every term."""
     smooth = rigid_joint(tuple(RIGID_TERMS))
     dry = with_dry_friction(smooth)
     return Joint(
@@ -318,7 +317,7 @@ def rigid() -> Joint:
 
 
 def joint_of(kind: Kind, joint_type: JointType = "revolute") -> Joint:
-    """The joint of a kind; one that slides lacks the terms of an angle."""
+    """Return the joint of a kind; a prismatic joint lacks the terms of an angle."""
     joint = {"flexible": flexible, "link": link, "rigid": rigid}[kind]()
     if joint_type == "revolute":
         return joint
@@ -348,18 +347,18 @@ def _root_mean_square(parts: Sequence[FloatArray]) -> float:
 
 @dataclass(frozen=True)
 class ElasticArm:
-    """An arm with all its terms."""
+    """Arm with all its terms."""
 
     balance: "TorqueBalance"
     resting: tuple[int, ...] = ()  # joints whose motors stand still
-    terms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # none can be left out
+    terms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # no optional terms
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
     nonlinear: Mapping[str, str] = field(default_factory=dict)
     first: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of both positions of each joint, and of its deflection."""
+        """Names of link position, motor position and deflection of each joint."""
         kinds = ("link_position", "motor_position", "deflection")
         joints = range(1, self.balance.joints + 1)
         return tuple(f"{kind}_{joint}" for joint in joints for kind in kinds)
@@ -369,7 +368,7 @@ class ElasticArm:
         positions: FloatArray,
         inputs: FloatArray,  # noqa: ARG002 - as a joint's, whose link may have its motor there
     ) -> FloatArray:
-        """Channels, shape (n, 3 n_joints), in rad."""
+        """Return the channels, shape (n, 3 n_joints), in rad."""
         links, motors = positions[:, ::2], positions[:, 1::2]
         return np.stack((links, motors, links - motors), axis=2).reshape(len(positions), -1)
 
@@ -379,16 +378,16 @@ class ElasticArm:
         fixed: Mapping[str, float],
         groups: Sequence[int] = (),  # noqa: ARG002 - as a joint's, whose offsets differ by log
     ) -> Unknowns:
-        """What is sought where some parameters have a value."""
+        """Return the unknowns, with absent and fixed parameters at their values."""
         known = {**dict.fromkeys(absent, 0.0), **fixed}
-        # Of a system, estimators take the names, the constants and the compiled motion alone.
+        # The estimators use only the names, constants and compiled motion of a system.
         return Unknowns(cast(ParametricSystem, self.balance), known)
 
     def with_widths(
         self,
         widths: Mapping[str, float],  # noqa: ARG002 - as a joint's
     ) -> "ElasticArm":
-        """The same: its terms have no constants."""
+        """Return the arm unchanged, since its terms have no constants."""
         return self
 
     def motion(self, segments: Segments, timing: Timing, unknowns: Unknowns) -> SegmentedMotion:

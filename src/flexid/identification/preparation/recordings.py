@@ -1,4 +1,4 @@
-"""Logs become recordings of motion, aligned, each with an end that is kept out of the fit."""
+"""Preparation of logs: recordings of motion, each with a held-out end; alignment of channels."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,34 +19,34 @@ from flexid.recording.velocities import is_noise, while_moving, with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
 _FEWEST_HELD_OUT_SAMPLES = 10
-# Of a log's samples: recordings that hold no more tell little, but the shortest of all limits the
-# band of a fit and the delays that it may find.
+# Share of a log's samples in its shortest recordings, which are left out. They tell little, but the
+# shortest recording limits the band of a fit and the delays that it can find.
 _SHORTEST = 0.03
-# Of a long log, the windows in which it is sought what moves the joint: more of them show no term
-# that matters, and each of some 200 passes takes its time.
+# Number of windows of a long log in which the structure is sought. More windows show no further
+# term that matters, and the search makes some 200 passes over them.
 _WINDOWS = 3
 _LONG_ENOUGH, _SLOW_ENOUGH = 10_000, 3.0  # samples, and seconds, of such a window
 
 
 @dataclass(frozen=True)
 class SplitRecordings:
-    """Contiguous recordings of motion, each cut once: a part to fit, and an end to test on."""
+    """Recordings of motion without gaps, each split into a part to fit and a held-out end."""
 
-    recorded: tuple[Recording, ...]  # as they were recorded
-    starts: tuple[int, ...]  # where the held-out end of each begins
-    groups: tuple[int, ...]  # the log that each comes from
+    recorded: tuple[Recording, ...]  # as recorded
+    starts: tuple[int, ...]  # index of the first held-out sample of each recording
+    groups: tuple[int, ...]  # index of each recording's log
 
     @cached_property
     def whole(self) -> tuple[Recording, ...]:
-        """The recordings from end to end, with velocities."""
+        """Whole recordings, with velocities."""
         return tuple(with_velocities(recording) for recording in self.recorded)
 
     @cached_property
     def searched(self) -> tuple[tuple[Recording, ...], tuple[int, ...]]:
-        """What shows the terms, and the log that each comes from: parts before the held-out ends.
+        """Parts before the held-out ends that are searched for terms, and the log of each.
 
-        All of them, or windows of what is long. Their velocities are derived apart, so that none
-        knows of the held-out positions.
+        Short logs are searched as a whole, long ones in windows. Velocities are derived from each
+        part alone, without held-out positions.
         """
         parts = [
             (group, with_velocities(recording.window(first, stop)))
@@ -57,7 +57,7 @@ class SplitRecordings:
         return recordings, groups
 
     def _windows(self, sample_time: float, count: int) -> Iterator[tuple[int, int]]:
-        """Windows, spread evenly, of the first so many samples of a recording; or all of these."""
+        """Yield evenly spread windows of a recording's first `count` samples, or all of these."""
         length = max(_LONG_ENOUGH, ceil(_SLOW_ENOUGH / sample_time))
         share = min(1.0, _WINDOWS * length / sum(self.starts))
         number = max(1, round(share * count / length))
@@ -70,19 +70,19 @@ class SplitRecordings:
 
 @dataclass(frozen=True)
 class Amplifier:
-    """Passes an input on; all of it, and as it was logged, unless told otherwise."""
+    """Amplifier and log filter between the logged input and the motor; ideal by default."""
 
     dead_zone: float = 0.0  # in the input's unit
-    limit: float | None = None  # the same, of what was commanded; None where none was seen
-    log_lag: float = 0.0  # s, of a filter of first order on the way into the log
+    limit: float | None = None  # largest output, in the input's unit; None for no limit
+    log_lag: float = 0.0  # time constant in s of a first-order filter before the log
 
     @property
     def corrects(self) -> bool:
-        """Whether it passes on anything but what it was given."""
+        """Whether the amplifier differs from an ideal one."""
         return self != IDEAL
 
     def passed(self, commanded: FloatArray) -> FloatArray:
-        """What is left of an input."""
+        """Return the amplifier's output for a commanded input."""
         limited = commanded
         if self.limit is not None:
             limited = np.clip(commanded, -self.limit, self.limit)
@@ -91,28 +91,28 @@ class Amplifier:
     def reached(
         self, logged: FloatArray, sample_time: float, earlier: FloatArray | None = None
     ) -> FloatArray:
-        """What reached the motor, shape (n,), of an input that follows `earlier` samples."""
+        """Return the input after the amplifier, shape (n,); `earlier` samples precede it."""
         return self.passed(before_a_lag(logged, self.log_lag / sample_time, earlier))
 
     def behind(self, recording: Recording) -> Recording:
-        """A recording with what reached the motor in place of what was logged."""
+        """Return the recording with the amplifier's output as its input."""
         if recording.input is None or not self.corrects:
             return recording
         return replace(recording, input=self.reached(recording.input, recording.sample_time))
 
     def split_behind(self, recordings: SplitRecordings) -> SplitRecordings:
-        """The same of recordings with their held-out ends."""
+        """Return split recordings with the amplifier's output as their input."""
         return replace(recordings, recorded=tuple(map(self.behind, recordings.recorded)))
 
 
 IDEAL = Amplifier()
-"""Passes everything on."""
+"""Amplifier that changes nothing."""
 
 
 def prepare(
     logs: Sequence[Log], share: float, model: Kind | Auto = "auto"
 ) -> tuple[SplitRecordings, tuple[str, ...]]:
-    """Collect the recordings that are long enough, and a warning for each that is not."""
+    """Return the recordings that are long enough, and warnings about parts that were left out."""
     check_distinct(logs)
     check_alike(logs)
     taken, rigid = _taken_as(model, logs)
@@ -140,7 +140,7 @@ def prepare(
 
 
 def _taken_as(model: Kind | Auto, logs: Sequence[Log]) -> tuple[Kind | Auto, list[str]]:
-    """The model, the rigid joint where nothing of a spring can be seen; and why."""
+    """Return the model and warnings; the rigid joint if the deflection is only noise."""
     recordings = [recording for log in logs for recording in log.recordings]
     if model != "auto" or not all(
         r.link_position is not None
@@ -161,7 +161,7 @@ def _taken_as(model: Kind | Auto, logs: Sequence[Log]) -> tuple[Kind | Auto, lis
 
 
 def _while_moving(recording: Recording) -> Recording:
-    """A recording without most of the rest before and after its motion."""
+    """Return the recording without most of the rest before and after its motion."""
     positions = (recording.link_position, recording.motor_position)
     moving = while_moving([position for position in positions if position is not None])
     is_whole = moving == slice(0, len(recording))
@@ -169,19 +169,19 @@ def _while_moving(recording: Recording) -> Recording:
 
 
 def _rest_left_out(whole: Recording, moving: Recording) -> list[str]:
-    """What to say of rest that was left out."""
+    """Return the warning about rest that was left out, if there is some."""
     if len(moving) == len(whole):
         return []
     first, last = moving.time[[0, -1]]
-    said = (
-        f"{whole.source}: nothing moves long before and after {first:.4g} s to {last:.4g} s, "
-        f"of which the parameters were found: record motion alone"
+    text = (
+        f"{whole.source}: nothing moves long before {first:.4g} s and long after {last:.4g} s, "
+        f"so only this part was used: record motion alone"
     )
-    return [Caution(said, Rank.NOTE)]
+    return [Caution(text, Rank.NOTE)]
 
 
 def _left_out(source: str, short: list[Recording]) -> str:
-    """What to say of the recordings of a log that are too short."""
+    """Return the warning about a log's recordings that are too short."""
     shown = [f"the {len(one)} samples from {one.start_time:g} s on" for one in short[:3]]
     more = f" and {len(short) - 3} more recordings" if len(short) > 3 else ""
     return (
@@ -191,7 +191,7 @@ def _left_out(source: str, short: list[Recording]) -> str:
 
 
 def _seen_by(model: Kind | Auto, recording: Recording) -> Recording:
-    """A recording with the channels of a model alone."""
+    """Return the recording with only the channels of the model."""
     if model == "auto":
         return recording
     if model != "rigid" and recording.link_position is None:
@@ -210,26 +210,26 @@ def _seen_by(model: Kind | Auto, recording: Recording) -> Recording:
 
 
 class Source(Protocol):
-    """A log as far as its origin is concerned."""
+    """Origin of a log."""
 
     @property
     def source(self) -> str:
-        """What it is called."""
+        """Name of the log."""
         ...
 
     @property
     def sha256(self) -> str:
-        """Of the file; empty where there is none."""
+        """Hash of the file; empty without a file."""
         ...
 
     @property
     def provenance(self) -> Mapping[str, Any]:
-        """Where it comes from."""
+        """Details of the origin."""
         ...
 
 
 def check_distinct(logs: Sequence[Source]) -> None:
-    """Refuse the same data twice: counted as independent, they would narrow every interval."""
+    """Raise if two logs have the same data, which would narrow every interval wrongly."""
     sources: dict[str, str] = {}
     for log in logs:
         if log.sha256 and log.sha256 in sources:
@@ -240,13 +240,13 @@ def check_distinct(logs: Sequence[Source]) -> None:
 
 
 def traits(joint: JointType, input_unit: str) -> dict[str, str]:
-    """In what logs of one drive are alike, by the channel that shows it, in words."""
+    """Properties that logs of one drive must share, by channel, as text for messages."""
     drive = f"in {input_unit}" if input_unit else "missing"
     return {"motor_position": f"that of a {joint} joint", "input": drive}
 
 
 def check_alike(logs: Sequence[Log]) -> None:
-    """Refuse logs that differ in their joint, their input, their encoders or the signs of these."""
+    """Raise if logs differ in type of joint, input, encoders or signs of encoders."""
     found = []
     for log in logs:
         first = log.recordings[0]
@@ -271,7 +271,7 @@ def check_alike(logs: Sequence[Log]) -> None:
 def _long_enough(
     recordings: Sequence[tuple[int, Recording]], share: float
 ) -> list[tuple[int, Recording]]:
-    """Those, with their logs, that leave enough to fit, but for the shortest of each log."""
+    """Return the recordings with enough samples to fit, without the shortest ones of each log."""
     enough = [
         (group, recording)
         for group, recording in recordings
@@ -311,10 +311,10 @@ DelayStatus: TypeAlias = Literal["given", "found", "none"]
 class Delay:
     """A delay of one channel against the motor's encoder."""
 
-    value: float  # in s: zero unless one was given or found
+    value: float  # in s: zero for status "none"
     std: float  # in s
-    interval: tuple[float, float]  # in s, at 95 %; of one that is none, what it could be
-    status: DelayStatus  # where it comes from
+    interval: tuple[float, float]  # in s, at 95 %; for status "none", in the full model
+    status: DelayStatus  # whether the delay was given, was found or is not in the model
 
 
 @dataclass(frozen=True)
@@ -322,20 +322,20 @@ class Alignment:
     """Hold of the input, and delays of the channels against the motor's encoder."""
 
     hold: Hold  # how the input behaves between samples
-    input_delay: Delay  # positive if the input acts later than it stands in the log
-    # positive if the link's encoder shows where the link was so much earlier; of a deflection that
-    # was measured, where the deflection was
+    input_delay: Delay  # positive if the input acts later than it was logged
+    # positive if the link's encoder lags behind the motor's; for a measured deflection, if the
+    # deflection's sensor lags
     link_delay: Delay
-    hold_reason: str  # why this hold
+    hold_reason: str  # reason for the hold
 
 
 def aligned(recording: Recording, alignment: Alignment) -> Recording:
     """Return the recording with all channels on the motor encoder's clock.
 
-    Returns shorter by the samples at both ends that not all channels cover. The link's
-    position, and its velocity if it was logged, are shifted in phase alone, which leaves white
-    noise white (`flexid.estimators.channel_timing`). The input becomes its mean over each sample's
-    hold, or its value on the straight line between two samples.
+    The result lacks the samples at both ends that not all channels cover. The link's position, and
+    its velocity if it was logged, are shifted in phase alone, so white noise stays white
+    (`flexid.estimators.channel_timing`). The input becomes its mean over each sample's hold, or its
+    value on the straight line between two samples.
     """
     drive = alignment.input_delay.value / recording.sample_time
     link = -alignment.link_delay.value / recording.sample_time
@@ -357,7 +357,7 @@ def aligned(recording: Recording, alignment: Alignment) -> Recording:
 
 
 def _later_input(values: FloatArray, samples: float) -> FloatArray:
-    """An input, held or on straight lines, moved to later times by any part of a sample."""
+    """Return an input, held or on straight lines, shifted to later times by `samples`."""
     whole = floor(samples)
     part = samples - whole
     places = np.arange(len(values)) - whole

@@ -1,4 +1,4 @@
-"""Settings of an identification, and what the user already knows."""
+"""Settings of an identification, with the user's prior knowledge."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,16 +23,16 @@ from flexid.recording.checks import FASTEST_JOINT
 from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
-_SLOWEST = 1e-6  # rad/s or m/s over which friction is smoothed: half a turn in a month
+_SLOWEST = 1e-6  # rad/s or m/s, least smoothing velocity of friction: half a turn in a month
 _LARGEST_DELAY = 0.1  # of the shortest recording
-_SMALLEST, _LARGEST = 1e-15, 1e15  # of whatever is stated of a drive, in SI units
+_SMALLEST, _LARGEST = 1e-15, 1e15  # of any stated value, in SI units
 _COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
 _FLEXIBLE = TERMS | SHAPE_TERMS
 _TERMS = dict.fromkeys([*_FLEXIBLE, *RIGID_TERMS])
 _NAMES = dict.fromkeys([*PARAMETER_NAMES, *_COEFFICIENTS])
 _POSITIVE = POSITIVE | {"motor_inertia", "link_inertia", "inertia", "joint_stiffness"}
 
-_SEEN: dict[Kind, str] = {
+_DESCRIPTIONS: dict[Kind, str] = {
     "flexible": "the flexible joint, which two encoders show",
     "link": "the link alone, which is all that a log shows without its input",
     "rigid": "the rigid joint, which is all that one encoder shows",
@@ -43,36 +43,36 @@ Auto = Literal["auto"]
 
 @dataclass(frozen=True)
 class Settings:
-    """Choices of an identification; what is ``auto`` is chosen from the log."""
+    """Settings of an identification; ``auto`` means that the log decides."""
 
-    # of the joint: flexible, from both encoders and the input; the link alone, driven by the
-    # measured motor position, without the input; or rigid, from the motor's encoder alone. What the
-    # log shows, if not given
+    # flexible: joint with both encoders and the input; link: link alone, driven by the measured
+    # motor position, without the input; rigid: motor encoder and input. ``auto``: by the channels
+    # of the log
     model: Kind | Auto = "auto"
-    # terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
-    # `flexid.models.flexible_joint.RIGID_TERMS` for a log with one encoder
+    # names of terms: keys of `TERMS` and `SHAPE_TERMS` in `flexid.models.flexible_joint`; of
+    # `RIGID_TERMS` there for a log with one encoder
     terms: tuple[str, ...] | Auto = "auto"
     # physical parameters, such as ``motor_inertia`` in kg m² or kg, or coefficients, by name
     known: Mapping[str, float] = field(default_factory=dict)
-    # standard deviations of what is known; what has none is taken as exact
+    # standard deviations of known values, by name; a value without one is exact
     known_deviations: Mapping[str, float] = field(default_factory=dict)
-    # lower and upper end of physical parameters or coefficients, infinite where there is none
+    # lower and upper bound of physical parameters or coefficients; infinite for no bound
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     hold: Hold | Auto = "auto"  # how the input behaves between samples
-    # by how many seconds the input acts later than it was recorded
+    # delay in s of the input: positive if it acts later than it was recorded
     input_delay: float | Auto = "auto"
-    # by how many seconds the link's encoder lags behind the motor's
+    # delay in s of the link's encoder behind the motor's
     link_delay: float | Auto = "auto"
-    # velocity in rad/s or m/s over which Coulomb friction changes sign; at once if not given
+    # velocity in rad/s or m/s over which Coulomb friction changes sign; ``auto``: dry friction
     coulomb_velocity: float | Auto = "auto"
-    # rate in 1/s of the state-variable filter of least squares, which a stream is fitted by
+    # rate in 1/s of the state-variable filter of least squares, also used for streams
     filter_rate: float | Auto = "auto"
     segment_duration: float | Auto = "auto"  # length of the segments of the prediction error in s
-    # share of each recording, at its end, that the free run is tested on
+    # share of each recording, at its end, held out for validation
     validation_share: float = 1 / 3
 
     def __post_init__(self) -> None:
-        one_of("model", self.model, ("auto", *_SEEN))
+        one_of("model", self.model, ("auto", *_DESCRIPTIONS))
         if self.terms != "auto":
             check_names("terms", self.terms, _TERMS)
         for name, value in self.known.items():
@@ -102,14 +102,14 @@ class Settings:
 
     @property
     def given_delay(self) -> float:
-        """The largest delay that is given, in s; 0 if none is."""
+        """Largest given delay, in s; 0 if none is given."""
         given = (delay for delay in (self.input_delay, self.link_delay) if delay != "auto")
         return max(map(abs, given), default=0.0)
 
 
 def check_for(joint: Joint, settings: Settings) -> None:
-    """Raise `SettingError` for what a joint does not have, or what contradicts itself."""
-    what = _SEEN[joint.kind]
+    """Raise `SettingError` for settings that the joint does not have."""
+    what = _DESCRIPTIONS[joint.kind]
     if joint.type == "prismatic":
         what += ", and which slides, so that gravity is a part of the offsets"
     terms = joint.terms
@@ -123,15 +123,15 @@ def check_for(joint: Joint, settings: Settings) -> None:
     if joint.kind == "rigid" and "motor_inertia" in settings.known:
         raise SettingError(
             "known",
-            "motor_inertia says nothing about the inertia of motor and link together, which is all "
-            "that one encoder shows: give beta1, the inverse of that",
+            "one encoder shows only the inertia of motor and link together, not motor_inertia: "
+            "give beta1, the inverse of the whole inertia",
         )
     if joint.kind == "link":
         for setting in ("hold", "input_delay"):
             if getattr(settings, setting) != "auto":
                 raise SettingError(
                     setting,
-                    "the log has no input that it could be true of: leave it",
+                    "the log has no input, so this setting has no meaning: leave it out",
                 )
 
 
@@ -140,7 +140,7 @@ def check_against(
     sample_time: float,  # in s
     shortest: float,  # in s
 ) -> None:
-    """Raise `SettingError` for numbers that a log gives no meaning to."""
+    """Raise `SettingError` for numbers that are impossible for a log."""
     length = settings.segment_duration
     if length != "auto" and length < FEWEST_SAMPLES * sample_time:
         raise SettingError(
@@ -187,7 +187,7 @@ def _check_bounds(name: str, lower: float, upper: float) -> None:
         if isfinite(end) and not _possible(end):
             raise SettingError("bounds", f"of {name}: {end:g} is no possible value in SI units")
     if name in _POSITIVE and upper <= 0.0:
-        raise SettingError("bounds", f"of {name}: it is above zero, and {upper:g} is not")
+        raise SettingError("bounds", f"of {name}: the upper bound must be above 0, got {upper:g}")
 
 
 def _check_name(setting: str, name: str) -> None:
@@ -201,5 +201,5 @@ def _check_name(setting: str, name: str) -> None:
 
 
 def _possible(value: float) -> bool:
-    """Whether a drive can have a value of this size, in whatever SI unit."""
+    """Whether a drive can have a value of this size, in any SI unit."""
     return isfinite(value) and (value == 0.0 or _SMALLEST <= abs(value) <= _LARGEST)

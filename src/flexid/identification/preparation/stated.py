@@ -1,22 +1,21 @@
-"""What the user states of a drive: before anything is fitted, and joined to what a fit says.
+"""Prior knowledge of a drive: known values and bounds, before the fit and joined to the fit.
 
-A physical parameter is a function of coefficients. Where all of these but one are known exactly,
-what is stated of the parameter is stated of that one: a known value fixes it, bounds become its
-bounds, and the fit heeds them. What is stated of a function of several unknown coefficients is
-joined to the fit afterwards.
+A physical parameter is a function of coefficients. If all of these but one are known exactly, a
+known value of the parameter fixes the last one, and bounds of the parameter become its bounds. The
+fit applies both. A known value or bound of a function of several unknown coefficients is joined to
+the fit afterwards.
 
-A coefficient or physical parameter g(p) known as v with standard deviation s is one more
+A coefficient or physical parameter g(p) that is known as v with standard deviation s is one more
 measurement. With p̂ and C the fit's values and covariance, and h the gradient of g,
 
     K = C h / (hᵀC h + s²),    p = p̂ + K (v - g(p̂)),    C - K hᵀC
 
-are the values and covariance of both together, exactly so if g is linear and the noise normal;
-where g is not linear, the step is repeated from where it led until it stays there. The covariance
-of the fit is taken as it is, right for correlated residuals, so that the log gets the weight that
-it deserves. s = 0 fixes g(p) at v; a large s changes nothing.
+are the joint values and covariance. This is exact if g is linear and the noise normal. If g is not
+linear, the step is repeated until it converges. The covariance of the fit allows for correlated
+residuals, so the log has its correct weight. s = 0 fixes g(p) at v; a large s changes nothing.
 
-Where the log leaves a coefficient entirely free there is no C to start from, and what is known of
-it has to be given as exact.
+If the log does not determine a coefficient at all, its C is infinite. A known value of it must then
+be given as exact.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +39,7 @@ _STEPS = 100
 _CONVERGED = 1e-10  # relative change of the values by a step
 _NULL = 1e-15  # of the largest eigenvalue
 _LEAST_FREEDOM = 0.5
-_LARGEST_STEP = 0.5  # of a positive coefficient's value, lest it jump across zero
+_LARGEST_STEP = 0.5  # of a positive coefficient's value, so that it does not cross zero
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,8 @@ class Known:
 
     name: str  # of the coefficient or physical parameter
     value: float
-    std: float  # what it is known as, and the standard deviation of that; 0 if it is known exactly
-    bound: bool = False  # whether it is the end of a range that the log leaves
+    std: float  # standard deviation of the value; 0 if it is known exactly
+    bound: bool = False  # whether the value is a bound that the estimate would exceed
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.value) and np.isfinite(self.std) and self.std >= 0.0):
@@ -68,11 +67,11 @@ def informed(
     given: Mapping[str, float] | None = None,
     contradiction: float = THRESHOLDS.contradiction,
 ) -> tuple[Estimate, dict[str, str]]:
-    """Join knowledge to a fit.
+    """Join prior knowledge to a fit.
 
-    Returns of both. What was known counts as known exactly in its uncertainty, so the more a
-    value rests on it, the more degrees of freedom (Welch and Satterthwaite). contradicted :
-    dict of str to str By name, a sentence on what is known otherwise than the log says.
+    Returns the joint estimate and, by name, a sentence for each known value that the log
+    contradicts. Standard deviations of known values count as exact. So a value has the more degrees
+    of freedom, the more it rests on known values (Welch and Satterthwaite).
     """
     wanted = [_parameter(item.name, fit, parameters) for item in known]
     finite = np.isfinite(np.diag(fit.covariance))
@@ -84,8 +83,8 @@ def informed(
     involved = np.any(both.slopes != 0.0, axis=0)
     fewest = min(fit.degrees_of_freedom[i] for i in np.flatnonzero(involved))
     kept = np.eye(len(fit.names)) - gain @ both.slopes
-    # A gain from an estimated covariance costs a degree of freedom, as a regression does, in the
-    # variance that is left and in the gain's own error: as far as knowledge prevails over the log.
+    # A gain from an estimated covariance costs a degree of freedom, as in a regression: in the
+    # remaining variance and in the gain's own error, the more the known values outweigh the log.
     left = max(fewest - float(np.trace(both.slopes @ gain)), _LEAST_FREEDOM)
     cost = 1.0 if np.isinf(fewest) else (fewest / left) ** 2
     from_log = cost * kept @ covariance @ kept.T
@@ -97,7 +96,7 @@ def informed(
     total[~finite, ~finite] = np.inf
     estimate = Estimate(fit.names, both.point, total, tuple(freedom.tolist()))
     contradicted = _contradictions(alone, covariance, known, contradiction)
-    if contradicted:  # what is known as certain, and what the log says
+    if contradicted:  # the interval spans the log's value and the known one
         certain, _ = _joined(alone, covariance, values, np.zeros_like(variances))
         to_log, to_known = both.point - alone.point, certain.point - both.point
         farther = max((to_log, to_known), key=lambda c: float(np.linalg.norm(both.slopes @ c)))
@@ -108,20 +107,20 @@ def informed(
 def _parameter(
     name: str, fit: Estimate, parameters: Sequence[PhysicalParameter]
 ) -> PhysicalParameter:
-    """What a name stands for; refused if the log leaves free what it depends on."""
+    """Return the parameter of a name; raise if the log does not determine its coefficients."""
     known = {p.name: p for p in parameters} | {c: Product(c, "", {c: 1}) for c in fit.names}
     if name not in known:
         raise SettingError("known", f"{name!r} is unknown here{did_you_mean(name, known)}")
     fitted = [c for c in known[name].coefficients if c in fit.names]
     if not fitted:
-        raise SettingError("known", f"{name!r} follows from what was given: leave one of them out")
+        raise SettingError("known", f"{name!r} follows from given values: leave one of them out")
     for coefficient in fitted:
         place = fit.names.index(coefficient)
         if not np.isfinite(fit.covariance[place, place]):
             instead = "it" if name == coefficient else f"{coefficient!r} itself"
             raise SettingError(
                 "known",
-                f"{name!r} cannot be joined to a log that leaves {coefficient!r} free: give "
+                f"{name!r} cannot be joined, since the log leaves {coefficient!r} free: give "
                 f"{instead} without an uncertainty",
             )
     return known[name]
@@ -129,7 +128,7 @@ def _parameter(
 
 @dataclass(frozen=True, eq=False)
 class _Linearised:
-    """What is known, as functions of the coefficients, about a point."""
+    """Known parameters as functions of the coefficients, linearised about a point."""
 
     names: tuple[str, ...]
     point: FloatArray
@@ -147,14 +146,14 @@ class _Linearised:
 
     @property
     def slopes(self) -> FloatArray:
-        """Their derivatives, shape (n_known, k)."""
+        """Derivatives of the functions, shape (n_known, k)."""
         return np.array([p.gradient(self._coefficients, self.names) for p in self.parameters])
 
 
 def _joined(
     alone: _Linearised, covariance: FloatArray, values: FloatArray, variances: FloatArray
 ) -> tuple[_Linearised, FloatArray]:
-    """The most probable point, and the gain there: the step repeated until it ends."""
+    """Return the most probable point and the gain there; steps repeat until they converge."""
     here, shortest = alone, np.array([name in POSITIVE for name in alone.names])
     for _ in range(_STEPS):
         slopes = here.slopes
@@ -170,8 +169,8 @@ def _joined(
         here = replace(here, point=here.point + step)
     names = " and ".join(p.name for p in alone.parameters)
     raise ConvergenceError(
-        "joining what is known",
-        f"the log and what is known of {names} do not go together: check value and unit",
+        "joining known values",
+        f"the log and the known {names} cannot be reconciled: check value and unit",
     )
 
 
@@ -188,7 +187,7 @@ def _contradictions(
 
 
 def contradiction_warning(known: Known, value: float, std: float) -> str:
-    """One sentence on a known value that the log contradicts."""
+    """Return a sentence on a known value that the log contradicts."""
     stated = f"{known.value:.4g}" + (f" ± {known.std:.2g}" if known.std else "")
     verb = "is bounded by" if known.bound else "is known as"
     return (
@@ -200,7 +199,7 @@ def contradiction_warning(known: Known, value: float, std: float) -> str:
 def _welch_satterthwaite(
     degrees_of_freedom: FloatArray, from_log: FloatArray, total: FloatArray
 ) -> FloatArray:
-    """Degrees of freedom of variances of which only the log's part is estimated."""
+    """Return degrees of freedom of total variances with an estimated part from the log."""
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = degrees_of_freedom * (total / from_log) ** 2
     return np.where(from_log > 0.0, np.nan_to_num(freedom, nan=0.0, posinf=np.inf), np.inf)
@@ -208,31 +207,31 @@ def _welch_satterthwaite(
 
 Bounds = dict[str, tuple[float, float]]
 
-_SAME = 1e-9  # relative difference of two statements of the same
+_SAME = 1e-9  # relative difference of two equal values
 
 
 @dataclass(frozen=True)
 class Stated:
-    """What is stated of a joint."""
+    """Prior knowledge of a joint."""
 
     given: Mapping[str, float]  # coefficients that are known exactly
-    bounds: Mapping[str, tuple[float, float]]  # ends of coefficients
-    # what is to be joined to the fit: what is uncertain, and exact functions of several
+    bounds: Mapping[str, tuple[float, float]]  # bounds of coefficients
+    # known values to be joined to the fit: uncertain ones, and exact functions of several
     # coefficients
     known: tuple[Known, ...] = ()
-    # ends of functions of several coefficients
+    # bounds of functions of several coefficients
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    # coefficients that all this is about, so that their terms stay
+    # coefficients in any known value or bound; their terms stay in the model
     kept: frozenset[str] = frozenset()
 
 
 def stated(settings: Settings, joint: Joint, input_unit: str) -> Stated:
-    """What the settings state of a joint with an input."""
+    """Return the prior knowledge in the settings for a joint with an input."""
     functions = _functions(settings, joint, input_unit)
     for setting, names in (("known", settings.known), ("bounds", settings.bounds)):
         for name in names:
             if name not in functions:
-                raise _nothing_here(setting, name, functions, input_unit)
+                raise _unknown_name(setting, name, functions, input_unit)
     exact = {n: v for n, v in settings.known.items() if not settings.known_deviations.get(n)}
     given, left = _solved({name: (functions[name], value) for name, value in exact.items()})
     uncertain = [
@@ -243,7 +242,7 @@ def stated(settings: Settings, joint: Joint, input_unit: str) -> Stated:
     for item in uncertain:
         if {*functions[item.name].coefficients} <= given.keys():
             raise SettingError(
-                "known", f"{item.name} follows from what else is known: leave it out"
+                "known", f"{item.name} follows from other known values: leave it out"
             )
     bounds, within = _bounded(settings.bounds, functions, given)
     _check_uncertain(uncertain, functions, given, {**bounds, **settings.bounds})
@@ -252,12 +251,12 @@ def stated(settings: Settings, joint: Joint, input_unit: str) -> Stated:
         bounds,
         (*(Known(name, exact[name], 0.0) for name in left), *uncertain),
         within,
-        frozenset(c for n in (*settings.known, *settings.bounds) for c in _own(functions[n])),
+        frozenset(c for n in (*settings.known, *settings.bounds) for c in _needed(functions[n])),
     )
 
 
 def _functions(settings: Settings, joint: Joint, input_unit: str) -> dict[str, PhysicalParameter]:
-    """What may be stated of: coefficients and parameters of the terms that may be on."""
+    """Return the coefficients and parameters, by name, of all terms that may be on."""
     on = [
         c
         for c in joint.units
@@ -269,7 +268,7 @@ def _functions(settings: Settings, joint: Joint, input_unit: str) -> dict[str, P
     return {c: Product(c, "", {c: 1}) for c in on} | {p.name: p for p in parameters}
 
 
-def _nothing_here(
+def _unknown_name(
     setting: str, name: str, functions: Mapping[str, PhysicalParameter], input_unit: str
 ) -> SettingError:
     here = ", ".join(functions)
@@ -279,8 +278,8 @@ def _nothing_here(
     )
 
 
-def _own(function: PhysicalParameter) -> tuple[str, ...]:
-    """Coefficients without which there is no such parameter; gravity may lie all in its sine."""
+def _needed(function: PhysicalParameter) -> tuple[str, ...]:
+    """Return the coefficients a parameter needs; an amplitude needs only its first part."""
     if isinstance(function, Amplitude):
         return (function.first, *function.exponents)
     return function.coefficients
@@ -289,13 +288,13 @@ def _own(function: PhysicalParameter) -> tuple[str, ...]:
 def _solved(
     exact: Mapping[str, tuple[PhysicalParameter, float]],
 ) -> tuple[dict[str, float], list[str]]:
-    """Coefficients that follow, and the names of what is left as functions of several.
+    """Return coefficients that exact values determine, and names of the remaining functions.
 
-    A product of powers is a row of exponents. What is a combination of such rows follows from what
-    they are known as.
+    A product of powers is a row of exponents. A product whose row is a combination of other rows
+    follows from the values of these.
     """
     products = {
-        # Of a product that is zero what divides it is of no account.
+        # If a product is zero, its divisors do not matter.
         name: ({c: power for c, power in function.exponents.items() if value or power > 0}, value)
         for name, (function, value) in exact.items()
         if isinstance(function, Product)
@@ -307,14 +306,14 @@ def _solved(
         follows = _combined(rows[:place], known[:place], rows[place])
         if follows is not None:
             same = isclose(follows, value, rel_tol=_SAME)
-            advice = "leave it out" if same else f"that makes it {follows:.6g}"
-            raise SettingError("known", f"{name} follows from what else is known: {advice}")
+            advice = "leave it out" if same else f"they make it {follows:.6g}"
+            raise SettingError("known", f"{name} follows from other known values: {advice}")
     alone = zip(coefficients, np.eye(len(coefficients)), strict=True)
     found = {c: _combined(rows, known, row) for c, row in alone}
     given = {c: value for c, value in found.items() if value is not None}
     for name, (powers, _) in products.items():
         if not all(isfinite(given[c]) for c in powers if c in given):
-            raise SettingError("known", f"{name}: the value is impossible with what is known")
+            raise SettingError("known", f"{name}: the value is impossible with the known values")
     solved = {name for name, (powers, _) in products.items() if powers.keys() <= given.keys()}
     return given, [name for name in exact if name not in solved]
 
@@ -324,7 +323,7 @@ def _combined(
     values: FloatArray,  # (n,)
     wanted: FloatArray,  # (k,)
 ) -> float | None:
-    """The product of powers that is wanted, where it is one of others with these values."""
+    """Return the wanted product of powers from other products' values; None if independent."""
     if not len(rows):
         return None
     powers = np.rint(np.linalg.lstsq(rows.T, wanted)[0])
@@ -334,8 +333,8 @@ def _combined(
         return float(np.prod(values**powers))
 
 
-def _knowing(function: Product, given: Mapping[str, float]) -> tuple[float, dict[str, int]]:
-    """What a product is of coefficients that are given, and the powers of the others."""
+def _known_factor(function: Product, given: Mapping[str, float]) -> tuple[float, dict[str, int]]:
+    """Return a product's factor of given coefficients, and the powers of the others."""
     left = {c: power for c, power in function.exponents.items() if c not in given}
     return function.value({**given, **dict.fromkeys(left, 1.0)}), left
 
@@ -345,7 +344,7 @@ def _bounded(
     functions: Mapping[str, PhysicalParameter],
     given: Mapping[str, float],
 ) -> tuple[Bounds, Bounds]:
-    """Bounds of coefficients, and of what is a function of several unknown ones."""
+    """Return bounds of coefficients, and bounds of functions of several unknown ones."""
     bounds: Bounds = {}
     within: Bounds = {}
     for name, (lower, upper) in wanted.items():
@@ -355,14 +354,14 @@ def _bounded(
             if not lower <= value <= upper:
                 raise SettingError(
                     "bounds",
-                    f"{name} = {value:.6g} follows from what is known, and lies outside "
+                    f"{name} = {value:.6g} follows from known values, and lies outside "
                     f"{lower:g}:{upper:g}: correct one of them",
                 )
             continue
         if not isinstance(function, Product):
             within[name] = (lower, upper)
             continue
-        factor, left = _knowing(function, given)
+        factor, left = _known_factor(function, given)
         if len(left) > 1:
             within[name] = (lower, upper)
             continue
@@ -372,14 +371,14 @@ def _bounded(
         found = (max(before[0], ends[0]), min(before[1], ends[1]))
         if not found[0] < found[1]:
             raise SettingError(
-                "bounds", f"those of {name} leave no room beside the others: correct one of them"
+                "bounds", f"those of {name} and the other bounds exclude each other: correct one"
             )
         bounds[coefficient] = found
     return bounds, within
 
 
 def _ends(first: float, second: float, power: int) -> tuple[float, float]:
-    """Ends of a coefficient from those of it or, for an inertia, of its inverse."""
+    """Return bounds of a coefficient from bounds of the coefficient or of its inverse."""
     if power > 0:
         return min(first, second), max(first, second)
     lower, upper = max(0.0, min(first, second)), max(first, second)
@@ -392,13 +391,13 @@ def _check_uncertain(
     given: Mapping[str, float],
     bounds: Mapping[str, tuple[float, float]],
 ) -> None:
-    """Refuse what is known as a value that its bounds exclude."""
+    """Raise if bounds exclude an uncertain known value."""
     for item in uncertain:
         ends = bounds.get(item.name)
         value, name = item.value, item.name
         function = functions[item.name]
         if ends is None and isinstance(function, Product):
-            factor, left = _knowing(function, given)
+            factor, left = _known_factor(function, given)
             if len(left) == 1:
                 ((name, power),) = left.items()
                 value, ends = (item.value / factor) ** power, bounds.get(name)

@@ -1,10 +1,10 @@
-"""What every step speaks of, and what tells a user how far a job is."""
+"""Types that all steps share, and the callback that reports progress."""
 
 from collections.abc import Callable
 
 Progress = Callable[[str], None]
-"""Takes a line of text."""
+"""Callback that takes a line of text."""
 
 
 def silent(*_: object) -> None:
-    """Say nothing."""
+    """Ignore the progress text."""
