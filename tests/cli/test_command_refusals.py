@@ -48,7 +48,7 @@ REFUSED = (
     ("campaign tiny.toml --out out --scheduler x --workers 2", "--workers: is for"),
     ("campaign single.toml --out out", "the key 'campaign' is missing"),
     ("campaign damped.toml --out rows", "needs the acceleration"),
-    ("compare a.json other.json --out out", "holds no estimate: give an estimate.json"),
+    ("compare a.json other.json --out out", "is no estimate: give an estimate.json"),
     ("compare a.json empty --out out", "give the path of an estimate.json"),
     ("simulate a.json", "a.json: is JSON, as an estimate: give a file in TOML"),
     ("derive flexible-joint --to fortran", "latex, python, c"),

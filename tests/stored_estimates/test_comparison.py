@@ -122,7 +122,7 @@ def test_one_log_cannot_have_changed():
 def test_an_estimate_and_itself_are_refused():
     """Assert that one estimate twice is refused, and the same numbers of another log are not."""
     a = drawn(np.random.default_rng(9))
-    with pytest.raises(SettingError, match="A and B hold the same estimate"):
+    with pytest.raises(SettingError, match="A and B are the same estimate"):
         compare_estimates(a, a)
     found = compare_estimates(a, estimate_of(a.fit, "another log"))
     assert found.agree

@@ -90,7 +90,7 @@ def test_what_identify_reports_comes_again(log, tmp_path):
         assert 100 - found.fit_percent[channel] == pytest.approx(100 - once, rel=0.3)
     assert found.warnings == ()
     (warning,) = validate_estimate(path, [log]).warnings
-    assert "tests nothing new" in warning
+    assert "no independent test" in warning
 
 
 def test_a_wrong_stiffness_predicts_less(log):

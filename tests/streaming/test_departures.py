@@ -119,7 +119,7 @@ def test_what_a_stream_is_not_corrected_by_is_warned_of(result):
     assert [*not_accounted_for(made, 0.021)] == []
     choices = replace(result.choices, amplifier=Amplifier(dead_zone=0.2))
     (warning,) = not_accounted_for(replace(result, choices=choices), 0.01)
-    assert "send what reaches the motor" in warning
+    assert "send the input that reaches the motor" in warning
 
 
 def test_what_is_known_exactly_is_not_sought():

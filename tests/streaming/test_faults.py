@@ -249,7 +249,7 @@ RESTING[:, [LINK, MOTOR]] += 1e-4 * np.random.default_rng(3).standard_normal((40
         (
             displaced((slice(None, None, 3), LINK, np.nan)),
             Health.SENSOR_FAULT,
-            ["no number or too large"],
+            ["not finite or too large"],
         ),
     ],
     ids=["a drive that stands still", "a torque of the wrong sign", "every third lost"],

@@ -28,7 +28,7 @@ def widths(half: float, apart: float = 0.0, value: float = 100.0):
 @pytest.mark.parametrize(
     ("changes", "health", "words"),
     [
-        ({}, Health.CONVERGED, "beta1 the least, within 3 %"),
+        ({}, Health.CONVERGED, "within 3 %, beta1 least precisely"),
         ({"is_stuck": True}, Health.SENSOR_FAULT, "stands still"),
         ({"bad_share": 0.21}, Health.SENSOR_FAULT, "21 % of the latest samples"),
         ({"bad_share": 0.19}, Health.CONVERGED, ""),
@@ -39,7 +39,7 @@ def widths(half: float, apart: float = 0.0, value: float = 100.0):
         ({"widths": widths(90.0, 99.0)}, Health.CONVERGING, ""),
         ({"widths": widths(90.0, 101.0)}, Health.INCONSISTENT, "disagree on theta2 by 101 %"),
         ({"widths": widths(90.0, 101.0), "settled": 39.0}, Health.CONVERGING, ""),
-        ({"widths": widths(9.0, 0.0, -10.0)}, Health.INCONSISTENT, "theta2 comes out negative"),
+        ({"widths": widths(9.0, 0.0, -10.0)}, Health.INCONSISTENT, "theta2 is negative"),
         ({"widths": widths(11.0, 0.0, -10.0)}, Health.CONVERGING, ""),
         ({"contradicted": "a has changed"}, Health.INCONSISTENT, "a has changed"),
         ({"contradicted": "a has changed", "settled": 39.0}, Health.CONVERGED, ""),

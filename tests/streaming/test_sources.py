@@ -81,12 +81,12 @@ def test_a_file_that_ends(log: Path):
 
 
 def test_a_last_line_without_an_end(tmp_path: Path):
-    """Assert that half a sample is left out of what is learnt, with a warning."""
+    """Assert that an incomplete last line is left out, with a warning."""
     samples, log = stream(3.0), tmp_path / "log.csv"
     log.write_text(log_text(samples, TIME, LINK, MOTOR, TORQUE)[:-9])
     watch = followed(log)
     assert same(watch.result, watched(samples[:-1]))
-    assert "half a sample" in watch.warnings[-1]
+    assert "may be incomplete" in watch.warnings[-1]
 
 
 def test_standard_input(monkeypatch: pytest.MonkeyPatch):

@@ -1,1 +1,1 @@
-"""Estimates as files: read, and compared with other logs."""
+"""Stored estimates: reading them, validating them on other logs, and comparing them."""

@@ -1,4 +1,4 @@
-"""Two estimates side by side: what differs, and whether chance explains it."""
+"""Comparison of two estimates: differences, intervals, and tests of their significance."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,80 +32,80 @@ Sharing = Literal["different", "some shared", "same"]
 
 Outcome = Literal[
     "changed",
-    "perhaps changed",  # beyond its own interval, but among so many chance may do that
+    "perhaps changed",  # significant alone, but not after Holm's correction
     "no change",
-    "contradictory",  # of one log, in which nothing can have changed
-    "compatible",  # of one log, too
-    "not determined",  # one of the logs leaves it open
-    "not compared",  # it was not estimated, or is of another kind
+    "contradictory",  # a significant difference, although both estimates are of the same logs
+    "compatible",  # no significant difference, and both estimates are of the same logs
+    "not determined",  # one of the logs does not determine it
+    "not compared",  # one estimate lacks it, or its values are not comparable
 ]
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One number of both estimates."""
+    """Difference of one parameter or coefficient between two estimates."""
 
     name: str
     unit: str  # in SI
-    a: ValueEstimate | None  # the number in each estimate; None where it has none
+    a: ValueEstimate | None  # the value in each estimate; None where the estimate lacks it
     b: ValueEstimate | None
-    # "A" or "B" where the model does without it, and how large it could be is compared
+    # "A" or "B" where the model lacks the term; its upper bound is compared instead
     without: tuple[str, ...] = ()
-    value: float = nan  # B's minus A's, in the unit; NaN where they are not compared
-    interval: tuple[float, float] = (nan, nan)  # of the difference, at 95 %
-    percent: float = nan  # the same of A's value; NaN where that may be zero, or is an angle
+    value: float = nan  # B's value minus A's, in the unit; NaN if they are not compared
+    interval: tuple[float, float] = (nan, nan)  # 95 % confidence interval of the difference
+    percent: float = nan  # difference in per cent of A; NaN if A may be zero or is an angle
     percent_interval: tuple[float, float] = (nan, nan)
-    probability: float = nan  # of a difference as large by chance; NaN where not compared
+    probability: float = nan  # p-value of the difference; NaN if they are not compared
     outcome: Outcome = "not compared"
-    reason: str = ""  # why it is not compared
+    reason: str = ""  # why the values are not compared, or one is not determined
 
     @property
     def compared(self) -> bool:
-        """Whether there is a difference with an interval."""
+        """Whether the difference has a value and an interval."""
         return self.outcome not in ("not determined", "not compared")
 
     @property
     def largest(self) -> float:
-        """The most that the interval allows to either side, in the unit."""
+        """Largest magnitude of a difference within the interval, in the unit."""
         return max(map(abs, self.interval))
 
     @property
     def largest_percent(self) -> float:
-        """The same in per cent of A's value."""
+        """Largest magnitude of a difference within the interval, in per cent of A's value."""
         return max(map(abs, self.percent_interval))
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two estimates side by side."""
+    """Result of a comparison of two estimates, A and B."""
 
-    labels: tuple[str, str]  # what A and B are called: their files, if they have any
-    models: tuple[str, str]  # which joint was identified in each
-    parameters: Mapping[str, Difference]  # by name, in the order of A, then what B has beside that
+    labels: tuple[str, str]  # names of A and B: their files, if they have any
+    models: tuple[str, str]  # kind of joint in each estimate
+    parameters: Mapping[str, Difference]  # by name: those of A in its order, then B's others
     coefficients: Mapping[str, Difference]
     logs: Sharing  # whether both were made from the same logs
-    warnings: tuple[str, ...] = ()  # what limits the comparison
+    warnings: tuple[str, ...] = ()  # limits of the comparison
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def decisive(self) -> Mapping[str, Difference]:
-        """What the answer rests on: the parameters, or where none is compared the coefficients."""
+        """Differences of the parameters, or of the coefficients if no parameter is compared."""
         if any(d.compared for d in self.parameters.values()):
             return self.parameters
         return self.coefficients
 
     def having(self, *outcomes: Outcome) -> tuple[Difference, ...]:
-        """Decisive differences with one of some outcomes."""
+        """Return the decisive differences with one of the given outcomes."""
         return tuple(d for d in self.decisive.values() if d.outcome in outcomes)
 
     @property
     def differ(self) -> bool:
-        """Whether a change is established, or a contradiction."""
+        """Whether any decisive difference is significant: changed or contradictory."""
         return bool(self.having("changed", "contradictory"))
 
     @property
     def lacking(self) -> tuple[Difference, ...]:
-        """What one of the logs leaves open, so that nobody knows whether it has changed."""
+        """Decisive differences that cannot be tested: one estimate leaves the value open."""
         alike = self.models[0] == self.models[1]
         return tuple(
             d
@@ -115,7 +115,7 @@ class Comparison:
 
     @property
     def agree(self) -> bool:
-        """Whether all that is in both drives was compared, and no change is established."""
+        """Whether every common parameter was compared and none has a significant difference."""
         some = any(d.compared for d in self.decisive.values())
         return some and not self.differ and not self.lacking
 
@@ -125,7 +125,7 @@ def compare_estimates(a: Either, b: Either, labels: tuple[str, str] = ("A", "B")
     if _same(a, b):
         raise SettingError(
             "compare",
-            f"{labels[0]} and {labels[1]} hold the same estimate: give two that differ in their "
+            f"{labels[0]} and {labels[1]} are the same estimate: give two that differ in their "
             f"logs or settings",
         )
     logs = shared_logs(a.provenance, b.provenance)
@@ -137,14 +137,14 @@ def compare_estimates(a: Either, b: Either, labels: tuple[str, str] = ("A", "B")
         whole = ({**a.removed, **a.parameters}, {**b.removed, **b.parameters})
         parameters = _differences(whole, (a.parameters, b.parameters), logs, unlike)
         both = (a.coefficients, b.coefficients)
-        # Coefficients of a rigid joint are named as others, and mean something else.
+        # A rigid joint's coefficients have the names of other joints', but another meaning.
         alike = a.model == b.model or "rigid" not in (a.model, b.model)
         coefficients = _differences(both, both, logs, unlike) if alike else {}
     else:
         raise SettingError(
             "compare",
-            f"{labels[0]} and {labels[1]} are not of the same number of joints: give two estimates "
-            f"of one joint, or two of arms with as many joints",
+            f"{labels[0]} and {labels[1]} differ in their number of joints: give two estimates of "
+            f"one joint, or of arms with equally many joints",
         )
     return Comparison(
         labels,
@@ -152,7 +152,7 @@ def compare_estimates(a: Either, b: Either, labels: tuple[str, str] = ("A", "B")
         _judged(parameters, logs),
         _judged(coefficients, logs),
         logs,
-        tuple(_doubts(a, b, logs)),
+        tuple(_limits(a, b, logs)),
         {"flexid_version": flexid.__version__, "a": dict(a.provenance), "b": dict(b.provenance)},
     )
 
@@ -172,47 +172,47 @@ def _differences(
     logs: Sharing,
     unlike: Mapping[tuple[str, str], str],
 ) -> dict[str, Difference]:
-    """Differences of all that either model has, by name."""
+    """Return the difference of each value that either estimate reports, by name."""
     found = {}
     for name in dict.fromkeys([*reported[0], *reported[1]]):
         a, b = (values.get(name) for values in known)
         pairs = zip("AB", reported, strict=True)
         without = tuple(side for side, values in pairs if name not in values)
         unit = next(value.unit for value in (a, b) if value is not None)
-        found[name] = _with_numbers(Difference(name, unit, a, b, without), logs, unlike)
+        found[name] = _evaluated(Difference(name, unit, a, b, without), logs, unlike)
     return found
 
 
-def _with_numbers(
+def _evaluated(
     blank: Difference, logs: Sharing, unlike: Mapping[tuple[str, str], str]
 ) -> Difference:
-    """A difference with its numbers, or with the reason why it has none."""
+    """Return the difference with value and interval, or with the reason why it has none."""
     a, b = blank.a, blank.b
     if a is None or b is None:
         side = "A" if a is None else "B"
-        return replace(blank, reason=f"{side} does without it, and does not say how large it is")
+        return replace(blank, reason=f"{side} lacks it, and gives no bound for it")
     if a.unit != b.unit:
         return replace(blank, reason=f"A has it in {a.unit}, B in {b.unit}")
     if reason := _unlike_reason(blank.name, {**a.slopes, **b.slopes}, unlike):
         return replace(blank, reason=reason)
     if "[" in blank.name:
-        return replace(blank, reason="each log has its own")
+        return replace(blank, reason="each log has its own value")
     for side, value in (("A", a), ("B", b)):
         if value.interval[0] == value.interval[1]:
             known = value.reason in ("", "given")
-            why = "it follows from what was given" if known else value.reason
+            why = "it follows from given values" if known else value.reason
             return replace(blank, reason=f"in {side} it was not estimated: {why}")
     for side, value in (("A", a), ("B", b)):
-        if _is_open(value):
-            reason = f"in {side} {value.reason or 'nothing is known of it'}"
+        if _is_undetermined(value):
+            reason = f"in {side} {value.reason or 'it is unknown'}"
             return replace(blank, outcome="not determined", reason=reason)
     by = _by_ratio if a.logarithmic and b.logarithmic else _by_difference
     return by(blank, a, b, logs)
 
 
-def _is_open(value: ValueEstimate) -> bool:
-    """Whether the log says nothing of a value, or what speaks against it is not its width."""
-    # One whose interval is merely wide is compared: the interval of the difference is as wide.
+def _is_undetermined(value: ValueEstimate) -> bool:
+    """Whether a value has no finite interval, or is undetermined for another reason than width."""
+    # A value with a wide interval is compared: the difference has an interval as wide.
     half = value.half_width
     known = isfinite(half) and isfinite(value.value) and 0.0 < value.std < inf
     if not (known and value.degrees_of_freedom > 0.0):
@@ -224,46 +224,46 @@ def _is_open(value: ValueEstimate) -> bool:
 def _by_difference(
     blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing
 ) -> Difference:
-    """With an interval that is symmetrical about the difference."""
+    """Return the difference with an interval that is symmetrical about its value."""
     value = difference(blank.name, a.value, b.value)
-    reach, chance = _spread(value, a.std, b.std, a, b, logs)
-    apart_from_zero = a.value != 0.0 and a.interval[0] * a.interval[1] > 0.0
-    percent = 100.0 / abs(a.value) if apart_from_zero and blank.name not in ANGLES else nan
+    half, probability = _significance(value, a.std, b.std, a, b, logs)
+    nonzero = a.value != 0.0 and a.interval[0] * a.interval[1] > 0.0
+    percent = 100.0 / abs(a.value) if nonzero and blank.name not in ANGLES else nan
     return replace(
         blank,
         value=value,
-        interval=(value - reach, value + reach),
+        interval=(value - half, value + half),
         percent=percent * value,
-        percent_interval=(percent * (value - reach), percent * (value + reach)),
-        probability=chance,
+        percent_interval=(percent * (value - half), percent * (value + half)),
+        probability=probability,
         outcome="no change",
     )
 
 
 def _by_ratio(blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing) -> Difference:
-    """With an interval that is symmetrical about the logarithm of the ratio."""
+    """Return the difference with an interval symmetrical about the logarithm of the ratio."""
     logarithm = log(b.value) - log(a.value)
-    reach, chance = _spread(logarithm, a.std / a.value, b.std / b.value, a, b, logs)
+    half, probability = _significance(logarithm, a.std / a.value, b.std / b.value, a, b, logs)
     with np.errstate(over="ignore"):
-        low, high = np.expm1([logarithm - reach, logarithm + reach]).tolist()
+        low, high = np.expm1([logarithm - half, logarithm + half]).tolist()
     return replace(
         blank,
         value=b.value - a.value,
         interval=(a.value * low, a.value * high),
         percent=100.0 * (b.value / a.value - 1.0),
         percent_interval=(100.0 * low, 100.0 * high),
-        probability=chance,
+        probability=probability,
         outcome="no change",
     )
 
 
 # The difference of estimates from different logs has the variance s² = s_a² + s_b², with
-# 1/ν = (s_a²/s²)²/ν_a + (s_b²/s²)²/ν_b (Welch and Satterthwaite). Those of one log share errors of
-# which nothing is stored: their deviation is s_a + s_b at most.
-def _spread(
+# 1/ν = (s_a²/s²)²/ν_a + (s_b²/s²)²/ν_b (Welch and Satterthwaite). Estimates from one log have
+# correlated errors, and the correlation is not stored: s is at most s_a + s_b.
+def _significance(
     value: float, std_a: float, std_b: float, a: ValueEstimate, b: ValueEstimate, logs: Sharing
 ) -> tuple[float, float]:
-    """Half the width of a difference's interval, and the chance of one as large as the value."""
+    """Return the half-width of the difference's confidence interval, and the p-value."""
     freedom = (a.degrees_of_freedom, b.degrees_of_freedom)
     if logs == "different":
         std = hypot(std_a, std_b)
@@ -276,7 +276,7 @@ def _spread(
 
 
 def _judged(differences: Mapping[str, Difference], logs: Sharing) -> dict[str, Difference]:
-    """Outcomes that hold for all together (Holm)."""
+    """Return the differences with outcomes, corrected for multiple comparisons (Holm)."""
     compared = [d for d in differences.values() if d.compared]
     significant = holm([d.probability for d in compared], 1.0 - CONFIDENCE)
     judged = dict(differences)
@@ -291,7 +291,7 @@ def _judged(differences: Mapping[str, Difference], logs: Sharing) -> dict[str, D
 
 
 def holm(probabilities: Sequence[float], chance: float) -> list[bool]:
-    """Which of several differences are significant, if any may be so by chance only this rarely."""
+    """Return which p-values are significant at the family-wise error rate `chance` (Holm)."""
     found = [False] * len(probabilities)
     for rank, place in enumerate(np.argsort(probabilities)):
         if not probabilities[place] <= chance / (len(probabilities) - rank):
@@ -301,17 +301,17 @@ def holm(probabilities: Sequence[float], chance: float) -> list[bool]:
 
 
 def shared_logs(a: Mapping[str, Any], b: Mapping[str, Any]) -> Sharing:
-    """Whether the provenances of two estimates name the same axes of the same files."""
+    """Return whether the provenances of two estimates name the same axes of the same files."""
     first, second = _named_logs(a), _named_logs(b)
-    in_both = [any(_one_axis(log, other) for other in second) for log in first]
-    in_both += [any(_one_axis(log, other) for other in first) for log in second]
+    in_both = [any(_same_axis(log, other) for other in second) for log in first]
+    in_both += [any(_same_axis(log, other) for other in first) for log in second]
     if not any(in_both):
         return "different"
     return "same" if all(in_both) else "some shared"
 
 
 def _named_logs(provenance: Mapping[str, Any]) -> list[tuple[str, set[str]]]:
-    """Digests of the files, each with the columns of its positions: it may hold several axes."""
+    """Return each log's digest and position columns, as one file may contain several axes."""
     found = []
     for source in provenance.get("inputs", ()):
         origins = source.get("columns", {})
@@ -322,10 +322,10 @@ def _named_logs(provenance: Mapping[str, Any]) -> list[tuple[str, set[str]]]:
     return found
 
 
-def _one_axis(log: tuple[str, set[str]], other: tuple[str, set[str]]) -> bool:
-    """Whether both hold one axis' noise; where columns are not named, one file is one axis."""
-    apart = log[1] and other[1] and not log[1] & other[1]
-    return log[0] == other[0] and not apart
+def _same_axis(log: tuple[str, set[str]], other: tuple[str, set[str]]) -> bool:
+    """Whether two logs are of the same axis; a file without column names counts as one axis."""
+    disjoint = log[1] and other[1] and not log[1] & other[1]
+    return log[0] == other[0] and not disjoint
 
 
 _JOINTS = {
@@ -336,31 +336,31 @@ _JOINTS = {
 }
 
 
-def _doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
-    """What limits a comparison, a sentence each."""
+def _limits(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
+    """Yield a sentence for each limit of the comparison."""
     sides = {"A": a, "B": b}
     if a.model != b.model:
         yield (
-            f"A is of {_JOINTS[a.model]} and B of {_JOINTS[b.model]}: only what has the same "
-            f"name, meaning and unit in both is compared"
+            f"A is of {_JOINTS[a.model]} and B of {_JOINTS[b.model]}: only values with the same "
+            f"name, meaning and unit in both are compared"
         )
     if logs == "some shared":
         yield (
-            "some logs are in both estimates, which therefore err alike: the intervals allow for "
-            "the worst of that, and a change may be missed"
+            "the estimates share some logs, so their errors are correlated: the intervals assume "
+            "the worst case, and a change may be missed"
         )
     unnamed = [side for side, e in sides.items() if not _named_logs(e.provenance)]
     if unnamed:
         yield (
-            f"{' and '.join(unnamed)} does not say which logs it was made from: they are taken for "
-            f"different ones"
+            f"{' and '.join(unnamed)} does not name the logs it was made from: they are assumed to "
+            f"be different"
         )
     known = [e.provenance.get("settings", {}).get("known", {}) for e in sides.values()]
     common = [name for name in known[0] if name in known[1]]
     if common:
         yield (
-            f"both rest on what was said of {' and '.join(common)}: if that has changed, other "
-            f"values seem to have changed in its stead"
+            f"both use a known value of {' and '.join(common)}: if that has changed, other values "
+            f"seem to have changed instead"
         )
     unexplained = [
         side
@@ -369,61 +369,61 @@ def _doubts(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
     ]
     if unexplained and logs != "same":
         yield (
-            f"in {' and '.join(unexplained)} the residuals hold something that no term describes. "
-            f"It may look like a change where the motions differ: compare logs of the same motion"
+            f"in {' and '.join(unexplained)} the residuals contain something no term describes, "
+            f"which may look like a change if the motions differ: compare logs of the same motion"
         )
     for side, estimate in sides.items():
         yield from (f"{side}: {warning}" for warning in estimate.warnings)
 
 
-_ALIKE = 2.0  # ratio of two widths beyond which what rests on them is not compared
+_LARGEST_RATIO = 2.0  # of two constants; beyond it, coefficients that depend on them differ
 
 _OWN_RATIO = {RIPPLE_NUMBER: 1.02, RIPPLE_ORIGIN: 1.0 + 1e-9}
-"""That of constants beyond which ripples, or the turns that their angles count, are others."""
+"""Largest ratio for constants that need a tighter limit: otherwise the ripple is another one."""
 
 
 @cache
 def _constants() -> Sequence[tuple[str, str]]:
-    """Coefficients that have a width, and the constant that it is."""
+    """Return each coefficient whose regressor has a chosen constant, with that constant."""
     regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
-    # Where encoders have their zeros, and so the middle of a play, is a matter of each log.
+    # The centre of a backlash is no such constant: the encoders' zeros may differ between logs.
     return [(c, shape) for c, r in regressors for shape in WIDTHS if shape in r]
 
 
 def _unlike_constants(a: Identification, b: Identification) -> dict[tuple[str, str], str]:
-    """Why what rests on a coefficient cannot be compared, by coefficient and constant."""
+    """Return why values of a coefficient are not comparable, by coefficient and constant."""
     found = {}
     for coefficient, shape in _constants():
         first, second = (estimate.choices.shapes.get(shape) for estimate in (a, b))
-        if first is None or second is None or not _apart(first, second, shape):
+        if first is None or second is None or not _differ(first, second, shape):
             continue
         if not (_is_gap(shape, a) and _is_gap(shape, b)):
             found[coefficient, shape] = (
-                f"it rests on a {shape} of {first:.5g} in A and of {second:.5g} in B, which was "
-                f"chosen for each log"
+                f"it depends on {shape}, which is {first:.5g} in A and {second:.5g} in B, chosen "
+                f"for each log"
             )
     return found
 
 
-def _apart(first: float, second: float, shape: str) -> bool:
+def _differ(first: float, second: float, shape: str) -> bool:
     least, most = sorted((abs(first), abs(second)))
-    return most > _OWN_RATIO.get(shape, _ALIKE) * least or first * second < 0.0
+    return most > _OWN_RATIO.get(shape, _LARGEST_RATIO) * least or first * second < 0.0
 
 
 def _is_gap(shape: str, estimate: Identification) -> bool:
-    """Whether a width is that of the estimate's own gap, not one that was chosen."""
+    """Whether a constant is the width of the estimated backlash, so that it was not chosen."""
     gap = estimate.parameters.get("half_backlash")
     if shape != BACKLASH_WIDTH or gap is None:
         return False
-    return not _apart(gap.value, estimate.choices.shapes[shape], shape)
+    return not _differ(gap.value, estimate.choices.shapes[shape], shape)
 
 
 def _unlike_reason(
     name: str, rests_on: Mapping[str, float], unlike: Mapping[tuple[str, str], str]
 ) -> str:
-    """Why the values of a number cannot be compared; empty where no constant speaks against it."""
+    """Return why the values of a number are not comparable; empty if they are."""
     for (coefficient, shape), reason in unlike.items():
-        # However a ripple counts, it is as large.
+        # The ripple's amplitude does not depend on its origin.
         if coefficient in rests_on and (name, shape) != ("torque_ripple", RIPPLE_ORIGIN):
             return reason
     return ""

@@ -1,4 +1,4 @@
-"""Files that hold an identification without its time series: the dataclasses are the schema."""
+"""Files of identifications without their time series: the dataclasses are the schema."""
 
 import hashlib
 import json
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from flexid.arms.result import ArmIdentification
     from flexid.identification.result import Identification
 
-FORMAT_VERSION = 1  # of the files that this version writes, and the newest that it reads
+FORMAT_VERSION = 1  # format that is written, and the newest that can be read
 
-LARGEST_FILE = 20_000_000  # bytes; an estimate of many logs has some values for each
+LARGEST_FILE = 20_000_000  # bytes; an estimate has a few values for each of its logs
 
-_USUAL_NAME = "estimate.json"  # of the file in a folder that ``flexid identify --out`` wrote
+_USUAL_NAME = "estimate.json"  # the file that ``flexid identify --out`` writes
 
 WANTED = "an estimate.json of flexid identify"
 
@@ -34,47 +34,47 @@ _MISSING = {
     **dict.fromkeys(("deflection", "deflection_noise"), nan),
     **dict.fromkeys(("residual_excess", "condition_number"), inf),
 }
-"""What null stands for, by key: for a number that JSON does not have."""
+"""Number that null represents, by key, as JSON has no infinity and no NaN."""
 
 
 def estimate_document(result: "Identification | ArmIdentification") -> dict[str, Any]:
-    """Everything of an estimate but its time series, as a file holds it; numbers stay numbers."""
-    held = replace(result, validation=replace(result.validation, runs=()))
-    if held.model == "arm":
-        return sealed({"format_version": FORMAT_VERSION, **plain(held)})
-    made = plain(replace(held, recordings=()))
-    excitation = {row: {"row": row, **e.document} for row, e in held.excitation.items()}
-    return sealed({"format_version": FORMAT_VERSION, **made, "excitation": excitation})
+    """Return the content of an estimate's file: all of the result but its time series."""
+    stripped = replace(result, validation=replace(result.validation, runs=()))
+    if stripped.model == "arm":
+        return sealed({"format_version": FORMAT_VERSION, **plain(stripped)})
+    fields = plain(replace(stripped, recordings=()))
+    excitation = {row: {"row": row, **e.document} for row, e in stripped.excitation.items()}
+    return sealed({"format_version": FORMAT_VERSION, **fields, "excitation": excitation})
 
 
-# The digest refuses edited files: coefficients make the parameters, the covariance the intervals.
+# The digest detects edits, after which coefficients, covariance, parameters and intervals disagree.
 def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
-    """A document with the digest of all else in it."""
+    """Return the document with a digest of its content."""
     return {**document, "sha256": _digest(to_json(document))}
 
 
 def _digest(text: str) -> str:
-    """The digest of a document, however its text is laid out and its whole numbers are written."""
+    """Return a JSON text's digest, which does not depend on layout or on ``1`` versus ``1.0``."""
     content = json.loads(text, parse_int=float)
     content.pop("sha256", None)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 class StoredEstimate(NamedTuple):
-    """An estimate, and where it was read."""
+    """An estimate and the file it was read from."""
 
-    result: "Identification | ArmIdentification"  # time series, which are not stored, are empty
-    file: str  # empty of one in memory
-    sha256: str  # of its text
+    result: "Identification | ArmIdentification"  # its time series are empty: they are not stored
+    file: str  # path; empty if the estimate is in memory
+    sha256: str  # digest of the file
 
     @property
     def name(self) -> str:
-        """How a message names it."""
+        """Name of the estimate in messages."""
         return self.file or "estimate"
 
     @property
     def of_joint(self) -> "Identification":
-        """The identification of one joint; a `SettingError` if it is of an arm."""
+        """Identification of one joint; raises a `SettingError` if the estimate is of an arm."""
         if self.result.model == "arm":
             raise self.refuse(
                 "",
@@ -84,18 +84,18 @@ class StoredEstimate(NamedTuple):
         return self.result
 
     def refuse(self, key: str, reason: str) -> SettingError:
-        """An error of a key, empty where all of it is meant, and a reason."""
+        """Return an error about a key of the file, or about the whole file if `key` is empty."""
         return refusal(self.name, key, reason)
 
 
 def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
-    """A stored estimate from a file, the folder that holds it, or its content."""
+    """Read a stored estimate from its file, its folder, or its content as a mapping."""
     if isinstance(estimate, Mapping):
         file = ""
         try:
             raw = json.dumps(dict(estimate), default=str).encode()
         except (TypeError, ValueError, RecursionError):
-            raise refusal("estimate", "", f"is no JSON: give {WANTED}") from None
+            raise refusal("estimate", "", f"is not JSON: give {WANTED}") from None
     else:
         path = Path(estimate)
         path = path / _USUAL_NAME if path.is_dir() else path
@@ -105,22 +105,22 @@ def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
     try:
         content = json.loads(raw.decode("utf-8"))
     except (ValueError, RecursionError):
-        raise refuse("", f"is no JSON: give {WANTED}") from None
+        raise refuse("", f"is not JSON: give {WANTED}") from None
     return StoredEstimate(_result(content, refuse), file, hashlib.sha256(raw).hexdigest())
 
 
 def refusal(name: str, key: str, reason: str) -> SettingError:
-    """An error of a file, of its key, empty where all of it is meant, and a reason."""
+    """Return an error about a key of a file, or about the whole file if `key` is empty."""
     return SettingError(name, f"the key {key!r} {reason}" if key else reason)
 
 
 def _result(content: Any, refuse: RefuseKey) -> "Identification | ArmIdentification":
-    """What the content of a file says, checked."""
+    """Return the estimate from the content of a file, or raise if the content is invalid."""
     from pydantic import ValidationError
 
     version = content.get("format_version") if isinstance(content, dict) else None
     if isinstance(version, bool) or not isinstance(version, int):
-        raise refuse("", f"holds no estimate: give {WANTED}")
+        raise refuse("", f"is no estimate: give {WANTED}")
     if version > FORMAT_VERSION:
         raise refuse(
             "",
@@ -147,7 +147,7 @@ def _schema(*, of_arm: bool) -> "TypeAdapter[Any]":
 
 
 def _numbers(value: Any, missing: float | None) -> Any:
-    """The content with numbers in place of null, where a number has to be."""
+    """Return the content with each null replaced by the number that it represents."""
     if isinstance(value, Mapping):
         return {
             key: _interval(part)

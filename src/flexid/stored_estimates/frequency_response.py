@@ -1,4 +1,4 @@
-"""The frequency response of an identified joint for small motions: linearised, with its band."""
+"""Frequency response of an identified joint, linearised at rest, with a confidence band."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,11 +32,11 @@ ComplexArray = NDArray[np.complex128]
 
 
 class Shown(NamedTuple):
-    """What is shown of a kind of joint."""
+    """Outputs, input and characteristic frequencies of a kind of joint."""
 
-    outputs: tuple[str, ...]  # row by row
-    by_force: bool  # whether velocities over a force, else positions over a position
-    characteristic: Mapping[str, int]  # rows that move, from the first, at each characteristic
+    outputs: tuple[str, ...]  # one per row
+    by_force: bool  # velocity over torque or force if True, else position over position
+    characteristic: Mapping[str, int]  # number of leading rows that move at each frequency
 
 
 SHOWN: Mapping[Kind, Shown] = {
@@ -48,24 +48,24 @@ SHOWN: Mapping[Kind, Shown] = {
 }
 
 
-# (-ω² - jω D - K) q = B u,    K = K₀ + Σ cᵢ Kᵢ,    D and B likewise. Dry friction is constant.
+# (-ω² - jω D - K) q = B u,  K = K₀ + Σ cᵢ Kᵢ, likewise D and B. Dry friction, constant, drops out.
 @dataclass(frozen=True, eq=False)
 class LinearJoint:
-    """A joint about a place of rest; `linear_joint` makes one."""
+    """Joint linearised about a position at rest; made by `linear_joint`."""
 
     shown: Shown
     values: FloatArray  # (k,): coefficients in the model's order
-    stiffness: FloatArray  # K, (1 + k, n_rows, n_rows): without coefficients, then of each
-    damping: FloatArray  # D, likewise
-    gain: FloatArray  # B, (1 + k, n_rows, n_inputs), likewise: of the input and its derivatives
-    deviations: FloatArray  # (k, m): square root of the covariance, as far as it is finite
+    stiffness: FloatArray  # K₀, K₁, …, shape (1 + k, n_rows, n_rows)
+    damping: FloatArray  # D₀, D₁, …, shape (1 + k, n_rows, n_rows)
+    gain: FloatArray  # B₀, B₁, …, (1 + k, n_rows, n_inputs): for the input and its derivatives
+    deviations: FloatArray  # (k, m): square root of the finite part of the covariance
     names: tuple[str, ...]  # of the coefficients
-    free: NDArray[np.bool_]  # (k,): not determined by the log
-    degrees_of_freedom: float  # the fewest of those involved
+    free: NDArray[np.bool_]  # (k,): whether the log does not determine the coefficient
+    degrees_of_freedom: float  # smallest number among the estimates used
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Coefficients that the log leaves free."""
+        """Coefficients that the log does not determine."""
         return tuple(name for name, free in zip(self.names, self.free, strict=True) if free)
 
     @property
@@ -74,13 +74,13 @@ class LinearJoint:
         return self.stiffness.shape[1]
 
     def positions(self, omega: FloatArray, values: FloatArray | None = None) -> ComplexArray:
-        """Positions per unit of the input, shape (..., n_rows); of the link, per motor position."""
+        """Return the complex positions per unit of the input, shape (..., n_rows)."""
         c = self.values if values is None else values
         impedance, drive = self._equations(omega, c)
         return np.asarray(np.linalg.solve(impedance, drive[..., None])[..., 0], dtype=np.complex128)
 
     def logarithmic_slopes(self, omega: FloatArray) -> ComplexArray:
-        """Derivatives of ln(positions) by the coefficients, shape (n, n_rows, k)."""
+        """Return the derivatives of ln(positions) by the coefficients, shape (n, n_rows, k)."""
         impedance, drive = self._equations(omega, self.values)
         q = np.linalg.solve(impedance, drive[..., None])
         jw = 1j * omega[:, None, None, None]
@@ -99,24 +99,24 @@ class LinearJoint:
         return impedance, self._drive(omega, gain)
 
     def _drive(self, omega: FloatArray, gain: FloatArray) -> ComplexArray:
-        """What an input of size 1, with its derivatives, does to each row."""
+        """Return B u of each row for the unit input exp(jωt) and its derivatives."""
         jw = 1j * omega[..., None]
         parts = [gain[..., order] * jw**order for order in range(gain.shape[-1])]
         return np.asarray(np.sum(parts, axis=0), dtype=np.complex128)
 
 
 def linear_joint(result: Identification, position: float | None = None) -> LinearJoint:
-    """Linearise an identified joint."""
-    # Friction is dry here even where it was smoothed: sliding, it is constant.
-    # So is one that remembers its path, along it, and what play takes off a spring in contact.
+    """Linearise an identified joint at a position, by default at its equilibrium."""
+    # Terms that are constant in sliding motion have no slope: dry friction, also where the fit
+    # smoothed it; friction with memory, along its path; the offset of a spring with backlash.
     constant = joint_of(result.model).remembered | PLAY
-    lasting = {c: value for c, value in values_of(result, 0).items() if c not in constant}
-    structure = structure_of(result, lasting, smooth=False)
+    varying = {c: value for c, value in values_of(result, 0).items() if c not in constant}
+    structure = structure_of(result, varying, smooth=False)
     system = structure.unknowns(()).system.knowing(structure.joint.first)
-    given = {name: lasting.get(name, 0.0) for name in system.coefficients}
+    given = {name: varying.get(name, 0.0) for name in system.coefficients}
     lost = np.array([not np.isfinite(value) for value in given.values()])
     found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}
-    rest = _hanging(found) if position is None else position
+    rest = _equilibrium(found) if position is None else position
     if not np.isfinite(rest):
         raise SettingError("position", f"must be a finite position in rad or m, got {rest}")
     slopes = slopes_of([result.coefficients.get(name) for name in found], result.fit.names)
@@ -136,8 +136,8 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     )
 
 
-def _hanging(coefficients: Mapping[str, float]) -> float:
-    """The angle at which gravity has no torque."""
+def _equilibrium(coefficients: Mapping[str, float]) -> float:
+    """Return the link angle at which gravity exerts no torque, in rad."""
     both = map(coefficients_of, ("gravity", "gravity_cosine"))
     for sine, cosine in zip(*both, strict=True):
         if coefficients.get(cosine):
@@ -146,13 +146,13 @@ def _hanging(coefficients: Mapping[str, float]) -> float:
 
 
 def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K, D and B: what no coefficient multiplies, then what each of them does."""
-    # They are affine in the coefficients, so unit vectors tell the parts apart.
+    """Return K, D and B, each as its constant part followed by its slope in each coefficient."""
+    # The matrices are affine in the coefficients, so unit vectors separate the parts.
     slopes_of = plain_model(system).slopes
     rows, count = len(system.rows), len(system.coefficients)
     x, u = np.zeros(2 * rows), np.zeros(len(system.inputs))
     x[::2] = rest
-    if len(u) > 1:  # the motor's position, before its velocity
+    if len(u) > 1:  # inputs of the link alone: the motor's position and its velocity
         u[0] = rest
     constants = list(system.constants.values())
     slopes = np.empty((1 + count, 2 * rows, 2 * rows))
@@ -167,29 +167,29 @@ def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatA
 
 _RADII = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 _ANGLES = 2.0 * np.pi * np.arange(32) / 32  # the largest response is missed by 0.5 % of the width
-_TURN = 2.0  # rad between neighbours, from which on the response vanishes, or peaks, between them
+_LARGEST_STEP = 2.0  # rad between neighbours; beyond it the response may be 0 or ∞ between them
 
 
 def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> FloatArray:
-    """Ends of positions' intervals, (4, n, n_rows): magnitude ratios, then phase differences."""
-    # Of a response that is zero: nothing is known of its logarithm.
-    nothing = np.repeat([[0.0], [np.inf], [-np.inf], [np.inf]], len(omega), axis=1)
+    """Return the interval ends, (4, n, n_rows): magnitude ratios, then phase differences in rad."""
+    # A response of zero has no logarithm, so its interval is unbounded.
+    unbounded = np.repeat([[0.0], [np.inf], [-np.inf], [np.inf]], len(omega), axis=1)
     if joint.unknown:
-        return np.stack([nothing] * joint.rows, axis=2)
+        return np.stack([unbounded] * joint.rows, axis=2)
     response = joint.positions(omega)
-    with np.errstate(divide="ignore", invalid="ignore"):  # of what does not move at all
+    with np.errstate(divide="ignore", invalid="ignore"):  # for a response of zero
         slopes = joint.logarithmic_slopes(omega)
     bands = [
-        _of_row(joint, omega, response, slopes, row, level) if response[:, row].all() else nothing
-        for row in range(joint.rows)
+        _row_band(joint, omega, response, slopes, i, level) if response[:, i].all() else unbounded
+        for i in range(joint.rows)
     ]
     return np.stack(bands, axis=2)
 
 
-# Near a resonance the delta method is too narrow below the peak and too wide above. So the response
-# is computed at c + r S w, with S Sᵀ the covariance, r the quantile of Student's t, |w| ≤ 1, in the
-# plane of the two directions in which magnitude and phase change.
-def _of_row(
+# Near a resonance the delta method gives bands too narrow below the peak and too wide above it. So
+# the response is computed at c + r S w, where S Sᵀ is the covariance, r the quantile of Student's t
+# and |w| ≤ 1 lies in the plane of the two directions in which magnitude and phase change.
+def _row_band(
     joint: LinearJoint,
     omega: FloatArray,
     response: ComplexArray,
@@ -201,7 +201,7 @@ def _of_row(
     if change.shape[1] == 0:  # nothing was estimated
         none = np.zeros(len(omega))
         return np.array((none + 1.0, none + 1.0, none, none))
-    # The first axis lies along the change of the magnitude, which so is met exactly.
+    # The first axis lies along the change of the magnitude, so a ray meets that direction exactly.
     planes = np.linalg.qr(np.stack((change.real, change.imag), axis=2)).Q
     rays = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=1)[:, : planes.shape[2]]
     reach = quantile(joint.degrees_of_freedom, level)
@@ -210,10 +210,11 @@ def _of_row(
     at = np.broadcast_to(omega[:, None, None], moves.shape[:3])
     ratio = joint.positions(at, joint.values + moves)[..., row] / response[:, row, None, None]
     turned = np.angle(ratio[:, :, 1:] / ratio[:, :, :-1])
-    angles = np.cumsum(turned, axis=2)  # from the middle outwards
+    angles = np.cumsum(turned, axis=2)  # along each ray, from its centre outwards
     between = np.angle(np.exp(1j * np.diff(angles[:, [*range(len(rays)), 0], -1], axis=1)))
-    any_phase = (np.abs(turned) > _TURN).any(axis=(1, 2)) | (np.abs(between.sum(axis=1)) > np.pi)
-    with np.errstate(divide="ignore"):  # of a joint without damping
+    jumps = (np.abs(turned) > _LARGEST_STEP).any(axis=(1, 2))
+    any_phase = jumps | (np.abs(between.sum(axis=1)) > np.pi)
+    with np.errstate(divide="ignore"):  # for a joint without damping
         largest = 1.0 / _nearest(1.0 / ratio)
     behind = np.where(any_phase, -np.pi, np.minimum(angles.min(axis=(1, 2)), 0.0))
     ahead = np.where(any_phase, np.pi, np.maximum(angles.max(axis=(1, 2)), 0.0))
@@ -221,40 +222,40 @@ def _of_row(
 
 
 def _nearest(points: ComplexArray) -> FloatArray:
-    """How near the lines between points along each ray come to zero, shape (n,)."""
+    """Return the smallest distance from zero to the lines between points on a ray, shape (n,)."""
     start, step = points[:, :, :-1], np.diff(points, axis=2)
     length = np.abs(step) ** 2
     along = -(start * step.conj()).real / np.where(length > 0.0, length, 1.0)
     return np.abs(start + np.clip(along, 0.0, 1.0) * step).min(axis=(1, 2))
 
 
-_POINTS = 400  # of the curves, evenly on the logarithm
-_NEAR_PEAK = np.geomspace(1e-5, 0.2, 40)  # and near a peak, however narrow it is
-_AROUND = 20.0  # how far the curves go, times what is characteristic
+_POINTS = 400  # number of frequencies, spaced evenly on a logarithmic axis
+_NEAR_PEAK = np.geomspace(1e-5, 0.2, 40)  # relative distances of further points from each peak
+_SPAN = 20.0  # ratio of the outermost frequencies to the characteristic ones
 
 
 @dataclass(frozen=True)
 class Frequency:
-    """A frequency that is characteristic of the joint, with its interval."""
+    """Antiresonance or resonance of the undamped joint, with its interval."""
 
-    # "antiresonance", of the link while the motor is held, where the motor does not follow its
-    # torque; or "resonance", of link and motor against each other
+    # "antiresonance": the link oscillates and torque does not move the motor; "resonance": link
+    # and motor oscillate against each other
     name: str
-    value: float  # Hz, of the joint without its damping
+    value: float  # Hz, without damping
     interval: Interval  # Hz
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What one output does under the input; arrays are (n,)."""
+    """Frequency response of one output to the input; arrays have shape (n,)."""
 
-    output: str  # "motor velocity", "link velocity"; "link position" of the link alone
+    output: str  # "motor velocity" or "link velocity"; "link position" for the link alone
     input: str  # "torque", "current", "voltage" or "motor position"
     unit: str  # of the magnitude
     values: ComplexArray
-    lower: FloatArray  # ends of the magnitude's interval; 0 where the log leaves something free,
-    upper: FloatArray  # and infinite
-    # ends of the phase's interval in rad, on the branch of the angle of `values`
+    lower: FloatArray  # interval of the magnitude; 0 if a coefficient is undetermined
+    upper: FloatArray  # infinite in that case
+    # interval of the phase in rad, on the same branch as the angle of `values`
     behind: FloatArray
     ahead: FloatArray
 
@@ -266,17 +267,17 @@ class FrequencyResponse:
     Parameters
     ----------
     model : {"flexible", "link", "rigid"}
-        Which joint.
+        Kind of joint.
     frequency : array, shape (n,)
-        In Hz.
+        Frequencies in Hz.
     responses : tuple of Response
-        One for each position of the model.
+        One response for each position of the model.
     characteristic : tuple of Frequency
-        Antiresonance and resonance, as far as the joint has them.
+        Antiresonance and resonance that the joint has.
     level : float
         Nominal coverage of the intervals.
     unknown : tuple of str
-        Coefficients that the log does not determine: because of them there is no band.
+        Coefficients that the log does not determine. If there are any, there is no band.
     """
 
     model: str
@@ -300,10 +301,10 @@ def frequency_response(
     position: float | None = None,
     level: float = CONFIDENCE,
 ) -> FrequencyResponse:
-    """Frequency responses of the joint itself, without hold and delays, with confidence bands."""
+    """Compute frequency responses of the joint, without hold and delays, with confidence bands."""
     joint = linear_joint(result, position)
     characteristic = _characteristic(joint, checked_level(level))
-    chosen = _chosen(characteristic) if frequency is None else frequency
+    chosen = _default_frequencies(characteristic) if frequency is None else frequency
     try:
         hertz = np.atleast_1d(np.asarray(chosen, dtype=np.float64))
     except (TypeError, ValueError):
@@ -338,7 +339,7 @@ def frequency_response(
 
 
 def _input(joint: LinearJoint, result: Identification) -> tuple[str, str]:
-    """Name of the input, and the unit of a response to it."""
+    """Return the name of the input and the unit of a response to it."""
     if not joint.shown.by_force:
         return "motor position", "{0}/{0}".format(unit_of("rad", result.joint))
     names = {"N m": "torque", "N": "force", "A": "current", "V": "voltage"}
@@ -348,9 +349,9 @@ def _input(joint: LinearJoint, result: Identification) -> tuple[str, str]:
 
 
 def _characteristic(joint: LinearJoint, level: float) -> tuple[Frequency, ...]:
-    """Antiresonance and resonance, by the delta method on their logarithms."""
+    """Return antiresonance and resonance, with intervals by the delta method on the logarithm."""
     found = []
-    # Gravity's own slow swing is no resonance of the joint.
+    # Only the largest eigenvalue counts: the slow pendulum motion is no resonance of the joint.
     for name, rows in joint.shown.characteristic.items():
         stiffness = joint.stiffness[:, :rows, :rows]
         matrix = -(stiffness[0] + np.tensordot(joint.values, stiffness[1:], 1))
@@ -358,7 +359,7 @@ def _characteristic(joint: LinearJoint, level: float) -> tuple[Frequency, ...]:
         place = int(np.argmax(squares.real))
         square = float(squares[place].real)
         if square <= 0.0 or squares[place].imag != 0.0:
-            continue  # coefficients that no spring has
+            continue  # no oscillation: the coefficients have the signs of no real spring
         left = np.linalg.inv(right)[place]
         slopes = -np.array([(left @ part @ right[:, place]).real for part in stiffness[1:]])
         std = float(np.linalg.norm(slopes @ joint.deviations)) / (2.0 * square)
@@ -370,10 +371,10 @@ def _characteristic(joint: LinearJoint, level: float) -> tuple[Frequency, ...]:
     return tuple(found)
 
 
-def _chosen(characteristic: Sequence[Frequency]) -> FloatArray:
-    """Frequencies in Hz over all that is of interest."""
+def _default_frequencies(characteristic: Sequence[Frequency]) -> FloatArray:
+    """Return frequencies in Hz around the characteristic ones, denser near them."""
     own = [f.value for f in characteristic] or [1.0]
-    low, high = min(own) / _AROUND, max(own) * _AROUND
+    low, high = min(own) / _SPAN, max(own) * _SPAN
     evenly = np.geomspace(low, high, _POINTS)
     near = [f * (1.0 + side * _NEAR_PEAK) for f in own for side in (-1.0, 1.0)]
     every = np.unique(np.concatenate((evenly, *near)))

@@ -1,4 +1,4 @@
-"""The structure of an estimate with its values, ready to run over another log."""
+"""Structure and values of an estimate, ready to be simulated with another log."""
 
 from collections.abc import Mapping
 from math import isclose
@@ -12,11 +12,11 @@ from flexid.identification.preparation.joint import Joint, joint_of
 from flexid.identification.result import Choices, Identification
 from flexid.models.flexible_joint import WIDTHS
 
-_SAME = 1e-6  # relative difference of a tied coefficient to what it follows from that is rounding
+_SAME = 1e-6  # relative tolerance for a tied coefficient against the value computed from others
 
 
 def values_of(result: Identification, group: int | None = None) -> dict[str, float]:
-    """A value for each coefficient, for one log (from 0) or for all: the mean of its offsets."""
+    """Return the coefficients' values, with offsets of one log (from 0) or their mean over logs."""
     found: dict[str, list[float]] = {}
     for name, coefficient in result.coefficients.items():
         bare, label, _ = name.partition("[")
@@ -26,7 +26,7 @@ def values_of(result: Identification, group: int | None = None) -> dict[str, flo
 
 
 def delays_of(result: Identification) -> dict[str, float]:
-    """How late input and link are in s, by name."""
+    """Return the delays of the input and the link's encoder, in s, by name."""
     alignment = result.choices.alignment
     return {INPUT: alignment.input_delay.value, LINK: alignment.link_delay.value}
 
@@ -34,7 +34,7 @@ def delays_of(result: Identification) -> dict[str, float]:
 def structure_of(
     result: Identification, values: Mapping[str, float], *, smooth: bool = True
 ) -> Structure:
-    """The joint with some coefficients, perhaps with dry friction; else a `SettingError`."""
+    """Return the structure that has the given coefficients; raise a `SettingError` if none has."""
     joint = joint_of(result.model, result.joint)
     unknown = [name for name in values if name not in joint.units]
     if unknown:
@@ -59,17 +59,17 @@ def _with_constants(
     if smooth and choices.coulomb_velocity is not None:
         if used:
             raise SettingError(
-                sorted(used)[0], "goes with dry friction only, and coulomb_velocity smooths it"
+                sorted(used)[0], "needs dry friction, and coulomb_velocity smooths it: drop one"
             )
         return joint.with_coulomb_velocity(choices.coulomb_velocity)
     missing = sorted(joint.constants_of(used).keys() & {*WIDTHS} - choices.shapes.keys())
     if missing:
-        raise SettingError(missing[0], "is missing, without which its term says nothing")
+        raise SettingError(missing[0], "is missing, and its term needs it: identify again")
     return joint
 
 
 def _untied(joint: Joint, values: Mapping[str, float], absent: frozenset[str]) -> dict[str, float]:
-    """Coefficients that usually follow from others but have a value of their own here."""
+    """Return tied coefficients whose value differs from the one that their tie gives."""
     own = {}
     for name, sources in joint.ties.items():
         if name in values:

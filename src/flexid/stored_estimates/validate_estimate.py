@@ -1,4 +1,4 @@
-"""A stored estimate held against other logs: how well, and for how long, it predicts them."""
+"""Validation of a stored estimate on other logs: predictions over several horizons."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,38 +31,38 @@ from flexid.recording.velocities import position_noise
 from flexid.stored_estimates.estimate_file import WANTED, StoredEstimate
 from flexid.stored_estimates.structure import structure_of, values_of
 
-HEAD = 0.5  # seconds at the start of each recording from which the first state is taken
+HEAD = 0.5  # seconds at the start of each recording that determine its initial state
 
-_SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator are chosen
+_SEGMENT = 1.0  # s; length of the segments from which the integrator's steps are chosen
 
 
 @dataclass(frozen=True, kw_only=True)
 class EstimateValidation(Validation):
-    """Predictions of logs by a model that was not fitted to them."""
+    """Predictions of logs by an estimate that was not fitted to them."""
 
     model: Kind | Literal["arm"]
     residuals: Mapping[float, Mapping[str, float]]
     noise: Mapping[str, float]  # standard deviation of each channel's noise
-    types: tuple[JointType, ...]  # how each joint moves, which the units of the channels follow
-    warnings: tuple[str, ...] = ()  # what limits the test
+    types: tuple[JointType, ...]  # of each joint; they determine the units of the channels
+    warnings: tuple[str, ...] = ()  # limits of the validation
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
 
 def validate_estimate(estimate: StoredEstimate, logs: Sequence[Log]) -> EstimateValidation:
-    """Predict logs with an estimate as it is: nothing is fitted but the state at each start."""
+    """Predict logs with a stored estimate; only the initial states are fitted."""
     stored = estimate.of_joint
     values = values_of(stored)
     structure = _structure(stored, values, estimate.refuse)
     joint = structure.joint
     check_distinct(logs)
     recordings, dropped = _recordings(logs, joint.kind)
-    _check_made_of(estimate.name, stored, logs)
+    _check_same_drive(estimate.name, stored, logs)
     recordings = [stored.choices.amplifier.behind(recording) for recording in recordings]
     data = data_of(joint, recordings, [0] * len(recordings))
     doubts = [*common_doubts(stored, stored.coefficients, logs)]
     if offsets := dict.fromkeys(n.partition("[")[0] for n in stored.coefficients if "[" in n):
         named = " and ".join(offsets)
-        doubts.append(f"the estimate has {named} log by log: for these logs the mean is taken")
+        doubts.append(f"the estimate has {named} for each log: these logs get the mean")
     warnings = (*dropped, *cautions(Rank.MODEL, doubts))
     return _predicted(estimate, structure, values, data, logs, warnings)
 
@@ -75,8 +75,8 @@ def _predicted(
     logs: Sequence[Log] | Sequence[ArmLog],
     warnings: Sequence[str],
 ) -> EstimateValidation:
-    """Predictions of all but the first half second of each recording."""
-    made = estimate.result
+    """Return predictions of each recording but its first half second."""
+    result = estimate.result
     problem, point = motion_at(structure, data, divide(data.samples, _SEGMENT), values, None)
     channels, samples = structure.joint, data.samples
     starts = [round(HEAD / recording.sample_time) for recording in samples]
@@ -85,14 +85,14 @@ def _predicted(
             found = validate_with(channels, problem, point.values, samples, starts)
     except np.linalg.LinAlgError:
         raise SettingError(
-            estimate.name, "diverges on this log at once: give the estimate of the same drive"
+            estimate.name, "diverges on this log: give an estimate of the same drive"
         ) from None
     return EstimateValidation(
         found.fit_percent,
         found.runs,
         found.horizons,
-        model=made.model,
-        types=(made.joint,) if isinstance(made, Identification) else made.arm.types,
+        model=result.model,
+        types=(result.joint,) if isinstance(result, Identification) else result.arm.types,
         residuals=_residuals(found, channels, samples, starts),
         noise=_noise(channels, data),
         warnings=ranked([*(w for log in logs for w in log.warnings), *warnings]),
@@ -107,11 +107,11 @@ def _predicted(
 def _structure(stored: Identification, values: Mapping[str, float], refuse: RefuseKey) -> Structure:
     for name, found in stored.coefficients.items():
         if not isfinite(found.value):
-            raise refuse(f"coefficients.{name}.value", "is no number: identify again")
+            raise refuse(f"coefficients.{name}.value", "is not a number: identify again")
     try:
         structure = structure_of(stored, values)
     except SettingError as error:
-        raise refuse("", f"is no estimate that can be run: {error}") from None
+        raise refuse("", f"cannot be simulated: {error}") from None
     for term in stored.choices.terms:
         if term not in structure.joint.terms:
             raise refuse(
@@ -123,14 +123,14 @@ def _structure(stored: Identification, values: Mapping[str, float], refuse: Refu
 
 
 def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[str]]:
-    """Recordings that are long enough, and a sentence for each that is not."""
+    """Return the recordings that are long enough, and a warning for each other one."""
     recordings, dropped = [], []
     for recording in (recording for log in logs for recording in log.recordings):
         if kind != "rigid" and recording.link_position is None:
             raise RecordingError(
                 recording.source,
                 "link_position",
-                "is missing, and the estimate is of a joint with two encoders",
+                "is missing, and the estimate is of a joint with two encoders: give logs of both",
             )
         fewest = round(HEAD / recording.sample_time) + FEWEST_SAMPLES
         if len(recording) >= max(fewest, 2 * FEWEST_SAMPLES):
@@ -138,20 +138,20 @@ def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[
         else:
             dropped.append(
                 f"{recording.source}: the {len(recording)} samples from {recording.start_time:g} s "
-                f"on are too few to predict, so they were left out"
+                f"on are too few for a prediction and are left out"
             )
     if not recordings:
         raise RecordingError(
-            logs[0].source, "", f"holds no recording longer than {HEAD:g} s: record longer"
+            logs[0].source, "", f"has no recording longer than {HEAD:g} s: record longer"
         )
     return recordings, dropped
 
 
-def _check_made_of(name: str, stored: Identification, logs: Sequence[Log]) -> None:
-    """Refuse logs whose joint or input is another than that of the estimate."""
+def _check_same_drive(name: str, stored: Identification, logs: Sequence[Log]) -> None:
+    """Raise if the logs have another joint type or another input than the estimate."""
     check_alike(logs)
     first = logs[0].recordings[0]
-    # A link alone is driven by the motor's motion, whatever the logs have beside it.
+    # A link alone is driven by the motor's motion, so an input in the logs does not count.
     unit = first.input_unit if stored.input_unit else ""
     known = traits(stored.joint, stored.input_unit)
     for channel, words in traits(first.joint, unit).items():
@@ -163,15 +163,15 @@ def _check_made_of(name: str, stored: Identification, logs: Sequence[Log]) -> No
 def _residuals(
     found: Validation, channels: Channels, samples: Sequence[Samples], starts: Sequence[int]
 ) -> dict[float, dict[str, float]]:
-    """Root mean square of what each channel is off, by horizon."""
+    """Return the root mean square of each channel's prediction error, by horizon in s."""
     squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in found.runs)
     free = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in found.runs))
-    held = [
+    measured = [
         channels.channels_of(p.positions, p.inputs)[s:]
         for p, s in zip(samples, starts, strict=True)
     ]
-    moved = sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in held)
-    spread = np.sqrt(np.asarray(moved) / sum(map(len, held)))
+    deviations = sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in measured)
+    spread = np.sqrt(np.asarray(deviations) / sum(map(len, measured)))
     by_horizon = {
         horizon: _by_channel(channels, (1.0 - np.array(list(fits.values())) / 100.0) * spread)
         for horizon, fits in found.horizons.items()
@@ -180,7 +180,7 @@ def _residuals(
 
 
 def _noise(model: Channels, data: Data) -> dict[str, float]:
-    """Standard deviation of each channel's noise: a deflection has that of both positions."""
+    """Return the noise's standard deviation by channel; both positions add to the deflection's."""
     kind = model.kind if isinstance(model, Joint) else "flexible"
     noise = data.noise
     if kind == "rigid":
@@ -201,19 +201,18 @@ def common_doubts(
     values: Mapping[str, ValueEstimate],
     logs: Sequence[Source],
 ) -> Iterator[str]:
-    """What limits a test of some values."""
+    """Yield a sentence for each limit of a validation, of a joint or of an arm."""
     inputs = stored.provenance.get("inputs", ())
     fitted = {source["sha256"] for source in inputs if source.get("sha256")}
     for log in logs:
         if log.sha256 in fitted:
             yield (
-                f"{log.source} is one of the logs that the estimate was made from: how it is "
-                f"predicted tests nothing new"
+                f"the estimate was made from {log.source}: its prediction is no independent test"
             )
     guessed = [name for name, value in values.items() if value.verdict == "undetermined"]
     if guessed:
         yield (
-            f"the estimate leaves {', '.join(guessed)} undetermined: what it predicts rests on a "
+            f"the estimate leaves {', '.join(guessed)} undetermined: its predictions depend on a "
             f"guess"
         )
 
@@ -221,7 +220,7 @@ def common_doubts(
 def validate_arm(
     estimate: StoredEstimate, paths: Sequence[Path], columns: Path | None
 ) -> EstimateValidation:
-    """Predict logs with an arm's estimate as it is; see `validate_estimate`."""
+    """Predict logs with an arm's stored estimate; see `validate_estimate`."""
     stored = estimate.result
     assert isinstance(stored, ArmIdentification)
     logs = [read_arm_log(path, stored.arm.types, columns) for path in paths]
@@ -245,11 +244,11 @@ def validate_arm(
 
 
 def _long_enough(logs: Sequence[ArmLog]) -> list[Samples]:
-    """Recordings of which something is left to predict."""
+    """Return the recordings that are long enough for a prediction; raise if there are none."""
     every = [own for log in logs for own in log.recordings]
     found = [own for own in every if len(own) >= round(HEAD / own.sample_time) + FEWEST_SAMPLES]
     if not found:
         raise RecordingError(
-            logs[0].source, "", f"holds no recording longer than {HEAD:g} s: record longer"
+            logs[0].source, "", f"has no recording longer than {HEAD:g} s: record longer"
         )
     return found

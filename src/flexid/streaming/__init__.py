@@ -1,1 +1,1 @@
-"""Estimation next to a drive: a stream is guarded, learnt from, judged, and can be saved."""
+"""Online estimation from a stream: checks of samples, estimators, health, and sources."""

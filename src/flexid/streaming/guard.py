@@ -1,4 +1,4 @@
-"""What of a stream may be learnt from: the compiled guard, its thresholds and what it counts."""
+"""Checks of a stream's samples before estimation: compiled guard, thresholds and counts."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -11,11 +11,11 @@ from flexid.recording.checks import FEWEST_STILL, MOVED
 from flexid.recording.sampling import GAP
 from flexid.streaming.options import WatchOptions
 
-GATE = 8.0  # times the mean of an encoder's second differences, from which on it is an outlier
-PEAKS = 2.0  # and times their peak in a minute: torque that steps makes accelerations that step
-STILL_TIME = 0.1  # seconds for which an encoder may stand still while the other one moves
-DEAD_TIME = 5.0  # the same for one that has not yet moved as far as the other: it may be about to
-TWISTED = 3.0  # times the range of the deflection so far, by which it may move instead of `MOVED`
+GATE = 8.0  # least second difference of an outlier, over the mean of the encoder's others, and
+PEAKS = 2.0  # over their peak within a minute: a torque step makes a step of acceleration
+STILL_TIME = 0.1  # s for which an encoder may stand still while the other one moves
+DEAD_TIME = 5.0  # s for one that has moved less than the other: static friction may hold it
+TWISTED = 3.0  # ranges of the deflection so far: a limit of the other's motion besides `MOVED`
 
 
 _WORDS = {
@@ -32,29 +32,29 @@ _EVENTS = {"gaps": "gap", "wraps": "turn", "jumps": "jump", "restarts": "new clo
 
 @dataclass(frozen=True)
 class Counts:
-    """What happened in a stream."""
+    """Numbers of samples by their check's result, and of events in a stream."""
 
-    taken: int  # samples that were learnt from
-    no_number: int  # something in them is no number, or beyond 1e10
-    repeated: int  # they came less than half a sample time after the one before
-    late: int  # they are older than the one before
-    outliers: int  # a position is off the motion so far, by more than noise and torque ever made
-    stuck: int  # an encoder does not change while the other one moves
-    saturated: int  # the input rests at its limit, so that it is not known
+    taken: int  # samples used for estimation
+    no_number: int  # samples with a value that is not finite or exceeds 1e10
+    repeated: int  # samples less than half a sample time after the previous one
+    late: int  # samples older than the previous one
+    outliers: int  # samples with a position farther from the extrapolated motion than usual
+    stuck: int  # samples in which an encoder does not change while the other one moves
+    saturated: int  # samples with an input at its limit, so that its true value is unknown
     gaps: int  # places at which samples are missing, by the clock
-    missing: int  # how many are
-    wraps: int  # turns that absolute encoders jumped by
-    restarts: int  # how often the clock was set back
-    jumps: int  # motions that went on elsewhere, after three outliers or other losses in a row
+    missing: int  # samples missing in all gaps
+    wraps: int  # wraps of absolute encoders
+    restarts: int  # times that the clock was set back
+    jumps: int  # positions accepted at another place after at least three unusable samples
 
     @property
     def fed(self) -> int:
-        """Samples in all."""
+        """Number of all samples."""
         return self.taken + sum(getattr(self, name) for name in _WORDS if name != "missing")
 
     @property
     def sentence(self) -> str:
-        """What became of the samples, in a sentence."""
+        """Summary of all counts, as a sentence for a report."""
         found = {name: getattr(self, name) for name in (*_WORDS, *_EVENTS)}
         bad = ", ".join(f"{found[name]} {words}" for name, words in _WORDS.items() if found[name])
         events = ", ".join(
@@ -63,20 +63,20 @@ class Counts:
             if found[name]
         )
         more = "".join(f"; {part}" for part in (bad, events) if part)
-        return f"Samples: {self.taken} of {self.fed} learnt from{more}"
+        return f"Samples: {self.taken} of {self.fed} used{more}"
 
 
 class Guarded(NamedTuple):
-    """What the guard says of some samples."""
+    """Result of the guard for a block of samples."""
 
-    state: FloatArray  # the guard's, after them
-    judged: int  # how many were: all, or those up to the first at which an encoder is found stuck
-    rows: FloatArray  # (m, n_positions + n_inputs): to learn from; NaN where samples are missing
-    stuck_for: int  # samples for which that encoder has stood still; 0 if none was found
+    state: FloatArray  # the guard's state after these samples
+    judged: int  # samples checked: all, or up to the first that shows a newly stuck encoder
+    rows: FloatArray  # (m, n_positions + n_inputs): usable samples; NaN where samples are missing
+    stuck_for: int  # samples for which that encoder has stood still; 0 if there is none
 
 
 class Guard:
-    """The guard of a stream with a clock."""
+    """Check of each sample of a stream: its time, positions and inputs."""
 
     def __init__(self, options: WatchOptions) -> None:
         self._kernel = load_kernel("stream_guard", (), None, ["stream_guard"])
@@ -92,11 +92,11 @@ class Guard:
         )
 
     def first_state(self) -> FloatArray:
-        """State before the first sample."""
+        """Return the state before the first sample."""
         return self._kernel.first_state(self._n_positions, self._n_inputs)
 
     def guard(self, state: FloatArray, samples: FloatArray) -> Guarded:
-        """Judge samples, until an encoder is found stuck that was not before."""
+        """Check samples, up to the first that shows a newly stuck encoder."""
         rows = np.empty((2 * len(samples), self._n_positions + self._n_inputs))
         fates = np.empty(len(samples))
         new, judged, filled, still = self._kernel.guard(
@@ -105,14 +105,14 @@ class Guard:
         return Guarded(new, judged, rows[:filled], int(still))
 
     def counts(self, state: FloatArray) -> Counts:
-        """What happened so far."""
+        """Return the counts so far."""
         found = Counts(*map(int, state[: self._kernel.N_COUNTS]))
         return replace(found, wraps=found.wraps + int(self._kernel.gear_wraps(state)))
 
     def is_stuck(self, state: FloatArray) -> bool:
-        """Whether an encoder stands still at this moment that should not."""
+        """Return whether an encoder is stuck at the latest sample."""
         return bool(state[self._kernel.STUCK_FOR] > 0.0)
 
     def time(self, state: FloatArray) -> float:
-        """Time of the last sample that came in order, in s; NaN before the first."""
+        """Return the time of the last sample in order, in s; NaN before the first."""
         return float(state[self._kernel.LAST_TIME])

@@ -1,4 +1,4 @@
-"""How well an estimation next to a drive is; `Health` has the values of ``flexid_health`` in C."""
+"""Health of an online estimation; `Health` has the values of ``flexid_health`` in C."""
 
 from collections.abc import Sequence
 from enum import IntEnum
@@ -6,47 +6,47 @@ from typing import NamedTuple
 
 
 class Health(IntEnum):
-    """How an estimation is; the worst that holds, from the last to the first."""
+    """State of an online estimation; of several that apply, the highest value counts."""
 
-    CONVERGING = 0  # nothing is wrong, and the intervals are still wide
+    CONVERGING = 0  # no fault, but the intervals are still wide
     CONVERGED = 1  # the intervals of spring and inertias are narrow
-    NOT_EXCITED = 2  # the motion so far leaves something open: move more, or otherwise
-    INCONSISTENT = 3  # the latest motion contradicts the estimates, or these each other
-    SENSOR_FAULT = 4  # a sensor, or the line from it, does not work
+    NOT_EXCITED = 2  # the motion so far does not determine all coefficients
+    INCONSISTENT = 3  # the latest motion contradicts the estimates, or they contradict each other
+    SENSOR_FAULT = 4  # a sensor or its connection does not work
 
     @property
     def words(self) -> str:
-        """As it is printed: ``"not excited"``."""
+        """Text for a report, such as ``"not excited"``."""
         return self.name.lower().replace("_", " ")
 
 
 class Limits(NamedTuple):
-    """What the health is decided by."""
+    """Limits that decide the health."""
 
-    # Time constants of the filter, the span of what is called recent: equations farther apart share
-    # no noise.
+    # Length of the recent window, in time constants of the filter. Equations farther apart have
+    # independent noise.
     window: float = 10.0
-    # Of the recent samples that could not be used, from which on it is no accident: a line that
-    # loses one sample in ten still leaves most of the motion.
+    # Share of unusable samples in the recent window that means a sensor fault. A connection that
+    # loses one sample in ten still transmits most of the motion.
     bad_share: float = 0.2
-    # Unpredicted part of the recent left-hand sides' mean square that contradicts nothing: what
-    # models leave out makes a tenth of an acceleration here and there.
+    # Mean square of the innovations, over that of the left-hand sides, that is no contradiction:
+    # unmodelled effects of a tenth of the acceleration are common.
     slack: float = 0.01
-    # And how many times what is usually left unexplained: noise alone makes less than two, and
-    # where the motion is larger than usual, so is what the model leaves out.
+    # Mean square of the innovations, over the usual one, that is no contradiction. Noise alone
+    # gives less than two; a larger motion also increases the model's error.
     unusual: float = 10.0
-    # Time constants of motion after which what is still open is open because of the motion.
+    # Time constants of motion after which poor excitation explains an undetermined coefficient.
     patience: float = 40.0
-    # Half of an interval over the value, up to which a number is determined, as in
+    # Largest half-width of an interval, over the value, of a determined number, as in
     # `flexid.Thresholds`.
     width: float = 0.2
-    # Difference between filters over the value, from which on they contradict each other.
+    # Difference between filters, over the value, above which they contradict each other.
     disagreement: float = 1.0
-    # Difference from an estimate made before, over both half intervals together, from which on it
-    # is no chance: four standard deviations.
+    # Difference from the reference estimate, over the combined half-width of both intervals, above
+    # which the drive departs: four standard deviations.
     departure: float = 2.0
-    # And over the value: what models leave out makes 5 % here and there, with another estimator or
-    # another motion.
+    # Least departure over the value: another estimator or another motion often changes a value by
+    # 5 % if the model has an error.
     least_departure: float = 0.1
 
 
@@ -54,54 +54,54 @@ LIMITS = Limits()
 
 
 class Width(NamedTuple):
-    """A coefficient that every drive of the kind has: half its interval, over its value."""
+    """Uncertainty of a coefficient that every drive of the kind has."""
 
     name: str
     value: float
-    half_width: float  # of the interval; infinite where there is none
+    half_width: float  # of the interval; infinite if there is no interval
     disagreement: float  # largest difference between filters
 
 
 class Recent(NamedTuple):
-    """What a row did in the recent window, in the mean squares of its equations."""
+    """Mean squares of a row's equations, in the recent window and before it."""
 
     row: str
-    error: float  # of the innovations
-    power: float  # of the left-hand sides
-    usual_error: float  # of what is unexplained in all that was learnt
-    usual_power: float  # of all left-hand sides that were learnt from
+    error: float  # innovations in the window
+    power: float  # left-hand sides in the window
+    usual_error: float  # residuals of all earlier equations
+    usual_power: float  # left-hand sides of all earlier equations
 
 
 class Evidence(NamedTuple):
-    """What the health is judged by."""
+    """Figures that decide the health."""
 
-    bad_share: float  # share of the recent samples that could not be used
-    bad_cause: str  # why most of these could not
+    bad_share: float  # share of unusable samples in the recent window
+    bad_cause: str  # their most frequent cause
     is_stuck: bool  # whether an encoder stands still while the other one moves
-    settled: float  # time constants of the filter for which motion has been learnt from
+    settled: float  # duration of the motion used so far, in time constants of the filter
     determined: bool  # whether the data determine every coefficient
-    open_direction: Sequence[str]  # coefficients that are confused most
+    open_direction: Sequence[str]  # coefficients that the motion separates worst
     widths: Sequence[Width]  # of spring and inertias
-    changed: str  # what contradicted the estimates before they began again; empty if nothing did
-    contradicted: str = ""  # what is known, or was estimated before, and is otherwise now
+    changed: str  # the contradiction that restarted the estimation; empty if there was none
+    contradicted: str = ""  # a known value or a reference value that the stream contradicts
 
 
 class Judgement(NamedTuple):
-    """How an estimation is, and why, in a sentence."""
+    """Health of an estimation, with the reason as a sentence."""
 
     health: Health
     reason: str
 
 
 def contradicts(recent: Recent) -> bool:
-    """Whether a row's latest motion contradicts what was learnt of it."""
+    """Return whether a row's latest innovations contradict its estimates."""
     larger = max(1.0, recent.power / recent.usual_power) if recent.usual_power > 0.0 else 1.0
     allowed = LIMITS.slack * recent.power + LIMITS.unusual * recent.usual_error * larger
     return recent.error > allowed
 
 
 def judge(evidence: Evidence) -> Judgement:
-    """Judge an estimation."""
+    """Return the health of an estimation and its reason."""
     if evidence.is_stuck:
         return Judgement(
             Health.SENSOR_FAULT,
@@ -110,14 +110,14 @@ def judge(evidence: Evidence) -> Judgement:
     if evidence.bad_share > LIMITS.bad_share:
         return Judgement(
             Health.SENSOR_FAULT,
-            f"{100 * evidence.bad_share:.0f} % of the latest samples cannot be used, most of them "
-            f"since {evidence.bad_cause}: check the sensors and the line",
+            f"{100 * evidence.bad_share:.0f} % of the latest samples cannot be used, mostly "
+            f"because {evidence.bad_cause}: check the sensors and the line",
         )
     negative = [width for width in evidence.widths if width.value + width.half_width < 0.0]
     if evidence.determined and negative:
         return Judgement(
             Health.INCONSISTENT,
-            f"{negative[0].name} comes out negative, which a spring or inertia cannot be: check "
+            f"{negative[0].name} is negative, which is impossible for a spring or inertia: check "
             f"the signs of torque and positions",
         )
     widest = max(evidence.widths, key=_relative_width)
@@ -138,7 +138,7 @@ def judge(evidence: Evidence) -> Judgement:
         return Judgement(
             Health.INCONSISTENT,
             f"slow and fast motion disagree on {apart.name} by "
-            f"{100 * _relative_disagreement(apart):.0f} %: the model leaves something out, "
+            f"{100 * _relative_disagreement(apart):.0f} %: the model lacks a term, "
             f"or a channel is late or has the wrong sign",
         )
     if patient and evidence.contradicted:
@@ -152,7 +152,7 @@ def judge(evidence: Evidence) -> Judgement:
     if len(evidence.widths) == 1:
         return Judgement(Health.CONVERGED, f"{widest.name} is known {within}")
     return Judgement(
-        Health.CONVERGED, f"spring and inertias are known, {widest.name} the least, {within}"
+        Health.CONVERGED, f"spring and inertias are known {within}, {widest.name} least precisely"
     )
 
 

@@ -1,4 +1,4 @@
-"""Samples as they come, in SI units: from a growing file, standard input, or a whole log."""
+"""Sources of samples in SI units: a growing text file, standard input, or a whole log."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from flexid.recording.recipes import MapSource
 
 BLOCK = 65_536  # rows of a log that are read at once
-HEAD_LINES = 200  # lines at the beginning from which layout and sample time are taken
-LINES_FOR_LAYOUT = 8  # lines from which the layout alone is taken, where the sample time is known
-FEWEST_LINES = 4  # the fewest of them: a header and three samples, where the stream has ended
+HEAD_LINES = 200  # lines at the beginning that determine layout and sample time
+LINES_FOR_LAYOUT = 8  # lines that determine the layout if the sample time is given
+FEWEST_LINES = 4  # of a stream that has ended: a header and three samples
 
 
 class _Columns:
-    """What the tables of a stream are made of, by the first of them; one clock counts all."""
+    """Channels of a stream's tables, determined by the first table; all share one clock."""
 
     def __init__(self, name: str, table: Table, column_map: MapSource | None, model: str) -> None:
         self._clock = Clock(since_1970=True)
@@ -49,12 +49,12 @@ class _Columns:
         self._recipes = {name: recipes[name] for name in self.channels.sampled}
 
     def samples(self, table: Table) -> FloatArray:
-        """Samples of a later table, shape (n, n_values)."""
+        """Return the samples of a later table, shape (n, n_values)."""
         return _stacked(channels_of(table, self._recipes, self._clock))
 
 
 class TextStream:
-    """Samples from bytes as they come."""
+    """Conversion of text, received as bytes, to samples."""
 
     def __init__(
         self,
@@ -62,25 +62,25 @@ class TextStream:
         column_map: MapSource | None = None,
         *,
         model: str = "auto",  # of the joint
-        header: str | None = None,  # names of columns, where the text does not begin with them
-        fewest: int = HEAD_LINES,  # lines that are waited for before the layout is decided
+        header: str | None = None,  # names of the columns, if the text has no header
+        fewest: int = HEAD_LINES,  # lines to wait for before the layout is determined
     ) -> None:
         self.name, self._column_map, self._model = name, column_map, model
         self._fewest = fewest
-        self._first = [] if header is None else [header.strip(" \r\n").encode()]
-        self.rest = b""  # the line that has not ended yet
+        self._head = [] if header is None else [header.strip(" \r\n").encode()]
+        self.rest = b""  # the last line, still incomplete
         self._layout: Layout | None = None
-        self._columns: _Columns | None = None  # once they are known
-        self._mark = "."  # of decimals
+        self._columns: _Columns | None = None  # None until they are known
+        self._mark = "."  # decimal mark
         self.warnings: tuple[str, ...] = ()
 
     @property
     def channels(self) -> StreamChannels | None:
-        """What a sample's values are, once it is known."""
+        """Channels of a sample; None until they are known."""
         return self._columns.channels if self._columns else None
 
     def samples(self, data: bytes, *, ended: bool = False) -> FloatArray:
-        """Samples of complete lines, shape (n, n_values); none until the columns are known."""
+        """Return the samples of complete lines, shape (n, n_values); none before the columns."""
         if len(self.rest) > LONGEST_LINE:
             raise self._refusal(
                 f"a line has more than {LONGEST_LINE} bytes: send one line for each sample"
@@ -91,24 +91,24 @@ class TextStream:
             self.rest = b""
         if self._layout is not None and self._columns is not None:
             return self._samples(self._layout, self._columns, lines)
-        self._first += lines
-        if len(self._first) < self._fewest and not ended:
+        self._head += lines
+        if len(self._head) < self._fewest and not ended:
             return np.empty((0, 0))
-        if len(self._first) < FEWEST_LINES:
-            raise self._refusal("it ended before a header and three samples had come")
-        return self._begun(self._first)
+        if len(self._head) < FEWEST_LINES:
+            raise self._refusal("it ended before a header and three samples: send more lines")
+        return self._first_samples(self._head)
 
     def _refusal(self, reason: str) -> RecordingError:
         return RecordingError(self.name, "", reason)
 
-    def _begun(self, lines: list[bytes]) -> FloatArray:
-        """Decide by the first lines what the columns are, and read the samples among them."""
+    def _first_samples(self, lines: list[bytes]) -> FloatArray:
+        """Determine layout and columns from the first lines, and return their samples."""
         text = b"\n".join(lines) + b"\n"
         if text.startswith(UTF_16):
             raise self._refusal("the text is in UTF-16: send it in UTF-8")
         text = as_utf_8(self.name, text)
         self._layout = layout = layout_of(self.name, text)
-        # The rest of them may come now or later: nothing may depend on that.
+        # Further lines may arrive now or later, so only the first `fewest` lines may decide.
         head = b"\n".join(text.split(b"\n")[: self._fewest]) + b"\n"
         frame = layout.without_twins(self.name, _frame(layout, head[layout.start :].split(b"\n")))
         self._mark = decimal_mark(frame) or "."
@@ -122,7 +122,7 @@ class TextStream:
         return np.concatenate((samples, self._samples(layout, columns, rest)))
 
     def _samples(self, layout: Layout, columns: _Columns, lines: list[bytes]) -> FloatArray:
-        """Samples of lines that are not empty nor comments; NaN where a cell is no number."""
+        """Return the samples of lines; NaN where a cell is not a number. Skip comments."""
         frame = _frame(layout, lines)
         if not frame.height:
             return np.empty((0, columns.first.shape[1]))
@@ -130,7 +130,7 @@ class TextStream:
 
 
 class TextSamples(TextStream):
-    """Samples from lines of text that a source gives, as they come: none if nothing has."""
+    """Iterator over blocks of samples from a text source; a block is empty while none arrive."""
 
     def __init__(
         self,
@@ -155,7 +155,7 @@ class TextSamples(TextStream):
         last = self.samples(b"", ended=True)
         if self.rest.strip():
             self.warnings += (
-                f"{self.name}: its last line has no end, so it may be half a sample, and is left "
+                f"{self.name}: its last line has no end, so it may be incomplete, and is left "
                 f"out: end each line",
             )
         yield last
@@ -166,7 +166,7 @@ class TextSamples(TextStream):
 
 
 class Replay:
-    """Samples of a whole log, block by block where it can be read in parts."""
+    """Iterator over the samples of a whole log, in blocks if its format can be read in parts."""
 
     def __init__(self, path: Path, column_map: MapSource | None, model: str = "auto") -> None:
         self.name = shown(path)
@@ -183,7 +183,7 @@ class Replay:
             yield self._columns.samples(table)
 
     def close(self) -> None:
-        """Read no more."""
+        """Stop reading and close the file."""
         self._tables.close()
 
 
@@ -192,14 +192,14 @@ def _stacked(channels: Mapping[str, Channel]) -> FloatArray:
 
 
 def is_whole_log(source: str) -> bool:
-    """Whether a source is a file, or the folder of a bag, that cannot grow line by line."""
+    """Return whether a source is a file or a bag's folder that cannot grow line by line."""
     if source == "-" or "://" in source:
         return False
     return format_of(Path(source)) is not None or Path(source).is_dir()
 
 
 def _frame(layout: Layout, lines: list[bytes]) -> polars.DataFrame:
-    """Cells of lines that are not empty nor comments; a line that is no row has none."""
+    """Return the cells of all lines but blank ones and comments; null in a malformed line."""
     import polars as pl
 
     rows = [_cells(layout, line) for line in lines if _may_be_row(line)]
@@ -225,7 +225,7 @@ def _may_be_row(line: bytes) -> bool:
 
 
 def sample_time_of(source: str, time: FloatArray) -> float:
-    """Sample time from the first time stamps: their slope, but for what is missing or late."""
+    """Return the sample time in s: the mean of the regular steps between the first time stamps."""
     steps = np.diff(time[np.isfinite(time)])
     steps = steps[steps > 0.0]
     if not len(steps):
@@ -242,14 +242,14 @@ def sample_time_of(source: str, time: FloatArray) -> float:
     return found
 
 
-WAIT = 0.1  # seconds after which a source says that nothing has come
-MOST = 1 << 20  # bytes that are handed over at once
+WAIT = 0.1  # s after which a source without new data yields an empty block
+MOST = 1 << 20  # largest block in bytes
 
-_COMPARED = 256  # bytes, by which a file is known that is read on
+_COMPARED = 256  # last bytes read, which are compared to detect that the file was rewritten
 
 
 def open_source(source: str, *, stop_at_end: bool = False) -> Generator[bytes]:
-    """Bytes of a source as they come."""
+    """Yield the bytes of a source as they arrive; raise if it cannot be opened."""
     if source == "-":
         return _standard_input()
     if "://" in source:
@@ -262,7 +262,7 @@ def open_source(source: str, *, stop_at_end: bool = False) -> Generator[bytes]:
 
 
 def _growing_file(path: Path, *, stop_at_end: bool) -> Generator[bytes]:
-    """What a recorder writes into a text file; raise where another text stands there now."""
+    """Yield the bytes appended to a text file; raise if earlier text was changed."""
     name = shown(path)
     check_file(path, "a log as text", lambda reason: RecordingError(name, "", reason))
     try:
@@ -271,7 +271,7 @@ def _growing_file(path: Path, *, stop_at_end: bool) -> Generator[bytes]:
         raise RecordingError(
             name, "", f"the file cannot be opened ({error.strerror}): check its rights"
         ) from None
-    last = b""  # of what was read: so a file is found that was written again and is longer now
+    last = b""  # latest bytes read: they differ in a file that was rewritten and is longer now
     with file:
         while True:
             file.seek(-len(last), os.SEEK_CUR)
@@ -292,20 +292,20 @@ def _growing_file(path: Path, *, stop_at_end: bool) -> Generator[bytes]:
 
 
 def _is_replaced(path: Path, file: io.FileIO) -> bool:
-    """Whether another file stands there now, as where logs are rotated."""
+    """Whether the path now names another file, for example after a log rotation."""
     try:
         return not os.path.samestat(path.stat(), os.fstat(file.fileno()))
-    except OSError:  # it is not there yet
+    except OSError:  # the new file does not exist yet
         return False
 
 
 def _standard_input() -> Generator[bytes]:
-    """What another program writes into this one; it is not closed, as others may read on."""
+    """Yield the bytes from standard input, which stays open for other readers."""
     try:
         file = sys.stdin.fileno()
     except (AttributeError, ValueError, io.UnsupportedOperation):
         raise SettingError("source", "there is no standard input: give a file") from None
-    while True:  # a console of Windows keeps us waiting for it
+    while True:  # on Windows `select` takes no console, so reading blocks
         if os.name == "posix" and not select.select([file], [], [], WAIT)[0]:
             yield b""
         elif found := os.read(file, MOST):

@@ -1,4 +1,4 @@
-"""Least squares at several filter rates side by side, and what their agreement is worth."""
+"""Recursive least squares with several filter rates in parallel, and their disagreement."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,18 +22,18 @@ from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.options import RATES, WatchOptions
 
 WORTH = 2.0
-"""Standard deviations that the largest difference counts as. On 66 random logs of the blind trials'
-families 97 % of the 95 % intervals hold the truth with 2, and 92 % with 1; of drives that no model
-describes, 93 and 87 %."""
+"""Standard deviation over the largest difference between filters. On 66 random logs of the blind
+trials' families 97 % of the 95 % intervals contain the truth with 2, and 92 % with 1; on drives
+outside the model class, 93 and 87 %."""
 
 States = tuple[FloatArray, ...]
 
 
-# A model that leaves something out gives another answer to another filter. So a slow and a fast
-# filter run next to the one asked, perhaps one with the other hold; twice the largest difference
-# counts as a standard deviation.
+# A model error makes the estimates depend on the filter. So a slow and a fast filter run in
+# parallel with the chosen one, and one with the other hold if the hold is open. `WORTH` times the
+# largest difference counts as a standard deviation.
 class Learner:
-    """Estimators of one model; their states are arrays that are never changed in place."""
+    """Online estimators of one model; their states are arrays, never changed in place."""
 
     def __init__(self, options: WatchOptions) -> None:
         self.options = options
@@ -52,7 +52,7 @@ class Learner:
         self.main = self._estimators[0]
 
     def first_states(self, values: FloatArray | None = None) -> States:
-        """States before the first sample, from some values on."""
+        """Return the states before the first sample, with starting values of the coefficients."""
         names = self.system.coefficients
         start = {} if values is None else dict(zip(names, values.tolist(), strict=True))
         states = [estimator.init(start) for estimator in self._estimators]
@@ -61,7 +61,7 @@ class Learner:
         return tuple(states)
 
     def learn(self, states: States, rows: FloatArray) -> tuple[States, History]:
-        """Take in rows of positions and inputs; the history is that of the first estimator."""
+        """Update the states with rows of positions and inputs; the history is the main one's."""
         last: States = ()
         if self._is_driven:
             rows, end = _driven(rows, states[-1], self.options.sample_time)
@@ -73,23 +73,23 @@ class Learner:
         return (*(history.state for history in histories), *last), histories[0]
 
     def values(self, states: States) -> FloatArray:
-        """Coefficients, shape (n_coefficients,)."""
+        """Return the main estimator's coefficients, shape (n_coefficients,)."""
         return self.main.coefficients(states[0])
 
     def disagreement(self, states: States) -> FloatArray:
-        """Largest difference of another filter's coefficients, shape (n_coefficients,)."""
+        """Return the largest difference between filters, shape (n_coefficients,)."""
         values = self.values(states)
         others = zip(self._estimators[1:], states[1:], strict=False)
         return np.max([np.abs(e.coefficients(s) - values) for e, s in others], axis=0)
 
     def estimate(self, states: States) -> Estimate:
-        """Coefficients with the covariance of noise and disagreement."""
+        """Return the coefficients with a covariance from noise and disagreement."""
         apart = WORTH * self.disagreement(states)
         return self.noise_estimate(states).widened(np.diag(apart**2))
 
     def noise_estimate(self, states: States) -> Estimate:
-        """Coefficients with the covariance of noise alone."""
-        with np.errstate(all="ignore"):  # of numbers that no drive has: what is none is unknown
+        """Return the coefficients with a covariance from noise alone."""
+        with np.errstate(all="ignore"):  # extreme samples overflow; the result counts as unknown
             covariance, freedom = self.main.covariance(states[0])
         unknown = ~np.isfinite(np.diag(covariance))
         covariance[unknown, :] = covariance[:, unknown] = 0.0
@@ -100,7 +100,7 @@ class Learner:
 
 
 def _driven(rows: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
-    """Rows of the link with the motor's motion as its input, a sample late; and the last two."""
+    """Return rows with the motor's motion as inputs, one sample late, and the last two samples."""
     known = np.vstack((before.reshape(2, 2), rows))
     link, motor = known.T
     velocity = (motor[2:] - motor[:-2]) / (2.0 * h)
@@ -109,22 +109,22 @@ def _driven(rows: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray,
 
 @dataclass(frozen=True)
 class Departure:
-    """A physical parameter that differs from what it was."""
+    """A physical parameter that differs between the reference estimate and the stream."""
 
     name: str  # of the parameter
     unit: str  # of the parameter
-    was: float  # in the estimate, and by the stream
-    now: float  # in the estimate, and by the stream
-    excess: float  # their difference, over the least that counts as one
+    was: float  # value in the reference estimate
+    now: float  # value from the stream
+    excess: float  # their difference over the limit
 
     @property
     def change(self) -> float:
-        """Relative; NaN of an angle, which has none."""
+        """Relative change; NaN for an angle."""
         return nan if self.name in ANGLES else self.now / self.was - 1.0
 
     @property
     def sentence(self) -> str:
-        """By how much, for a report."""
+        """Both values and the change, as a sentence for a report."""
         unit = f" {self.unit}" if self.unit else ""
         share = "" if self.name in ANGLES else f" ({100 * self.change:+.0f} %)"
         return f"{self.name} is {self.now:.4g}{unit}{share}, and {self.was:.4g} in the estimate"
@@ -137,7 +137,7 @@ def departures(
     widths: float,
     least: float,
 ) -> tuple[Departure, ...]:
-    """Parameters that differ from an estimate, the clearest first."""
+    """Return the parameters that differ from the reference by more than a limit, largest first."""
     found = []
     for name, (was, half_was) in reference.items():
         now = parameters.get(name)
@@ -153,22 +153,22 @@ def departures(
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What is known at a moment."""
+    """Estimates at one moment, and contradictions with known values."""
 
-    estimate: Estimate  # of the coefficients that are sought, with what is known joined
+    estimate: Estimate  # of the unknown coefficients, combined with prior knowledge
     coefficients: dict[str, ValueEstimate]
-    parameters: dict[str, ValueEstimate]  # physical ones that the coefficients determine
+    parameters: dict[str, ValueEstimate]  # physical parameters that the coefficients determine
     widths: list[Width]  # of spring and inertias
-    departures: tuple[Departure, ...]  # what differs from an estimate made before
-    contradicted: tuple[str, ...]  # a sentence on each value taken as exact that is another
-    against: tuple[str, ...]  # the same of values that are known with a deviation
+    departures: tuple[Departure, ...]  # parameters that differ from the reference estimate
+    contradicted: tuple[str, ...]  # a sentence on each exactly known value that is contradicted
+    against: tuple[str, ...]  # a sentence on each contradicted value known with a deviation
 
 
 def findings(learner: Learner, states: States, estimate: Estimate, stated: Stated) -> Findings:
-    """What an estimate made of states says, with what the user states joined to it."""
+    """Return values, intervals and contradictions of an estimate with prior knowledge."""
     options = learner.options
     joint, unknowns, unit = options.joint, options.unknowns, options.input_unit
-    with np.errstate(all="ignore"):  # of numbers that no drive has
+    with np.errstate(all="ignore"):  # for extreme values
         joined = _joined(options, estimate, stated)
         fixed = {name: (value, "given") for name, value in options.given.items()}
         sizes = regressor_sizes(learner, states)
@@ -195,7 +195,7 @@ def findings(learner: Learner, states: States, estimate: Estimate, stated: State
 
 
 def _joined(options: WatchOptions, estimate: Estimate, stated: Stated) -> Joined:
-    """The estimate with what is known joined; as it is, while what that concerns is open."""
+    """Return the estimate with prior knowledge, or unchanged while that cannot be combined."""
     try:
         return with_prior_knowledge(
             options.joint, estimate, options.given, stated, options.input_unit, THRESHOLDS
@@ -205,7 +205,7 @@ def _joined(options: WatchOptions, estimate: Estimate, stated: Stated) -> Joined
 
 
 def regressor_sizes(learner: Learner, states: States) -> dict[str, float]:
-    """Root mean square of each regressor over that of its row's left-hand side."""
+    """Return the RMS of each regressor over the RMS of its row's left-hand side."""
     main, state = learner.main, states[0]
     power, _ = main.powers(state)
     return {

@@ -1,4 +1,4 @@
-"""What an estimation next to a drive is given: its channels, model, clock, filter and memory."""
+"""Options of an online estimation: channels, model, sample time, filter and memory."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -34,34 +34,34 @@ from flexid.recording.read import TURN
 from flexid.recording.recording import INPUTS, Channel
 from flexid.recording.sampling import check_sample_time
 
-LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word
+LATE = 0.1  # largest delay of a channel without a warning, over the sample time
 
 
 @dataclass(frozen=True)
 class StreamChannels:
-    """What the values of a sample are."""
+    """Channels of a stream, which are the values of each sample."""
 
-    kind: Kind  # whether there are two encoders and an input, no input, or one encoder
-    input_unit: str  # of the input; empty where there is none
+    kind: Kind  # flexible: two encoders and an input; link: no input; rigid: one encoder
+    input_unit: str  # empty if there is no input
     from_deflection: bool  # whether the first position is the joint's deflection
-    warnings: tuple[str, ...]  # what was assumed
+    warnings: tuple[str, ...]  # assumptions about the columns
     motor_turn: float = 0.0  # see `WatchOptions`
-    joint_type: JointType = "revolute"  # how it moves
-    # by name and in a sample's order, with the values of the first samples
+    joint_type: JointType = "revolute"
+    # by name, in the order of a sample, with the values of the first samples
     sampled: Mapping[str, Channel] = field(default_factory=dict, compare=False)
 
 
 def chosen_channels(
     source: str, channels: Mapping[str, Channel], warnings: tuple[str, ...], model: str = "auto"
 ) -> StreamChannels:
-    """What is learnt from of a stream's channels: time, one or two positions, and the input."""
+    """Return the channels to use: time, one or two positions, input; raise if one is missing."""
     drive = next((name for name in INPUTS if name in channels), None)
     link = next((name for name in ("deflection", "link_position") if name in channels), None)
     if "motor_position" not in channels:
         raise RecordingError(
             source,
             "motor position",
-            "is not among the columns, and no stream is integrated: send it",
+            "is not among the columns, and a stream's velocities are not integrated: send it",
         )
     kind = model
     if model == "auto" and link is None and "link_velocity" in channels:
@@ -72,8 +72,8 @@ def chosen_channels(
         raise RecordingError(
             source,
             "input",
-            "no torque, current or voltage is among the columns, and nothing can be learnt of the "
-            "motor without it: send it too",
+            "no torque, current or voltage is among the columns, and the motor cannot be "
+            "identified without one: send it too",
         )
     if kind != "rigid" and link is None:
         raise RecordingError(
@@ -97,44 +97,44 @@ USUAL_TERMS: Mapping[JointType, tuple[str, ...]] = {
     "revolute": ("gravity", *_USUAL_FRICTION),
     "prismatic": (*_USUAL_FRICTION, "link_offset", "motor_offset"),
 }
-"""Terms of the model where none are named; on a slope, gravity pulls all the time alike."""
+"""Default terms of the model; on a slope gravity is a constant force, so offsets describe it."""
 
-FILTER_RATE = 20.0  # of the filter in 1/s, where the samples come often enough for it
-RATES = (1.0, 0.25, 4.0)  # multiples of the filter rate that run side by side; the first is asked
+FILTER_RATE = 20.0  # default rate of the filter in 1/s; lower if the sample time requires it
+RATES = (1.0, 0.25, 4.0)  # multiples of the filter rate that run in parallel; the first is the main
 KINDS = ("flexible", "link", "rigid")  # models of the joint
 USABLE_TERMS = {n: t for n, t in (TERMS | SHAPE_TERMS).items() if t.memory is None}
-"""Terms that a joint with two encoders may have: least squares has no memory."""
+"""Terms that a joint with two encoders may have: all but those with memory."""
 
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """What does not change while a stream is watched."""
+    """Options that are fixed while a stream is watched."""
 
     sample_time: float  # in s
     terms: tuple[str, ...] = USUAL_TERMS["revolute"]  # terms of the joint besides its spring
-    # whether link and motor have an encoder each, and there is an input; or the link is driven by
-    # the motor's measured motion; or the drive has one encoder
+    # flexible: link and motor have an encoder each, and there is an input; link: the motor's
+    # measured motion drives the link; rigid: the drive has one encoder
     kind: Kind = "flexible"
-    # the input between samples: on straight lines, or held. With ``"auto"`` it is taken as on
-    # lines, and the intervals cover what a held one would give
+    # the input between samples: linear or constant. With ``"auto"`` it is taken as linear, and
+    # the intervals cover the difference to a constant one
     hold: Literal["auto", "linear", "zero"] = "auto"
     filter_rate: float = FILTER_RATE  # λ of the filter, in 1/s
-    memory: float = inf  # seconds after which a sample weighs 1/e as much; infinite: nothing fades
-    # velocity over which Coulomb friction changes its sign
+    memory: float = inf  # s after which a sample's weight falls to 1/e; infinite: no forgetting
+    # velocity over which the smoothed Coulomb friction changes its sign, in rad/s or m/s
     coulomb_velocity: float = COULOMB_VELOCITY["revolute"]
-    input_unit: str = "N m"  # of what drives the motor; empty for the link alone
-    from_deflection: bool = False  # whether the link's position comes as the joint's deflection
-    # constants of the shapes of unusual terms, by name
+    input_unit: str = "N m"  # of the input; empty for the link alone
+    from_deflection: bool = False  # whether the first position is the joint's deflection
+    # constants of the terms that have a shape, by name
     shapes: Mapping[str, float] = field(default_factory=dict)
     # physical parameters or coefficients, as in `Settings`
     known: Mapping[str, float] = field(default_factory=dict)
-    # standard deviations of what is known; what has none is known exactly
+    # standard deviations of known values; one without a deviation is exact
     known_deviations: Mapping[str, float] = field(default_factory=dict)
-    # physical parameters by an estimate made before, and half of their intervals
+    # value and half-width of the interval of each physical parameter in the reference estimate
     reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    joint_type: JointType = "revolute"  # how it moves
-    # A turn of the motor at the link's side of the gear, in rad or m, where its encoder may wrap by
-    # such turns; 0 where it stands behind the gear, or there is none
+    joint_type: JointType = "revolute"
+    # One turn of the motor, measured on the link's side of the gear, in rad or m, if its encoder
+    # may wrap by such turns; 0 if the encoder is behind the gear or there is no gear
     motor_turn: float = 0.0
 
     def __post_init__(self) -> None:
@@ -153,57 +153,57 @@ class WatchOptions:
         if self.kind == "link":
             object.__setattr__(self, "input_unit", "")
             if self.hold != "auto":
-                raise SettingError("hold", "is of an input, and the link alone has none: leave it")
+                raise SettingError("hold", "is of an input, and the link alone has none: omit it")
         pairs = {name: (float(was), float(half)) for name, (was, half) in self.reference.items()}
         object.__setattr__(self, "reference", pairs)
         _ = self.stated  # raises
         missing = [name for name in WIDTHS if name in self.system.constants.keys() - self.shapes]
         if missing:
             raise SettingError(
-                "terms", f"one of them needs a {missing[0]}, which an estimate has: give one"
+                "terms", f"one of them needs a {missing[0]}: give an estimate that has it"
             )
 
     @cached_property
     def stated(self) -> Stated:
-        """What the user states of the drive."""
+        """Known values of the drive, with their deviations."""
         deviations = {**self.known_deviations}
         settings = Settings(terms=self.terms, known={**self.known}, known_deviations=deviations)
         return stated(settings, self.joint, self.input_unit)
 
     @cached_property
     def joint(self) -> Joint:
-        """The joint of this kind: units, and physical parameters."""
+        """Joint of this kind, with units and physical parameters."""
         return joint_of(self.kind, self.joint_type)
 
     @cached_property
     def unknowns(self) -> Unknowns:
-        """What is sought of the model, and what is given."""
+        """Unknown coefficients of the model, and those with a given value."""
         return Unknowns(self._system({}), self.given)
 
     @property
     def given(self) -> Mapping[str, float]:
-        """Coefficients that are known exactly, and those too small to be sought."""
+        """Coefficients with a fixed value: known exactly, or negligible and set to zero."""
         too_small = {c for t in self.terms for c in coefficients_of(t, self.kind) if c in SQUARES}
         return dict.fromkeys(sorted(too_small & {*self.joint.units}), 0.0) | {**self.stated.given}
 
     @property
     def n_encoders(self) -> int:
-        """Positions in a sample."""
+        """Number of positions in a sample."""
         return 1 if self.kind == "rigid" else 2
 
     @property
     def n_inputs(self) -> int:
-        """Inputs in a sample."""
+        """Number of inputs in a sample."""
         return 0 if self.kind == "link" else 1
 
     @property
     def width(self) -> int:
-        """Numbers in a sample: the time, positions, and the input."""
+        """Number of values in a sample: time, positions and input."""
         return 1 + self.n_encoders + self.n_inputs
 
     @property
     def system(self) -> ParametricSystem:
-        """The model; what is known exactly is in its known parts."""
+        """Model of the joint, with fixed coefficients moved to its known parts."""
         return self._system(self.given)
 
     def _system(self, known: Mapping[str, float]) -> ParametricSystem:
@@ -211,35 +211,35 @@ class WatchOptions:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The options, ready for JSON; an endless memory is None."""
-        endless = self.memory if isfinite(self.memory) else None
-        return {f.name: getattr(self, f.name) for f in fields(self)} | {"memory": endless}
+        """Options ready for JSON; an infinite memory is None."""
+        memory = self.memory if isfinite(self.memory) else None
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"memory": memory}
 
 
 def check_comparable(result: Identification) -> None:
-    """Refuse an identification that no stream can be held against."""
+    """Raise if a stream cannot be compared with an identification."""
     terms = result.choices.terms
     remembering = [term for term in terms if (s := SHAPE_TERMS.get(term)) and s.memory]
     if remembering:
         left = ",".join(term for term in terms if term not in remembering)
         raise SettingError(
             "estimate",
-            f"has {remembering[0]}, which remembers the path of the spring, and least squares "
-            f"remembers nothing: identify with --terms {left or 'none'}, and take that estimate",
+            f"has {remembering[0]}, which depends on the path of the spring, and recursive least "
+            f"squares cannot have it: identify with --terms {left or 'none'}, and use that",
         )
     if not _reference(result):
         raise SettingError(
-            "estimate", "determines nothing that a stream could be compared with: give another"
+            "estimate", "determines no parameter that a stream could be compared with: give another"
         )
     unknown = [name for name, value in given_values(result).items() if not isfinite(value)]
     if unknown:
         raise SettingError(
-            "estimate", f"has no value of {unknown[0]}, which is not sought: identify once more"
+            "estimate", f"has no value of {unknown[0]}, which a stream needs: identify once more"
         )
 
 
 def wanted_kind(chosen: Mapping[str, Any], estimate: Identification | None) -> str:
-    """The kind of joint that is asked for: as chosen, or that of the estimate; else ``"auto"``."""
+    """Return the chosen kind of joint, or else the estimate's, or else ``"auto"``."""
     kind = chosen.get("kind", "auto")
     refuse_arm_file(str(kind))
     if kind not in ("auto", *KINDS):
@@ -254,14 +254,14 @@ def options_of_stream(
     sample_time: float,
     stated: Collection[str] = (),
 ) -> WatchOptions:
-    """What a user chooses, by the names of the fields; None and "auto": as in the estimate."""
+    """Combine chosen options, by field name, with those of the estimate (for None and "auto")."""
     check_sample_time(sample_time)
     chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
     if "terms" in chosen:
         chosen["terms"] = _named(chosen["terms"], channels)
     usual = USUAL_TERMS[channels.joint_type]
     usual = rigid_terms(usual) if channels.kind == "rigid" else usual
-    follows: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "terms": usual,
         "filter_rate": FILTER_RATE,
         "coulomb_velocity": COULOMB_VELOCITY[channels.joint_type],
@@ -269,13 +269,13 @@ def options_of_stream(
     given: dict[str, float] = {}
     if estimate is not None:
         _check_alike(estimate, channels)
-        follows |= _taken_from(estimate)
-        kept = chosen.get("terms", follows["terms"])
-        off = [term for term in follows["terms"] if term not in kept]
+        defaults |= _options_of(estimate)
+        kept = chosen.get("terms", defaults["terms"])
+        off = [term for term in defaults["terms"] if term not in kept]
         left = {*stated, *(c for term in off for c in coefficients_of(term, channels.kind))}
         given = {name: v for name, v in given_values(estimate).items() if name not in left}
     slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
-    rate = min(max(follows["filter_rate"], slowest / sample_time), fastest / sample_time)
+    rate = min(max(defaults["filter_rate"], slowest / sample_time), fastest / sample_time)
     shown = {
         "sample_time": sample_time,
         "kind": channels.kind,
@@ -285,17 +285,17 @@ def options_of_stream(
         "joint_type": channels.joint_type,
         "known": {**given, **chosen.get("known", {})},
     }
-    return WatchOptions(**{**follows, "filter_rate": rate, **chosen, **shown})
+    return WatchOptions(**{**defaults, "filter_rate": rate, **chosen, **shown})
 
 
 def _known_terms(kind: Kind, joint_type: JointType) -> list[str]:
-    """Terms of a joint; one that slides has none of an angle."""
+    """Return the terms that the joint may have; angular terms only if it is revolute."""
     known = [*RIGID_TERMS] if kind == "rigid" else [*USABLE_TERMS]
     return [n for n in known if joint_type == "revolute" or n not in ANGULAR_TERMS]
 
 
 def _named(terms: Sequence[str], channels: StreamChannels) -> tuple[str, ...]:
-    """Terms that a user names, by the names of the joint; refuse what it does not have."""
+    """Return the user's terms by the names of this kind of joint; raise if it lacks one."""
     check_names("terms", terms, USABLE_TERMS | RIGID_TERMS)
     kind = channels.kind
     known = _known_terms(kind, channels.joint_type)
@@ -315,24 +315,24 @@ def _named(terms: Sequence[str], channels: StreamChannels) -> tuple[str, ...]:
 
 
 def coefficients_of(term: str, kind: Kind) -> Collection[str]:
-    """Coefficients of a term; none of one that no stream has."""
+    """Return the coefficients of a term; empty if a stream cannot have the term."""
     if kind == "rigid":
         return RIGID_TERMS[term]
     return USABLE_TERMS[term].coefficients if term in USABLE_TERMS else ()
 
 
 def _check_alike(estimate: Identification, channels: StreamChannels) -> None:
-    """Refuse an estimate of another joint or input than the channels show."""
+    """Raise if the estimate is of another kind of joint or input than the stream."""
     made = {"model": estimate.model, **traits(estimate.joint, estimate.input_unit)}
     shown = {"model": channels.kind, **traits(channels.joint_type, channels.input_unit)}
     for name, words in shown.items():
         if words != made[name]:
-            reason = f"has {name} {made[name]}, and the stream {words}: compare like with like"
+            reason = f"has {name} {made[name]}, and the stream {words}: give one of this drive"
             raise SettingError("estimate", reason)
 
 
-def _taken_from(result: Identification) -> dict[str, Any]:
-    """Fields of `WatchOptions` as an identification has them."""
+def _options_of(result: Identification) -> dict[str, Any]:
+    """Return the fields of `WatchOptions` that an identification determines."""
     choices = result.choices
     hold = "zero" if choices.hold == "zero" else "linear"
     found: dict[str, Any] = {
@@ -349,31 +349,31 @@ def _taken_from(result: Identification) -> dict[str, Any]:
 
 
 def given_values(result: Identification) -> dict[str, float]:
-    """Coefficients that a stream does not seek, with their values."""
+    """Return the values of the coefficients that a stream takes from the estimate."""
     names = result.given | SQUARES
     return {name: c.value for name, c in result.coefficients.items() if name in names}
 
 
 def not_accounted_for(result: Identification, sample_time: float) -> Iterator[str]:
-    """What of an identification a stream of such samples does not account for."""
+    """Yield a warning for each correction of an identification that a stream lacks."""
     alignment = result.choices.alignment
     late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
     for name, delay in late.items():
         if abs(delay) > LATE * sample_time:
             yield (
                 f"the estimate found the {name} late by {1e3 * delay:.3g} ms, and a stream is "
-                f"taken as it comes: send it in time, or inertias, friction and damping seem to "
+                f"not corrected: send it in time, or inertias, friction and damping seem to "
                 f"have changed"
             )
     if result.choices.amplifier.corrects:
         yield (
-            "the estimate corrected the input for its amplifier, and a stream is taken as it "
-            "comes: send what reaches the motor, or gain and friction seem to have changed"
+            "the estimate corrected the input for its amplifier, and a stream is not corrected: "
+            "send the input that reaches the motor, or gain and friction seem to have changed"
         )
 
 
 def _reference(result: Identification) -> dict[str, tuple[float, float]]:
-    """Value of each physical parameter that is determined, and half of its 95 % interval."""
+    """Return the value and half the 95 % interval of each determined physical parameter."""
     return {
         name: (found.value, found.half_width)
         for name, found in result.parameters.items()

@@ -1,4 +1,4 @@
-"""A stream that is watched, fed in blocks that change nothing however they are cut."""
+"""Online estimation from a stream; the result does not depend on how it is cut into blocks."""
 
 from dataclasses import dataclass, field, replace
 
@@ -15,38 +15,38 @@ from flexid.streaming.learner import Departure, Findings, Learner, States, findi
 from flexid.streaming.options import WatchOptions
 
 CAUSES = {
-    "no_number": "a value is no number or too large",
+    "no_number": "a value is not finite or too large",
     "repeated": "they are repeated",
     "late": "they are late",
     "outliers": "a position jumps",
     "stuck": "an encoder stands still",
     "gaps": "samples are missing between them",
 }
-"""What makes a sample bad, by its count, in words. One at the input's limit is a good one."""
+"""Causes of unusable samples, by their count's name, as text. Saturated inputs are no fault."""
 
-FEWEST = 10  # equations in a window that say anything
+FEWEST = 10  # equations in a window for a decision
 
 
 @dataclass
 class RecentWindow:
-    """Sums over the window that is not full yet, and what the last full one said."""
+    """Sums over the current window, and the share of unusable samples in the last full one."""
 
-    errors: FloatArray  # (n_rows,): σ of the squared innovations
-    # (2, n_rows): mean squares of what was unexplained and of the left-hand sides, in all
-    # that was learnt before the first window that contradicts it
+    errors: FloatArray  # (n_rows,): sums of the squared innovations
+    # (2, n_rows): mean squares of the residuals and of the left-hand sides, over all equations
+    # before the first contradicting window
     usual: FloatArray
-    equations: int = 0  # how many innovations
-    # (n_causes + 1,): bad samples by cause at its beginning, and all
+    equations: int = 0  # number of innovations in the sums
+    # (n_causes + 1,): unusable samples by cause, and all samples, at the window's beginning
     counts_before: FloatArray = field(default_factory=lambda: np.zeros(len(CAUSES) + 1))
-    bad_share: float = 0.0  # of the last full window
-    bad_cause: str = ""  # most frequent cause there
+    bad_share: float = 0.0  # share of unusable samples in the last full window
+    bad_cause: str = ""  # most frequent cause in the last full window
 
     def begin(self) -> None:
-        """Begin another window."""
+        """Begin the next window."""
         self.errors, self.equations = np.zeros_like(self.errors), 0
 
     def add(self, innovations: FloatArray) -> None:
-        """Add innovations, shape (n, n_rows), one after the other: sums depend on their order."""
+        """Add innovations, shape (n, n_rows), in order, as rounding depends on the order."""
         known = innovations[np.isfinite(innovations).all(axis=1)]
         if len(known):
             with np.errstate(over="ignore"):
@@ -54,35 +54,35 @@ class RecentWindow:
             self.equations += len(known)
 
     def count(self, counts: Counts) -> None:
-        """Close the window over the guard's counts."""
+        """Compute the share of unusable samples in the window from the guard's counts."""
         now = np.array([*(getattr(counts, name) for name in CAUSES), counts.fed], dtype=float)
         *bad, fed = now - self.counts_before
-        # What is missing did not come, and counts as if it had: one for each gap.
+        # Missing samples are not among those fed, so each gap adds one.
         came = fed + bad[-1]
         self.bad_share = float(sum(bad) / came) if came else 0.0
         self.bad_cause = [*CAUSES.values()][int(np.argmax(bad))]
         self.counts_before = now
 
 
-def _weight(fading: float, count: int) -> float:
+def _total_weight(fading: float, count: int) -> float:
     return float(count) if fading == 1.0 else (1.0 - fading**count) / (1.0 - fading)
 
 
-SETTLED = 2  # windows that have been learnt from before motion can contradict an estimate
+SETTLED = 2  # full windows that an estimate needs before a later one can contradict it
 
 
 @dataclass(frozen=True)
 class Change:
-    """When the motion began to contradict what was learnt, so that learning began again."""
+    """A change of the drive: the motion contradicted the estimates, and estimation restarted."""
 
-    time: float  # on the stream's clock, in s; by then it had for two windows
-    row: str  # where it was seen first: ``"link"``, ``"motor"`` or ``"rigid"``
-    # how many times its prediction error was the usual one, as a root mean square
+    time: float  # of the restart, on the stream's clock, in s: the end of two such windows
+    row: str  # whose prediction error rose most: ``"link"``, ``"motor"`` or ``"rigid"``
+    # RMS of its prediction error in the last window over the usual RMS
     times_worse: float
 
     @property
     def sentence(self) -> str:
-        """What happened, for a report."""
+        """Time and size of the contradiction, as a sentence for a report."""
         return (
             f"since {self.time:.3f} s the prediction error of the {self.row} is "
             f"{self.times_worse:.2g} times as large as before: the load or the drive has changed, "
@@ -92,15 +92,15 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """States of the estimators at some sample, to go back to."""
+    """States of the estimators after some sample, which can be restored."""
 
-    fed: int  # samples that had come
+    fed: int  # number of samples up to then
     states: States  # of the estimators
-    determined: bool  # whether they determined everything
+    determined: bool  # whether the data determined every coefficient
 
 
 class Session:
-    """Estimation from a stream."""
+    """Online estimation from a stream of samples."""
 
     def __init__(self, options: WatchOptions) -> None:
         self.options = options
@@ -109,18 +109,18 @@ class Session:
         self.window = max(1, round(LIMITS.window / (options.filter_rate * options.sample_time)))
         states = self.learner.first_states()
         self.guard_state = self.guard.first_state()
-        self.fed = 0  # samples that came
+        self.fed = 0  # number of samples so far
         self.now = Memory(0, states, False)
-        self.newer = self.older = self.now  # at the beginning of this window, and of the last
+        self.newer = self.older = self.now  # states at the start of this window, of the previous
         rows = len(self.learner.system.rows)
         self.recent = RecentWindow(np.zeros(rows), np.zeros((2, rows)))
         self.suspected = False
-        self.changes: tuple[Change, ...] = ()  # of the drive, as its motion says: the last hundred
+        self.changes: tuple[Change, ...] = ()  # of the drive: the last hundred
         self.n_changes = 0
-        self._found: tuple[Memory, Findings] | None = None
+        self._cached: tuple[Memory, Findings] | None = None
 
     def feed(self, samples: FloatArray) -> None:
-        """Take in samples."""
+        """Update the estimation with samples, shape (n, `WatchOptions.width`)."""
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         width = self.options.width
         if samples.ndim != 2 or samples.shape[1] != width:
@@ -135,12 +135,12 @@ class Session:
                 self._close_window()
 
     def _feed_some(self, samples: FloatArray) -> int:
-        """Take in samples of one window, up to one that shows an encoder stuck; how many it was."""
+        """Use samples of one window, up to a newly stuck encoder; return how many were used."""
         guarded = self.guard.guard(self.guard_state, samples)
         self.guard_state = guarded.state
         self.fed += guarded.judged
         if guarded.stuck_for:
-            self._forget(self.fed - guarded.stuck_for)
+            self._go_back(self.fed - guarded.stuck_for)
         elif len(guarded.rows):
             states, history = self.learner.learn(self.now.states, guarded.rows)
             self.recent.add(history.innovations)
@@ -150,36 +150,36 @@ class Session:
         self.now = replace(self.now, fed=self.fed)
         return guarded.judged
 
-    def _forget(self, since: int) -> None:
-        """Take back what an encoder taught that has stood still since some sample."""
+    def _go_back(self, since: int) -> None:
+        """Restore a state from before `since`, the sample from which an encoder was stuck."""
         kept = [memory for memory in (self.newer, self.older) if memory.fed <= since]
         if kept:
             self.now = kept[0]
         elif since >= self.window:
             self.now = self.older
-        else:  # it is dead from the beginning: nothing that was learnt is true
+        else:  # the encoder was stuck from the beginning, so all estimates are wrong
             self.now = Memory(self.fed, self.learner.first_states(), False)
         self.newer = self.now
         self.recent.begin()
 
     def _close_window(self) -> None:
-        """Judge the window that is full, and begin another."""
+        """Evaluate the full window, restart after two contradictions, and begin the next one."""
         self.recent.count(self.counts)
         contradicting = [row for row in self._recent_rows() if contradicts(row)]
         if contradicting and self.suspected:
             worst = max(contradicting, key=lambda row: row.error / max(row.usual_error, 1e-300))
-            self._begin_anew(worst.row, worst.error / max(worst.usual_error, 1e-300))
+            self._restart(worst.row, worst.error / max(worst.usual_error, 1e-300))
         self.suspected = bool(contradicting) and not self.suspected
         main, state = self.learner.main, self.now.states[0]
         count = main.equations(state)
         if count and not contradicting:
             power, unexplained = main.powers(state)
-            self.recent.usual = np.array([unexplained, power]) / _weight(main.fading, count)
+            self.recent.usual = np.array([unexplained, power]) / _total_weight(main.fading, count)
         self.older, self.newer = self.newer, self.now
         self.recent.begin()
 
     def _recent_rows(self) -> list[Recent]:
-        """What each row did in the window; empty if it can contradict nothing."""
+        """Return each row's mean squares in the window; empty if they are too few for a test."""
         main, recent = self.learner.main, self.recent
         state, begun = self.now.states[0], self.newer.states[0]
         before = main.equations(begun)
@@ -189,13 +189,13 @@ class Session:
             return []
         power, power_before = main.powers(state)[0], main.powers(begun)[0]
         latest = np.maximum(power - main.fading**since * power_before, 0.0)
-        columns = (recent.errors / recent.equations, latest / _weight(main.fading, since))
+        columns = (recent.errors / recent.equations, latest / _total_weight(main.fading, since))
         numbers = np.vstack((*columns, recent.usual)).T.tolist()
         names = [row.name for row in self.learner.system.rows]
         return [Recent(name, *four) for name, four in zip(names, numbers, strict=True)]
 
-    def _begin_anew(self, row: str, worse: float) -> None:
-        """Learn from here on alone; the values stay as a start."""
+    def _restart(self, row: str, worse: float) -> None:
+        """Restart estimation at the current sample and values, and record the change."""
         values = self.learner.values(self.now.states)
         states = self.learner.first_states(np.nan_to_num(values))
         change = Change(self.time, row, float(min(worse, 1e300) ** 0.5))
@@ -205,22 +205,22 @@ class Session:
 
     @property
     def counts(self) -> Counts:
-        """What happened so far."""
+        """Counts of samples and events so far."""
         return self.guard.counts(self.guard_state)
 
     @property
     def time(self) -> float:
-        """Time of the latest sample in s; NaN before the first."""
+        """Time of the latest sample in order, in s; NaN before the first."""
         return self.guard.time(self.guard_state)
 
     @property
     def health(self) -> Judgement:
-        """How the estimation is, and why."""
+        """Health of the estimation, with its reason."""
         return judge(self.evidence)
 
     @property
     def evidence(self) -> Evidence:
-        """What the health is judged by."""
+        """Figures that decide the health."""
         states, options = self.now.states, self.options
         equations = self.learner.main.equations(states[0])
         direction: tuple[str, ...] = ()
@@ -243,13 +243,13 @@ class Session:
 
     @property
     def findings(self) -> Findings:
-        """Values and intervals, and what contradicts them."""
-        if self._found is None or self._found[0] is not self.now:
+        """Values, intervals and contradictions, computed once per state."""
+        if self._cached is None or self._cached[0] is not self.now:
             states, stated = self.now.states, self.options.stated
             estimate = self.learner.estimate(states)
             found = findings(self.learner, states, estimate, stated)
-            self._found = (self.now, found)
-        return self._found[1]
+            self._cached = (self.now, found)
+        return self._cached[1]
 
     @property
     def coefficients(self) -> dict[str, ValueEstimate]:
@@ -263,16 +263,16 @@ class Session:
 
     @property
     def departures(self) -> tuple[Departure, ...]:
-        """What differs from the estimate that the stream is held against."""
+        """Parameters that differ from the reference estimate."""
         return self.findings.departures
 
     @property
     def excitation(self) -> dict[str, Excitation]:
-        """Excitation of each row by what was learnt from, Huang (2003), (A4), measured."""
+        """Excitation of each row by the samples used: condition (A4) of Huang (2003), measured."""
         state = self.now.states[0]
         count = max(self.learner.main.equations(state), 1)
         grams = self.learner.main.information(state)
-        for gram in grams:  # where next to nothing was learnt, rounding may make a square negative
+        for gram in grams:  # with very few samples, rounding may make a square negative
             np.fill_diagonal(gram, np.maximum(np.diag(gram), 0.0))
         return {
             row.name: excitation_of_gram(row.name, row.coefficients, gram / count)

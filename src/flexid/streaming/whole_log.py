@@ -1,4 +1,4 @@
-"""A log of any length in bounded memory: identified by its head, then fed to a watched session."""
+"""Identification of a long log in bounded memory: choices on its head, then one streaming pass."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import closing
@@ -44,8 +44,8 @@ from flexid.streaming.session import Session
 if TYPE_CHECKING:
     from flexid.recording.recipes import MapSource
 
-HEAD_ROWS = 120_000  # samples at the beginning that choices are made on: two minutes at 1 kHz
-_MATTERS = 0.01  # of a coefficient's value, from which on a warning says that it moves
+HEAD_ROWS = 120_000  # samples of the head, which decides all choices: two minutes at 1 kHz
+_LEAST_CHANGE = 0.01  # of a coefficient, relative to its value, for a warning
 
 
 def identify_stream(
@@ -57,7 +57,7 @@ def identify_stream(
     """Identify a joint from a Parquet file in one pass, in bounded memory."""
     settings = settings or Settings()
     if settings.model != "auto":
-        raise SettingError("model", "is that of the channels in a stream: leave it")
+        raise SettingError("model", "follows from the channels in a stream: omit it")
     progress("reading the head")
     log, head_rows, all_rows = _head(path, columns)
     for channel in log.turned:
@@ -84,7 +84,7 @@ def identify_stream(
     h = session.options.sample_time
     summary = (
         *result.summary,
-        f"Stream: all of this was chosen on the first {head_rows * h:.4g} s; then {session.fed} "
+        f"Stream: these choices rest on the first {head_rows * h:.4g} s; then {session.fed} "
         f"samples ({session.fed * h:.6g} s) were fitted in one pass.",
     )
     inputs = [{**log.provenance, "sha256": sha256(path)}]
@@ -94,23 +94,23 @@ def identify_stream(
 
 
 def _head(path: Path, columns: "MapSource | None") -> tuple[Log, int, int]:
-    """The first rows of a Parquet file as a log, how many these are, and how many there are."""
+    """Return the first rows of a Parquet file as a log, their number, and the file's number."""
     if path.suffix.lower() not in PARQUET.suffixes:
         reason = "only a Parquet file can be streamed: write the log as .parquet"
         raise RecordingError(shown(path), "", reason)
     with Reading(path) as reading:
-        names_of(reading)  # raises where there are no samples
+        names_of(reading)  # raises if there are no samples
         rows = reading.series[0].length
         table = next(Signals(reading, columns).tables(min(rows, HEAD_ROWS)))
     return log_of_table(table, columns), table.frame.height, rows
 
 
 def _options(replay: Replay, log: Log, head: Identification, settings: Settings) -> WatchOptions:
-    """What the head shows, and what the user chooses."""
+    """Return the stream's options from the head's identification and the user's settings."""
     channels = replay.channels
     joint = joint_of(channels.kind, channels.joint_type)
     terms = _usual_terms(head)
-    said = stated(replace(settings, terms=terms), joint, channels.input_unit)
+    given = stated(replace(settings, terms=terms), joint, channels.input_unit).given
     chosen: dict[str, Any] = {
         "terms": terms,
         "known": settings.known,
@@ -118,22 +118,22 @@ def _options(replay: Replay, log: Log, head: Identification, settings: Settings)
         "filter_rate": settings.filter_rate,
         "coulomb_velocity": settings.coulomb_velocity,
     }
-    if settings.coulomb_velocity == "auto":  # over which the head's motion lets it be smoothed
+    if settings.coulomb_velocity == "auto":  # the velocity suited to the head's motion
         moving = [joint.samples(with_velocities(recording)) for recording in log.recordings]
         chosen["coulomb_velocity"] = joint.scaled(moving).smooth.constants[SMOOTHING]
     sample_time = log.recordings[0].sample_time
-    options = options_of_stream(chosen, head, channels, sample_time, said.given)
-    return replace(options, reference={})  # the values of the head are not known beforehand
+    options = options_of_stream(chosen, head, channels, sample_time, given)
+    return replace(options, reference={})  # the head is no independent reference
 
 
 def _usual_terms(head: Identification) -> tuple[str, ...]:
-    """Terms of the head that least squares of a stream has."""
+    """Return the head's terms that recursive least squares supports."""
     return tuple(term for term in head.choices.terms if term not in SHAPE_TERMS)
 
 
 @dataclass
 class _Clock:
-    """The clock of a log, which a session takes for even."""
+    """Check that a log's time steps are even, as a session assumes."""
 
     file: str
     sample_time: float  # s
@@ -141,7 +141,7 @@ class _Clock:
     last: float = np.nan  # s
 
     def check(self, time: FloatArray) -> None:
-        """Look at the next samples; raise where they come unevenly."""
+        """Check the time stamps of the next samples, in s; raise if a step is uneven."""
         h = self.sample_time
         steps = np.diff(time, prepend=self.last)
         near = np.abs(steps - h) <= 2.0 * EVEN * h
@@ -164,25 +164,25 @@ def _result(
     settings: Settings,
     warnings: tuple[str, ...],
 ) -> Identification:
-    """The head's identification, with what the session determines in place of its values."""
+    """Return the head's identification with the values that the session determined."""
     learner, states, options = session.learner, session.now.states, session.options
     estimate = learner.estimate(states)
-    # Where the drive has changed, the head was of another.
+    # If the drive has changed, the head's values are no reference.
     before = {} if session.n_changes else found.coefficients
     noisy = learner.noise_estimate(states)
-    apart = _apart(noisy, before)
+    apart = _excess_difference(noisy, before)
     own = replace(
         settings,
         terms=_usual_terms(found),
         known=options.known,
         known_deviations=options.known_deviations,
     )
-    said = stated(own, options.joint, options.input_unit)
-    now = findings(learner, states, estimate.widened(np.diag(apart**2)), said)
+    prior = stated(own, options.joint, options.input_unit)
+    now = findings(learner, states, estimate.widened(np.diag(apart**2)), prior)
     given = [c for name in options.stated.given if (c := found.coefficients.get(name))]
-    otherwise = dict.fromkeys(c.reason for c in given if c.verdict != "determined")
-    contradicted = (*otherwise, *now.contradicted)
-    if contradicted:  # nothing that rests on it is known
+    reasons = dict.fromkeys(c.reason for c in given if c.verdict != "determined")
+    contradicted = (*reasons, *now.contradicted)
+    if contradicted:  # then no value can be trusted
         coefficients, parameters = (
             {name: e.unknown(contradicted[0]) for name, e in each.items()}
             for each in (now.coefficients, now.parameters)
@@ -217,23 +217,23 @@ def _result(
     )
 
 
-def _apart(estimate: Estimate, head: Mapping[str, ValueEstimate]) -> FloatArray:
-    """How far values are from those of the head, shape (k,); 0 where noise explains it."""
+def _excess_difference(estimate: Estimate, head: Mapping[str, ValueEstimate]) -> FloatArray:
+    """Return how far values are from the head's, shape (k,); 0 where noise explains it."""
     found = np.zeros(len(estimate.names))
     for place, name in enumerate(estimate.names):
-        (value, std, freedom), beside = estimate.of(name), head.get(name)
-        if beside is None or not freedom > 0.0:
+        (value, std, freedom), of_head = estimate.of(name), head.get(name)
+        if of_head is None or not freedom > 0.0:
             continue
-        half, other = quantile(freedom) * std, beside.half_width
-        apart = abs(value - beside.value)
-        # Both share the head's noise, which makes no larger difference than this.
+        half, other = quantile(freedom) * std, of_head.half_width
+        apart = abs(value - of_head.value)
+        # Both share the head's noise, so noise alone makes no larger difference than this.
         if np.isfinite(apart) and apart > np.hypot(half, other):
             found[place] = apart
     return found
 
 
 def _choices(head: Identification, options: WatchOptions) -> Choices:
-    """What holds for the stream of what was chosen on the head."""
+    """Return the head's choices, changed where recursive least squares differs."""
     smoothed = any(
         SMOOTHING in row.regressors.get(name, "")
         for row in options.system.rows
@@ -250,7 +250,7 @@ def _choices(head: Identification, options: WatchOptions) -> Choices:
 
 
 def _data_warnings(session: Session) -> Iterator[str]:
-    """What was left out, and where the drive changed."""
+    """Yield warnings of unusable samples and of changes of the drive."""
     counts = session.counts
     if counts.taken < counts.fed or counts.gaps or counts.wraps:
         yield counts.sentence
@@ -259,20 +259,20 @@ def _data_warnings(session: Session) -> Iterator[str]:
 
 
 def _stream_warnings(head: Identification, estimate: Estimate, apart: FloatArray) -> Iterator[str]:
-    """Warn of what least squares does not have, and of what moves."""
+    """Yield warnings of unsupported terms and of values that differ from the head's."""
     advice = "a shorter part of the log without --stream determines more"
     gone = sorted({*head.choices.terms} - {*_usual_terms(head)})
     if gone:
         yield (
-            f"the head of the log shows {', '.join(gone)}, which least squares of a stream does "
-            f"not have: {advice}"
+            f"the head of the log shows {', '.join(gone)}, which recursive least squares does not "
+            f"support: {advice}"
         )
-    least = np.fmax(_MATTERS * np.abs(estimate.values), 2.0 * estimate.deviations)
+    least = np.fmax(_LEAST_CHANGE * np.abs(estimate.values), 2.0 * estimate.deviations)
     moved = [name for name, differs in zip(estimate.names, apart > least, strict=True) if differs]
     if moved:
         verb = "differ" if len(moved) > 1 else "differs"
         yield (
-            f"{', '.join(moved)} by least squares of the whole log {verb} from the prediction "
-            f"error of its head: friction is sharper than least squares has it, a channel is "
-            f"late, or the drive changed; the intervals make allowance for that, and {advice}"
+            f"{', '.join(moved)} by least squares over the whole log {verb} from the fit to its "
+            f"head: friction is sharper than the smoothed model, a channel is late, or the drive "
+            f"changed; the intervals are widened by the difference, and {advice}"
         )
