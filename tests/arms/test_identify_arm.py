@@ -194,13 +194,15 @@ def rounded_otherwise(log: ArmLog, seed: int) -> ArmLog:
     return replace(log, recordings=tuple(near_recordings))
 
 
-def test_a_fit_whose_steps_do_not_end_knows_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_fit_that_does_not_converge_determines_nothing(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
     """Assert that a fit that is still on its way determines no parameter, and says why."""
-    monkeypatch.setattr("flexid.arms.identify._ENDLESS", 0.0)
+    monkeypatch.setattr("flexid.arms.identify._UNCONVERGED", 0.0)
     monkeypatch.setattr("flexid.arms.identify.explains", lambda _: False)
     found = identify_arm(folder / "run.csv", PlanarArm((0.4, 0.3), (9.81, 0.0))).parameters
     assert {each.verdict for each in found.values()} == {"undetermined"}
-    assert all(each.reason.startswith("the steps of the fit") for each in found.values())
+    assert all(each.reason.startswith("the fit does not converge") for each in found.values())
 
 
 def test_currents_give_ratios(folder: Path, flexid: Run):
@@ -237,7 +239,7 @@ def test_an_input_that_turns_its_joint_backwards(
 
 @pytest.mark.parametrize(
     ("interval", "words"),
-    [((-2.0, -0.5), "check the signs"), ((-2.0, 0.5), "may as well be positive")],
+    [((-2.0, -0.5), "check the signs"), ((-2.0, 0.5), "interval includes positive values")],
 )
 def test_only_what_is_surely_negative_speaks_of_signs(interval: tuple[float, float], words: str):
     """Assert that an interval that reaches above zero blames no sign."""

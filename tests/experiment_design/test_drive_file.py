@@ -99,8 +99,8 @@ def test_what_an_estimate_cannot_give_is_said(examples, stored):
     shape, nothing, guessed = file.warnings
     assert "motor_stribeck" in shape
     assert "gravity" not in shape
-    assert "link_inertia has no value" in nothing
-    assert "of joint_stiffness, motor_inertia is undetermined" in guessed
+    assert "link_inertia has no finite value" in nothing
+    assert "joint_stiffness, motor_inertia is undetermined" in guessed
 
 
 OTHERWISE = {  # what stands in the example, and what in its place

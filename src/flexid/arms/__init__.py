@@ -1,1 +1,1 @@
-"""Arms of several elastic joints: from their log to one table per joint."""
+"""Identification of arms with several elastic joints."""

@@ -1,8 +1,8 @@
-"""The fit of an arm that its model does not explain: with a disturbance in each balance.
+"""Fit of an arm with a disturbance in each balance, for logs that the model does not explain.
 
-As for one joint (`flexid.identification.estimation.disturbed`), but all balances at once, and with
-dry friction that follows from the motion and sticks. Of stiff joints there are several minima,
-most of them at values that no arm has: see `as_physical`.
+The method is described in `flexid.identification.estimation.disturbed`. Here all balances are
+fitted at once, and dry friction follows from the motion and sticks. The fit of a stiff joint has
+several minima, most of them at values that no arm has: see `as_physical`.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -43,34 +43,34 @@ from flexid.identification.vocabulary.evidence import Estimate, Validation
 from flexid.models.planar_arm import carried_links
 from flexid.models.torque_balance import TorqueBalance
 
-# Per sample: those of a resonance at the Nyquist frequency, at most.
+# Substeps per sample: at most as many as a resonance at the Nyquist frequency needs.
 _INTEGRATION = Steps(coarser=COARSER, most_substeps=9)
-_STEPS = (4, 8)  # of values; friction that sticks makes the bottom rough, and further ones are idle
-_SEGMENT = 5.0  # s: long against what an observer remembers, and work for several cores
-_FAR_STEPS, NEAR_STEPS = 6, 3  # of values alone, from afar and from values nearly right
-RIVAL = 30.0  # of twice the negative logarithm of the likelihood, by which another minimum is worse
-_LIKELIER = 5.0  # the same, by which it is better, and its sizes are sought
-_TRIED = 2  # starts, of the likeliest; further ones hardly lead elsewhere
-_SLIPS = 0.1  # share of the samples, in which a motor that seemed to rest may slip
-_SAME = 0.1  # standard deviations, by which values of one minimum may differ
-_FAR = (6.0, 12.0, 24.0)  # standard deviations, in the direction that is least known
-_FLATTER = 0.5  # of the cost there, by the curvature: it is no more than roughness then
+_STEPS = (4, 8)  # of values; sticking friction makes the minimum rough: more steps gain nothing
+_SEGMENT = 5.0  # s: longer than the observer's memory, and short enough to use several cores
+_FAR_STEPS, NEAR_STEPS = 6, 3  # of values with fixed gains, from a distant and a near start
+RIVAL = 30.0  # rise of -2 log(likelihood) up to which another minimum counts
+_LIKELIER = 5.0  # fall of -2 log(likelihood) from which on sizes are fitted too
+_TRIED = 2  # starts, the likeliest ones; others rarely reach another minimum
+_SLIPS = 0.1  # share of the samples in which a motor that seems to rest may slip
+_SAME = 0.1  # standard deviations by which values at one minimum may differ
+_FAR = (6.0, 12.0, 24.0)  # standard deviations along the least determined direction
+_FLAT = 0.5  # of the rise that the curvature predicts: below it, the curvature is roughness
 
 ArmInBand = FitInBand[ElasticArm]
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What is fitted with disturbances."""
+    """Structure, log and band of a fit with disturbances."""
 
     structure: Structure[ElasticArm]
-    data: Data  # as it was logged
-    slowest: float  # in 1/s, of a disturbance
-    factor: int  # of so many samples one is fitted
+    data: Data  # not yet low-passed
+    slowest: float  # in 1/s: slowest rate of a disturbance
+    factor: int  # of decimation
 
     @classmethod
     def of(cls, structure: Structure[ElasticArm], data: Data, start: Mapping[str, float]) -> "Job":
-        """The job in the band of the fastest joint."""
+        """Return the job in a band that contains the fastest resonance at `start`."""
         found = resonances(structure.joint.balance, {**structure.fixed, **start})
         slowest = SPRING_SHARE * float(np.exp(np.mean(np.log(found))))
         sample_time = max(recording.sample_time for recording in data.samples)
@@ -79,18 +79,18 @@ class Job:
 
     @property
     def balance(self) -> TorqueBalance:
-        """That of the arm."""
+        """Torque balance of the arm."""
         return self.structure.joint.balance
 
     @property
     def deflections(self) -> tuple[int, ...]:
-        """Places of links whose position is from a deflection."""
+        """Indices of rows whose position is measured as a deflection."""
         rows = enumerate(self.balance.rows)
         return tuple(place for place, row in rows if row.name in self.data.relative_to)
 
     @cached_property
     def in_band(self) -> InBand[ElasticArm]:
-        """The log in the band; friction follows from the motion, and no data direct it."""
+        """Decimated log; the sign of friction follows from the simulated motion."""
         own = thinned(self.data, self.factor, held=True)
         own = replace(own, noise=encoder_noise(own.samples))
         hold = "zero" if self.factor == 1 else "cubic"
@@ -103,29 +103,29 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class DisturbedFit:
-    """The likeliest fit of an arm with disturbances."""
+    """Likeliest fit of an arm with disturbances."""
 
     job: Job
     best: ArmInBand
-    rivals: tuple[ArmInBand, ...]  # where other starts led
+    rivals: tuple[ArmInBand, ...]  # fits from other starts
 
     @property
     def fitted(self) -> FittedArm:
-        """The best of the fits."""
+        """Parameters and innovations of the likeliest fit."""
         return self.best.fitted
 
     @property
     def values(self) -> dict[str, float]:
-        """All parameters by name, with those that were not sought."""
+        """Values of all parameters by name, fitted and fixed."""
         return {**self.job.structure.fixed, **self.fitted.by_name}
 
     @cached_property
     def estimate(self) -> Estimate:
-        """What was sought; no value better known than by white noise."""
+        """Estimate with standard deviations at least as large as for white noise."""
         return estimate_of(self.fitted).at_least(self.fitted.unit_deviations)
 
     def disturbing_torques(self) -> FloatArray:
-        """Root mean square torque in each balance that no term describes."""
+        """Return the RMS torque of the disturbance in each balance, shape (n_rows,)."""
         rows = len(self.job.balance.rows)
         signals = np.zeros((1 + rows, rows, 3))
         signals[1:, :, 2] = np.eye(rows)
@@ -135,7 +135,7 @@ class DisturbedFit:
         return np.abs(np.diag(torques[1:] - torques[0])) * self.best.sizes.disturbances
 
     def shares(self) -> dict[str, float]:
-        """What each balance leaves unexplained over its acceleration, root mean squares."""
+        """Return the RMS disturbance over the RMS acceleration, at most 1, by row."""
         squares, count = np.zeros(len(self.job.balance.rows)), 0
         for samples in (
             thinned_samples(r, 2 * self.job.factor, held=True) for r in self.job.data.samples
@@ -148,10 +148,10 @@ class DisturbedFit:
         return dict(zip(names, shares.tolist(), strict=True))
 
     def predicted(self) -> tuple[Validation, dict[int, float]]:
-        """How a fit to the first two thirds of each recording predicts the last.
+        """Predict the last third of each recording with a fit to the first two thirds.
 
-        Returns the predictions, and for each joint per cent of its deflection over a period of its
-        resonance.
+        Returns the validation and, by joint, the fit of its deflection in per cent when it is
+        predicted over one period of its resonance.
         """
         job, fitted = self.job, self.fitted
         first, starts = before_the_end(job.data)
@@ -181,33 +181,33 @@ class DisturbedFit:
 def fit_disturbed(
     structure: Structure[ElasticArm], data: Data, starts: Sequence[Mapping[str, float]]
 ) -> DisturbedFit:
-    """The likeliest of the fits from some starts, with a delay of the inputs if there is one."""
+    """Return the likeliest fit from these starts, with unusual terms and delays it needs."""
     structure = replace(structure, timing=Timing("zero"))
-    return _suited(_likeliest(Job.of(structure, data, starts[0]), starts))
+    return _with_unusual_terms(_likeliest(Job.of(structure, data, starts[0]), starts))
 
 
 def _likeliest(job: Job, starts: Sequence[Mapping[str, float]]) -> DisturbedFit:
-    """The likeliest of the fits from the most likely starts, and from where the best led."""
+    """Return the likeliest fit from the best starts and from the result made physical."""
     possible = [as_physical(job.balance, start) for start in starts]
     ends: list[ArmInBand] = []
     for tried, start in enumerate(sorted(possible, key=job.in_band.misfit)):
         if tried >= _TRIED and ends:
             break
         with suppress(ConvergenceError):
-            _go_on(job, start, ends)
+            _add_fit(job, start, ends)
     if not ends:
         raise no_start()
     with suppress(ConvergenceError):
-        _go_on(job, as_physical(job.balance, ends[0].fitted.by_name), ends)
+        _add_fit(job, as_physical(job.balance, ends[0].fitted.by_name), ends)
     best, *rivals = ends
     return DisturbedFit(job, best, tuple(rivals))
 
 
-def _suited(found: DisturbedFit) -> DisturbedFit:
-    """The same fit, with each unusual term or delay that makes it clearly likelier."""
+def _with_unusual_terms(found: DisturbedFit) -> DisturbedFit:
+    """Return the fit with each unusual term or delay that makes it clearly likelier."""
     parts = unusual_parts(found.fitted.structure)
     while parts:
-        squares, best = _squares(found.fitted), found.best
+        squares, best = _cost(found.fitted), found.best
         promised, part = min(promises(best.fitted, parts), key=lambda each: each[0])
         if promised > squares - UNUSUAL_FALL:
             break
@@ -215,7 +215,7 @@ def _suited(found: DisturbedFit) -> DisturbedFit:
         job = replace(found.job, structure=part.added(found.job.structure))
         with suppress(ConvergenceError):
             near = job.in_band.with_gains_of(best.fitted, best.fitted.by_name, NEAR_STEPS)
-            if _squares(near) < squares - UNUSUAL_FALL:
+            if _cost(near) < squares - UNUSUAL_FALL:
                 other = job.in_band.fit(near.by_name, best.sizes, near)
                 if other.cost < best.cost - UNUSUAL_FALL:
                     found = DisturbedFit(job, other, ())
@@ -223,23 +223,23 @@ def _suited(found: DisturbedFit) -> DisturbedFit:
 
 
 def along_the_valley(found: DisturbedFit) -> DisturbedFit:
-    """The same fit, or a likelier one, with what is about as likely without couplings or far away.
+    """Search along the least determined direction and without rotor couplings for other minima.
 
-    Friction that sticks makes the bottom rough. Steps may end on it far from the least cost, and
-    its curvature there tells of single slips, not of what the whole log leaves open.
+    Sticking friction makes the cost rough: steps may end far from the minimum, where the curvature
+    reflects single slips. Returns the likeliest fit; minima about as likely become its rivals.
     """
     ends = [found.best, *found.rivals]
     for start in (*_uncoupled(found), *_far_along(found.fitted)):
         with suppress(ConvergenceError):
-            _go_on(found.job, start, ends)
+            _add_fit(found.job, start, ends)
     best, *rivals = ends
     return replace(found, best=best, rivals=tuple(rivals))
 
 
 def _uncoupled(found: DisturbedFit) -> Iterator[dict[str, float]]:
-    """Values that fit best without couplings of rotors, of which most gears have next to none.
+    """Yield the best values with all rotor couplings at zero, which is true for most gears.
 
-    Inertia moves from link to motor, and stiffness with it, where a coupling makes up for that.
+    With a coupling, inertia can move from link to motor, and stiffness with it, at little cost.
     """
     best, in_band = found.fitted, found.job.in_band
     none = {name: 0.0 for name in best.names if name.startswith("rotor_coupling")}
@@ -251,7 +251,7 @@ def _uncoupled(found: DisturbedFit) -> Iterator[dict[str, float]]:
 
 
 def _far_along(fitted: FittedArm) -> Iterator[dict[str, float]]:
-    """The farthest values, either way, at which the cost has risen much less than by curvature."""
+    """Yield distant values along the least determined direction where the cost is still low."""
     inverse, deviations = fitted.minimum.reduced.inverse, fitted.unit_deviations
     scale = np.where(deviations > 0.0, deviations, 1.0)
     weakest = np.linalg.eigh(inverse / np.outer(scale, scale))[1][:, -1]
@@ -262,7 +262,7 @@ def _far_along(fitted: FittedArm) -> Iterator[dict[str, float]]:
         for far in _FAR[::-1]:
             values = point.values + far * way
             moved = fitted.problem.equations(replace(point, values=values), "nothing")
-            if moved.cost - _squares(fitted) < _FLATTER * far**2:
+            if moved.cost - _cost(fitted) < _FLAT * far**2:
                 yield {**fitted.by_name, **dict(zip(fitted.names, values.tolist(), strict=True))}
                 break
 
@@ -270,9 +270,9 @@ def _far_along(fitted: FittedArm) -> Iterator[dict[str, float]]:
 def creeping(
     found: DisturbedFit, fixed: Collection[str], starts: Sequence[Mapping[str, float]]
 ) -> DisturbedFit:
-    """The fit with motors that creep, where that is clearly likelier than that they rest.
+    """Return the fit in which resting motors may creep, if it is clearly likelier than `found`.
 
-    Parameters that are not in `fixed` are sought then.
+    Its parameters outside `fixed` are estimated.
     """
     structure = found.job.structure
     kept = {name: value for name, value in structure.fixed.items() if name in fixed}
@@ -288,9 +288,9 @@ def creeping(
 
 
 def _about_to_slip(found: DisturbedFit, start: Mapping[str, float]) -> dict[str, float]:
-    """A start whose resting motors weigh what they carry, and let most torques hold them.
+    """Return a start in which friction holds each resting motor during most of the log.
 
-    From a friction beyond all torques a fit never learns that a motor moves.
+    If the friction exceeded all torques, the motor would never move, and no step would change that.
     """
     moved, samples = dict(start), found.job.data.samples
     for joint in found.job.structure.joint.resting:
@@ -306,19 +306,19 @@ def _about_to_slip(found: DisturbedFit, start: Mapping[str, float]) -> dict[str,
     return moved
 
 
-def _squares(fitted: FittedArm) -> float:
+def _cost(fitted: FittedArm) -> float:
     return fitted.minimum.equations.cost
 
 
-def _go_on(job: Job, start: Mapping[str, float], ends: list[ArmInBand]) -> None:
-    """Add the end that a start leads to, if it may be as likely as the best so far.
+def _add_fit(job: Job, start: Mapping[str, float], ends: list[ArmInBand]) -> None:
+    """Fit from a start and add the result to `ends`, if it may be as likely as the best of them.
 
-    Sizes are sought once more only where the values are likelier with those of the best.
+    Noise and disturbance are fitted again only if the values are likelier with those of the best.
     """
     if ends:
         best = ends[0]
         near = job.in_band.with_gains_of(best.fitted, start, _FAR_STEPS)
-        more = _squares(near) - _squares(best.fitted)
+        more = _cost(near) - _cost(best.fitted)
         if more > RIVAL or _is_same(near, best.fitted):
             return
         if more > -_LIKELIER:
@@ -332,22 +332,22 @@ def _go_on(job: Job, start: Mapping[str, float], ends: list[ArmInBand]) -> None:
 
 
 def _is_same(near: FittedArm, best: FittedArm) -> bool:
-    """Whether a start led to the minimum that is known already."""
+    """Whether two fits ended at the same minimum."""
     moved = np.abs(near.values - best.values)
     return bool((moved <= _SAME * best.unit_deviations).all())
 
 
 def as_physical(balance: TorqueBalance, start: Mapping[str, float]) -> dict[str, float]:
-    """A start of about the same motion in which no friction drives and no rotor couples backwards.
+    """Return a start without negative friction, damping or rotor coupling, but similar motion.
 
-    Of a joint that is stiff, motor and link show their sum alone: friction may stand at either, and
-    inertia may move from the link to the motor, if the coupling of the rotor makes up for it.
+    A stiff joint only shows the sum of link and motor: friction can move from one to the other.
+    Inertia can move from the link to the motor if the rotor coupling compensates for it.
     """
     moved = dict(start)
     for joint in range(1, balance.joints + 1):
         for law in ("viscous", "coulomb"):
             link, motor = (f"{side}_{law}_friction_{joint}" for side in ("link", "motor"))
-            if motor not in moved:  # it stands still
+            if motor not in moved:  # the motor rests
                 continue
             moved[motor] = max(moved[motor] + moved[link], 0.0)
             moved[link] = 0.0
@@ -364,7 +364,7 @@ def as_physical(balance: TorqueBalance, start: Mapping[str, float]) -> dict[str,
 
 
 def resonances(balance: TorqueBalance, values: Mapping[str, float]) -> FloatArray:
-    """Angular frequency in rad/s of each joint's motor against its own link."""
+    """Return the resonance of each joint's motor against its own link, in rad/s."""
     least = np.finfo(float).tiny
     found = []
     for joint in range(1, balance.joints + 1):

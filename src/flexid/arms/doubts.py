@@ -1,8 +1,8 @@
-"""What may be wrong with the fit of a disturbed arm that its likelihood does not show.
+"""Systematic uncertainties of an arm's fit with disturbances that its likelihood does not contain.
 
-Each doubt says by how much the values may be off, as directions of errors, shape (k, m), like those
-of one joint in `flexid.identification.estimation.doubts`. Most change the log, and look where the
-fit goes.
+Each doubt returns possible errors of the k values as m independent directions, shape (k, m), like
+those of one joint in `flexid.identification.estimation.doubts`. Most doubts fit a changed log
+again.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -43,32 +43,32 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import JointTerm, TorqueBalance
 from flexid.recording.velocities import position_noise
 
-_SEED = 1  # of the noise that is added to inputs
-_NEVER_NEGATIVE = ("friction", "damping", "coupling")  # but as a sign of something else
-_GAPS = np.geomspace(0.02, 1.0, 25)  # halves of them, over the deflection's standard deviation
-_CHANCE = 0.005  # of what is left, that is chance: a dozen of some 2400 independent rows
+_SEED = 1  # of the noise added to inputs
+_NEVER_NEGATIVE = ("friction", "damping", "coupling")  # unless the model is wrong
+_GAPS = np.geomspace(0.02, 1.0, 25)  # half widths over the deflection's standard deviation
+_CHANCE = 0.005  # random share of the residual squares: 12 of some 2400 independent rows
 
 Doubt = Callable[[DisturbedFit], FloatArray]
 
 
 def white_noise(found: DisturbedFit) -> FloatArray:
-    """Noise of each input that its motor's disturbance would be, shape (n_joints,)."""
+    """Return the input noise equivalent to each motor's disturbance, shape (n_joints,)."""
     sizes, job = found.best.sizes, found.job
     sample_time = max(recording.sample_time for recording in job.data.samples)
     joints = range(1, job.balance.joints + 1)
     gains = np.array([abs(found.values[f"torque_constant_{joint}"]) for joint in joints])
-    spectra = 2.0 / (sizes.rates[1::2] * sample_time)  # over that of white noise of that size
+    spectra = 2.0 / (sizes.rates[1::2] * sample_time)  # over those of white noise
     return found.disturbing_torques()[1::2] * np.sqrt(spectra) / np.maximum(gains, 1e-12)
 
 
 def input_noise(found: DisturbedFit) -> FloatArray:
-    """Noise of each input that may be in the log alone, shape (n_joints,)."""
+    """Return the largest plausible noise of each logged input, shape (n_joints,)."""
     logged = [[position_noise(c) for c in r.inputs.T] for r in found.job.data.samples]
     return np.minimum(np.max(logged, axis=0), white_noise(found))
 
 
 def timely(found: DisturbedFit) -> tuple[Samples, ...]:
-    """The log with each link's position, every second one, moved to when it was true."""
+    """Return the log with the delays of link encoders undone."""
     late = [found.values.get(name, 0.0) for name in link_delays(found.job.balance)]
     moved = []
     for recording in found.job.data.samples:
@@ -80,15 +80,15 @@ def timely(found: DisturbedFit) -> tuple[Samples, ...]:
 
 
 def calibration(found: DisturbedFit) -> FloatArray:
-    """No sensor's scale is known better."""
+    """Return errors by the scales of the sensors."""
     return CALIBRATION * np.diag(found.fitted.values)
 
 
 def noise_of_the_inputs(found: DisturbedFit) -> FloatArray:
-    """Noise of the logged torque makes its effect look smaller: twice as much does so twice.
+    """Return the bias by noise of the logged torque, found by adding as much noise once more.
 
-    Noise of both signs is added, so that the mean change is the bias alone (simulation and
-    extrapolation: Cook and Stefanski, J. American Statistical Association 89, 1994).
+    The mean over noise of both signs is the bias alone (simulation and extrapolation: Cook and
+    Stefanski, J. American Statistical Association 89, 1994).
     """
     job, fitted, noise = found.job, found.fitted, input_noise(found)
     rng = np.random.default_rng(_SEED)
@@ -106,12 +106,12 @@ def noise_of_the_inputs(found: DisturbedFit) -> FloatArray:
 
 
 def errors_of_the_rig(found: DisturbedFit) -> FloatArray:
-    """Encoders, scales, lengths and directions err, as much as the log does not contradict."""
+    """Return likely errors by encoders, scales, lengths and directions, given the log."""
     return likely_changes(found.fitted, [*rig_errors(found.fitted, found.job.deflections)])
 
 
 def halves_of_the_log(found: DisturbedFit) -> FloatArray:
-    """What is not random differs between the halves of the log, fitted with its gains."""
+    """Return differences between fits to the halves of the log beyond chance."""
     fitted, halves = found.fitted, []
     for data in found.job.data.halves():
         in_band = replace(found.job, data=data).in_band
@@ -121,7 +121,7 @@ def halves_of_the_log(found: DisturbedFit) -> FloatArray:
 
 
 def another_band(found: DisturbedFit) -> FloatArray:
-    """What is not random differs between bands."""
+    """Return differences from a fit in a narrower band beyond chance."""
     best, job = found.best, replace(found.job, factor=2 * found.job.factor)
     other = DisturbedFit(job, job.in_band.fit(best.fitted.by_name, best.sizes, best.fitted), ())
     own, narrower = (
@@ -131,18 +131,18 @@ def another_band(found: DisturbedFit) -> FloatArray:
 
 
 def other_minima(found: DisturbedFit) -> FloatArray:
-    """Another minimum that is hardly less likely may be the right one."""
+    """Return differences from other minima that are almost as likely."""
     near = [r.fitted for r in found.rivals if r.cost < found.best.cost + RIVAL]
     return _directions([rival.values - found.fitted.values for rival in near], found)
 
 
 def unfinished_steps(found: DisturbedFit) -> FloatArray:
-    """Where steps do not end, as dry friction makes them rough, the next one is still to come."""
+    """Return the next step of the fit, which is large if dry friction keeps it from converging."""
     return found.fitted.minimum.reduced.values_step[:, None]
 
 
 def negative_values(found: DisturbedFit) -> FloatArray:
-    """A friction that drives has the part of something else: it may be zero as well."""
+    """Return the changes of all values if a friction fitted as negative is in fact zero."""
     covariance, moved = found.estimate.covariance, []
     for place, (name, value) in enumerate(found.fitted.by_name.items()):
         variance = covariance[place, place]
@@ -158,9 +158,9 @@ def _directions(moved: Sequence[FloatArray], found: DisturbedFit) -> FloatArray:
 
 
 def looks_like_a_term(found: DisturbedFit) -> FloatArray:
-    """What a balance leaves unexplained may look like any one of its terms in part.
+    """Return errors by disturbances that resemble a term of their balance.
 
-    What passes for noise of an input does not.
+    The part of a disturbance that may be noise of the input is excluded.
     """
     job, torques = found.job, found.disturbing_torques()
     noise = np.minimum(input_noise(found) / np.maximum(white_noise(found), 1e-300), 1.0)
@@ -173,13 +173,13 @@ def looks_like_a_term(found: DisturbedFit) -> FloatArray:
         seen = sizes[:, place] > 0.0
         friction = isinstance(term, JointTerm) and "v" in term.expression
         part = np.array([like_a_term(share, friction=friction) for share in shares])
-        if seen.any():  # where it stands in two balances, the better one tells
+        if seen.any():  # a term of two balances: the better one counts
             deviations[name] = float(((part * torques)[seen] / sizes[seen, place]).min())
     return np.diag([deviations.get(name, 0.0) for name in found.fitted.names])
 
 
 def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
-    """What a balance leaves unexplained makes its inertia look heavier or lighter in part."""
+    """Return errors of inertias by disturbances that resemble the acceleration."""
     sides = ((*row.split("_"), share) for row, share in found.shares().items())
     kinds = ("inertia", "mass")
     shares = {f"{side}_{kind}_{joint}": share for side, joint, share in sides for kind in kinds}
@@ -188,7 +188,7 @@ def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
 
 
 def play(found: DisturbedFit) -> FloatArray:
-    """A spring with play looks like one that hardens, and softer than it is."""
+    """Return errors of springs that in fact have play: it looks like hardening, and softer."""
     changes = changes_by_play(found.job.balance, found.values, timely(found))
     names = found.fitted.names
     return np.array([[change.get(name, 0.0) for change in changes] for name in names])
@@ -201,23 +201,23 @@ DOUBTS: Mapping[Doubt, str] = {
     halves_of_the_log: OF_A_HALF,
     another_band: OF_A_BAND,
     other_minima: "another set of values explains the log as well",
-    unfinished_steps: "the steps of the fit do not end",
+    unfinished_steps: "the fit does not converge",
     negative_values: "a friction or damping came out negative",
     play: LIKE_PLAY,
     looks_like_a_term: LIKE_A_TERM,
     looks_like_the_acceleration: HEAVIER,
 }
-"""Each doubt, and what is said where it makes most of an interval."""
+"""Each doubt, with the reason to state where it makes up most of an interval."""
 
 
 def with_doubts(found: DisturbedFit) -> tuple[Estimate, dict[str, str]]:
-    """The estimate with all doubts in its covariance, and which made most of each variance."""
-    every = side_by_side(lambda doubt: _said(doubt, found), DOUBTS)
+    """Return the estimate with all doubts, and the main reason for each parameter's variance."""
+    every = side_by_side(lambda doubt: _directions_of(doubt, found), DOUBTS)
     return widened(found.estimate, zip(map(covariance_of, every), DOUBTS.values(), strict=True))
 
 
-def _said(doubt: Doubt, found: DisturbedFit) -> FloatArray:
-    """What a doubt says; nothing where its own fit fails."""
+def _directions_of(doubt: Doubt, found: DisturbedFit) -> FloatArray:
+    """Return a doubt's directions, or none if its own fit fails."""
     try:
         return doubt(found)
     except ConvergenceError:
@@ -225,7 +225,7 @@ def _said(doubt: Doubt, found: DisturbedFit) -> FloatArray:
 
 
 class _Spring(NamedTuple):
-    """A spring that suits a torque, and the sum of squares that it leaves."""
+    """Spring fitted to a torque, and the sum of squared residuals."""
 
     stiffness: float
     cubic: float
@@ -235,10 +235,10 @@ class _Spring(NamedTuple):
 def changes_by_play(
     balance: TorqueBalance, values: Mapping[str, float], recordings: tuple[Samples, ...]
 ) -> list[dict[str, float]]:
-    """By how much each joint's spring changes if it has play; nothing where that is unlikely.
+    """Return by parameter how much each joint's spring changes with play, if play is likely.
 
-    What moves a link is the torque of its spring, so that the rest of its balance shows how that
-    depends on the deflection: on a straight line, a cubic, or either beyond a dead zone.
+    The spring's torque equals the rest of the link's balance. Over the deflection it is a straight
+    line, a cubic, or either of them beyond a dead zone.
     """
     columns = filtered(balance, recordings, EFFECT_BAND).columns
     pi = np.array([values[name] for name in balance.coefficients])
@@ -255,23 +255,23 @@ def changes_by_play(
         deflection, cube = (-row[:, own.pop(name)] for name in names)
         rest = -row[:, [*own.values()]]
         curved = values[names[1]] != 0.0
-        plain = _spring(torque, deflection, cube, rest, curved=curved)
+        plain = _fitted_spring(torque, deflection, cube, rest, curved=curved)
         beyond = (deflection - np.clip(deflection, -gap, gap) for gap in _GAPS * np.std(deflection))
         tried = [
-            _spring(torque, zone, zone**3, rest, curved=bent)
+            _fitted_spring(torque, zone, zone**3, rest, curved=bent)
             for zone in beyond
             for bent in {False, curved}
         ]
-        shares = zip(names, _changed(plain, tried, curved=curved), strict=True)
+        shares = zip(names, _relative_changes(plain, tried, curved=curved), strict=True)
         found.append({name: values[name] * share for name, share in shares if share})
     return found
 
 
-def _changed(plain: _Spring, tried: list[_Spring], *, curved: bool) -> tuple[float, float]:
-    """Shares by which stiffness and hardening change, at most, with play that is likely.
+def _relative_changes(plain: _Spring, tried: list[_Spring], *, curved: bool) -> tuple[float, float]:
+    """Return the largest relative changes of stiffness and hardening with play that is likely.
 
-    A spring that hardens may be one with play, if that leaves less at all. A straight one is not,
-    unless it leaves much less: of play, hardening would have been found.
+    For a hardening spring, play is likely if its residuals are at all smaller. For a linear spring
+    they must be much smaller, because play would have been fitted as hardening.
     """
     least = min(spring.left for spring in tried)
     wanted = 1.0 - _CHANCE if curved else LIKELIER
@@ -283,7 +283,7 @@ def _changed(plain: _Spring, tried: list[_Spring], *, curved: bool) -> tuple[flo
     return own.stiffness / plain.stiffness - 1.0, hardens
 
 
-def _spring(
+def _fitted_spring(
     torque: FloatArray, deflection: FloatArray, cube: FloatArray, rest: FloatArray, *, curved: bool
 ) -> _Spring:
     columns = np.column_stack((deflection, rest, *([cube] if curved else [])))
@@ -293,14 +293,14 @@ def _spring(
     return _Spring(float(solved[0]), float(solved[-1]) if curved else 0.0, float(left @ left))
 
 
-LENGTH = 0.005  # of a length, standard deviation: a rule misses joints by 1 or 2 mm
-DIRECTION = 0.01  # rad, of a slide, standard deviation: a square is held askew by half a degree
+LENGTH = 0.005  # relative standard deviation: a ruler misses joints by 1 or 2 mm
+DIRECTION = 0.01  # rad, standard deviation of a slide's direction: half a degree
 
 
 def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[SegmentedMotion]:
-    """The motion of a fit on rigs that err otherwise by `SHARE` of a standard deviation.
+    """Yield the fit's motion with each error of the rig at `SHARE` of its standard deviation.
 
-    `deflections` are the places of links whose position is from a deflection.
+    `deflections` are indices of links whose position is measured as a deflection.
     """
     outputs, types = fitted.problem.segments.outputs, fitted.structure.joint.balance.types
     for motor in range(1, outputs.shape[1], 2):
@@ -309,12 +309,12 @@ def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[Segmen
         if link in deflections:
             bent = outputs[:, link] - outputs[:, motor]
             yield otherwise_shown(fitted, link, GAUGE * bent)
-        elif types[link // 2] == "revolute":  # once per turn, at any angle
+        elif types[link // 2] == "revolute":  # once per turn, with any phase
             for wave in (np.sin, np.cos):
                 error = ECCENTRICITY / np.sqrt(2.0) * wave(outputs[:, link])
                 yield otherwise_shown(fitted, link, error)
     known = fitted.structure.joint.balance.constants
-    unfelt = f"l{len(types)}"  # the last length
+    unfelt = f"l{len(types)}"  # the last length has no effect
     for place, (name, value) in enumerate(known.items()):
         error = {"l": LENGTH * value, "d": DIRECTION}.get(name[0], 0.0)
         if error and name != unfelt:

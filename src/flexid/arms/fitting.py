@@ -1,7 +1,7 @@
-"""The fit of an arm: from least squares over short segments to long ones, then what is unusual.
+"""Fit of an arm: least squares, then output error over segments of growing length.
 
-One pass over the log tells what all unusual terms and late channels promise: a quadratic form about
-the fit so far.
+Unusual terms and delays are chosen on the way. One pass over the log predicts the gain of all of
+them, from a quadratic approximation about the current fit.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -34,7 +34,7 @@ from flexid.models.torque_balance import TorqueBalance
 from flexid.recording.recording import Hold
 
 UNUSUAL_FALL = 25.0
-"""Of the weighted squares, over their variance, that what is unusual brings at least."""
+"""Fall of the weighted squares, over their variance, that an unusual term must bring."""
 
 FittedArm = Fitted[ElasticArm]
 ArmStructure = Structure[ElasticArm]
@@ -42,13 +42,13 @@ ArmStructure = Structure[ElasticArm]
 
 @dataclass(frozen=True)
 class Unusual:
-    """One parameter more that may be sought: that of a term, or the delay of a channel."""
+    """Parameter that may be fitted in addition: of an unusual term, or a channel's delay."""
 
     name: str
-    hold: Hold | None = None  # how the inputs behave; None where that stays as it was
+    hold: Hold | None = None  # how the inputs behave between samples; None keeps it
 
     def added(self, structure: ArmStructure) -> ArmStructure:
-        """The structure with it."""
+        """Return the structure with this parameter fitted."""
         fixed = {name: value for name, value in structure.fixed.items() if name != self.name}
         timing = replace(structure.timing, hold=self.hold or structure.timing.hold)
         if self.name not in structure.joint.balance.coefficients:
@@ -57,25 +57,25 @@ class Unusual:
 
 
 LINES = Unusual(INPUT, "linear")
-"""Inputs on straight lines between samples, and late: much like held ones with another delay."""
+"""Delayed inputs on straight lines between samples; similar to held ones with another delay."""
 
 
 def unusual_parts(structure: ArmStructure) -> list[Unusual]:
-    """Terms that a structure does not have yet, and delays of the inputs and of each link."""
+    """Return unusual terms that a structure lacks, and delays of the inputs and of each link."""
     balance = structure.joint.balance
     terms = [name for name in balance.unusual if name in structure.fixed]
     return [*map(Unusual, terms), Unusual(INPUT), *map(Unusual, link_delays(balance))]
 
 
 def link_delays(balance: TorqueBalance) -> tuple[str, ...]:
-    """Name of the delay of each link's encoder, of which that of the motor is on time."""
+    """Return the name of each link encoder's delay; motor encoders have none."""
     return tuple(f"{row.name}{DELAY}" for row in balance.rows[::2])
 
 
 def promises(fitted: FittedArm, parts: Sequence[Unusual]) -> Iterator[tuple[float, Unusual]]:
-    """The weighted squares that one step from a fit promises with each part, and the part.
+    """Yield the weighted squares that one step with each part is predicted to reach, and the part.
 
-    A fit that has not ended would go on as it is as well: that is no merit of a part.
+    The fall that the step would bring without the part is not counted.
     """
     holds = [part.hold or fitted.structure.timing.hold for part in parts]
     for hold in dict.fromkeys(holds):
@@ -96,78 +96,76 @@ def promises(fitted: FittedArm, parts: Sequence[Unusual]) -> Iterator[tuple[floa
 
 
 COARSER = 0.3
-"""Steps of integration over the usual ones, where little depends on their error.
+"""Number of integration steps over the usual number, where their error matters little.
 
-It is 1e-4 of the phase: another fit follows, or an observer corrects the motion at each sample.
+The error is 1e-4 of the phase. Either another fit follows, or an observer corrects each sample.
 """
 
-# Those of a stiff joint are limited there: a model that is much faster than the samples is not yet
-# the right one.
-_ROUGHLY = Steps(0.1, insist=False, iterations=8, coarser=COARSER, most_substeps=8)
-_BETWEEN = replace(_ROUGHLY, iterations=5)  # between the first segments and those that count
-_FIRST_SEGMENTS = 40  # over which each start is tried
+# The substeps are limited: while the fitted joint is much faster than the sampling, its values are
+# still far from right.
+_ROUGH = Steps(0.1, insist=False, iterations=8, coarser=COARSER, most_substeps=8)
+_INTERMEDIATE = replace(_ROUGH, iterations=5)  # between the first and the longest segments
+_FIRST_SEGMENTS = 40  # on which each start is tried
 _FINE = Steps(1e-3, insist=False, iterations=8, most_substeps=30)
-_FEW = replace(
+_REFIT = replace(
     _FINE, tolerance=0.1, iterations=6
-)  # from values of the whole log to those of a part
-_USUAL = 1.7  # s: segments that a fit goes up to in any case
-_GROWTH = 1.01  # of the residuals' variance with the segments' length, up to which it goes on
-_UNFINISHED = 1.0  # standard deviations, of the step that would come next
-_TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows, and bent springs
-_UNUSUAL_SHARE = 0.1  # of the weighted squares, that it brings where the model explains little
-_UNEXPLAINED = 1.5  # variance of the residuals over the encoders', that no exact fit mends
+)  # from the values for the whole log to those for a part
+_USUAL = 1.7  # s: length of segments up to which their residuals are not compared
+_LARGEST_RATIO = 1.01  # of the residuals' variance, at most, over longer segments
+_UNCONVERGED = 1.0  # standard deviations: a next step beyond it is not converged
+_TIMED_FROM = 0.35  # s: length of segments that show timing and cubic springs
+_UNUSUAL_SHARE = 0.1  # least fall of the weighted squares if the model explains little
+_UNEXPLAINED = 1.5  # variance of the residuals over the encoders', beyond repair
 
-_FINEST, _LAGS = 1e-3, 6  # of a lag, to which it is sought, in so many steps at most
-_HELD_OUT = 1 / 3  # of each recording, at its end, that is predicted
+_FINEST, _LAGS = 1e-3, 6  # relative tolerance of a lag, and iterations
+_HELD_OUT = 1 / 3  # part at the end of each recording that is predicted
 
 EFFECT_BAND = 20.0
-"""Frequency in Hz up to which a parameter's torque is taken."""
+"""Frequency in Hz up to which the torque of a parameter is computed."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExactFits:
-    """Fits without disturbances over segments of growing length, as far as they are of use."""
+    """Fits without disturbances over segments of growing length."""
 
     asked: Structure[ElasticArm]
-    begun: tuple[dict[str, float], ...]  # least squares by name, the first one led to `found`
-    found: tuple[FittedArm, ...]  # none where no motion leads from there
-    log_lag: float = 0.0  # s, of a filter of the inputs into the log, undone in `found`
+    begun: tuple[dict[str, float], ...]  # starts by name; `found` is from the first
+    found: tuple[FittedArm, ...]  # empty if the fit failed from each start
+    log_lag: float = 0.0  # s, of a filter of the logged inputs, undone in `found`
 
     @property
     def hopeless(self) -> str:
-        """Why there is no fit without disturbances; empty where there may be one."""
-        return (
-            _hopeless(self.found[-1]) if self.found else "the motion leads nowhere from any start"
-        )
+        """Reason why fits without disturbances failed; empty if they may be good."""
+        return _failure(self.found[-1]) if self.found else "the fit fails from every start"
 
     @property
     def structure(self) -> Structure[ElasticArm]:
-        """What was fitted in the end, with the unusual terms that it needs."""
+        """Structure of the last fit, with the unusual terms that it needs."""
         return self.found[-1].structure if self.found else self.asked
 
     @property
     def starts(self) -> tuple[dict[str, float], ...]:
-        """Values of least squares, and those over the longest segments, by name."""
+        """Starting values and the values of the last fit, by name."""
         return (*self.begun, *(end.by_name for end in self.found[-1:]))
 
     def best(self) -> tuple[FittedArm, Estimate]:
-        """The fit over the longest segments that can be trusted, with its covariance."""
-        ends = _ends(self.found)
+        """Return the fit over the longest segments with small residuals, and its estimate."""
+        ends = _final_fits(self.found)
         best = next(ends, None)
-        if best is None:  # the last one is shown for what it is: its intervals are infinite
+        if best is None:  # no fit converged: the intervals are infinite
             return self.found[-1], estimate_of(self.found[-1])
         estimate = estimate_of(best)
         shorter = next(ends, None) if explains(best) else None
         if shorter is None or shorter.names != best.names:
             return best, estimate
-        apart = shorter.values - best.values  # what another length of the segments makes of the log
+        apart = shorter.values - best.values  # change with the length of the segments
         return best, estimate.widened(0.5 * np.outer(apart, apart))
 
 
 def exact_fits(
     structure: Structure[ElasticArm], data: Data, progress: Callable[[str], None]
 ) -> ExactFits:
-    """Fit an arm to recordings, until its residuals say that it lacks something."""
+    """Fit an arm over segments of growing length until its residuals show a model error."""
     divisions = _divisions(data)
     progress("least squares")
     likely, first = begun(structure, data, divisions[0])
@@ -177,52 +175,52 @@ def exact_fits(
         duration = divisions[place].mean_duration
         progress(f"segments of {duration:.2g} s")
         try:
-            longer = over_longer(found[-1], divisions[place], _BETWEEN)
+            longer = over_longer(found[-1], divisions[place], _INTERMEDIATE)
         except ConvergenceError:
             break
-        late = duration >= _TIMED_FROM and longer.minimum.last_step <= _UNFINISHED
+        late = duration >= _TIMED_FROM and longer.minimum.last_step <= _UNCONVERGED
         is_timed = not timed and (late or not _near_noise(longer))
         if is_timed:
-            longer, timed = _suited(longer), True
+            longer, timed = _with_unusual_terms(longer), True
         if is_timed or lag:
-            longer, lag = _sharpened(longer, data, lag)
+            longer, lag = _with_filter_undone(longer, data, lag)
             divisions = _divisions(before_the_log(data, lag))
         found.append(longer)
-        if _hopeless(longer) or (duration > _USUAL and not _holds(longer, found)):
+        if _failure(longer) or (duration > _USUAL and not _has_small_residuals(longer, found)):
             break
     return ExactFits(structure, likely, tuple(found), lag)
 
 
 def _divisions(data: Data) -> list[Segments]:
-    """Segments of growing length."""
+    """Return divisions of the data into segments, the shortest first."""
     return lengths(data, min(LONGEST, 0.5 * data.shortest))
 
 
 def residual_excess(fitted: FittedArm) -> FloatArray:
-    """Residual of each encoder over its noise, root mean squares."""
+    """Return the RMS residual of each encoder over its noise, shape (n_rows,)."""
     residuals = fitted.minimum.equations.residuals[fitted.problem.segments.within]
     return np.sqrt(np.mean(residuals**2, axis=0)) / fitted.data.noise
 
 
 def explains(fitted: FittedArm) -> bool:
-    """Whether a fit has ended and leaves hardly more than the encoders' noise."""
+    """Whether a fit has converged to residuals close to the encoders' noise."""
     left = float(np.mean(residual_excess(fitted) ** 2))
     return has_ended(fitted) and left <= THRESHOLDS.sensor_excess
 
 
 def has_ended(fitted: FittedArm) -> bool:
-    """Whether steps ended, and not because sensitivities beyond all bounds left nothing known."""
-    return fitted.minimum.last_step <= _UNFINISHED and not fitted.minimum.reduced.free.all()
+    """Whether a fit has converged, with at least one parameter that is determined."""
+    return fitted.minimum.last_step <= _UNCONVERGED and not fitted.minimum.reduced.free.all()
 
 
-def _hopeless(fitted: FittedArm) -> str:
-    """Why no exact fit over longer segments will do; empty where one may."""
+def _failure(fitted: FittedArm) -> str:
+    """Return why fits over longer segments would fail too; empty if they may succeed."""
     if fitted.duration > _USUAL:
         return ""
     if not _near_noise(fitted):
         return f"residuals exceed the encoders' noise within {fitted.duration:.2g} s"
-    if fitted.duration >= _TIMED_FROM and fitted.minimum.last_step > _UNFINISHED:
-        return f"steps do not end over segments of {fitted.duration:.2g} s"
+    if fitted.duration >= _TIMED_FROM and fitted.minimum.last_step > _UNCONVERGED:
+        return f"the fit does not converge over segments of {fitted.duration:.2g} s"
     return ""
 
 
@@ -230,19 +228,19 @@ def _near_noise(fitted: FittedArm) -> bool:
     return fitted.excess <= _UNEXPLAINED
 
 
-def _suited(fitted: FittedArm) -> FittedArm:
-    """The same fit, with each unusual term or timing of the inputs that is clearly better.
+def _with_unusual_terms(fitted: FittedArm) -> FittedArm:
+    """Return the fit with each unusual term, delay or hold of the inputs that is clearly better.
 
-    Another behaviour of the inputs looks much like a delay, which is tried first.
+    Delays are tried before another hold, which looks similar.
     """
     return _with_better(_with_better(fitted, unusual_parts(fitted.structure)), [LINES])
 
 
-def _sharpened(best: FittedArm, logged: Data, lag: float) -> tuple[FittedArm, float]:
-    """The fit of inputs before they were low-passed into the log, and the lag of that filter in s.
+def _with_filter_undone(best: FittedArm, logged: Data, lag: float) -> tuple[FittedArm, float]:
+    """Return the fit with the inputs' filter undone, and the lag of the filter in s.
 
-    An input that acts early may have been logged behind a filter: a delay beside that is what its
-    `lag` so far lacks. The fit as it is where a filter is not clearly better.
+    An input with a negative delay may have been logged after a filter. The delay that is still
+    fitted corrects `lag`. The fit is unchanged if a filter is not clearly better.
     """
     is_first = lag == 0.0
     for _ in range(_LAGS):
@@ -254,18 +252,18 @@ def _sharpened(best: FittedArm, logged: Data, lag: float) -> tuple[FittedArm, fl
         segments = next(own for own in _divisions(data) if len(own) == count)
         states, start = best.minimum.point.initial_states, {**best.by_name, INPUT: 0.0}
         try:
-            other = fit_segments(best.structure, data, segments, start, states, _ROUGHLY)
+            other = fit_segments(best.structure, data, segments, start, states, _ROUGH)
         except ConvergenceError:
             break
         cost = other.minimum.equations.cost
-        if not (_falls(best, cost) if is_first else cost < best.minimum.equations.cost):
+        if not (_is_clearly_better(best, cost) if is_first else cost < best.minimum.equations.cost):
             break
         best, lag, is_first = other, lag + early, False
     return best, lag
 
 
 def before_the_log(data: Data, lag: float) -> Data:
-    """Data with their inputs in front of a filter with a lag in s."""
+    """Return the data with a first-order filter of the inputs undone; its lag is in s."""
     if lag == 0.0:
         return data
     samples = []
@@ -276,38 +274,37 @@ def before_the_log(data: Data, lag: float) -> Data:
 
 
 def _with_better(best: FittedArm, parts: list[Unusual]) -> FittedArm:
-    """The fit with each part that is clearly better, the most promising ones first."""
+    """Return the fit with each part that makes it clearly better, the best predicted first."""
     while parts:
         promised, part = min(promises(best, parts), key=lambda each: each[0])
-        if not _falls(best, promised):
+        if not _is_clearly_better(best, promised):
             break
         parts.remove(part)
         structure, states = part.added(best.structure), best.minimum.point.initial_states
         segments = best.problem.segments
         with suppress(ConvergenceError):
-            other = fit_segments(structure, best.data, segments, best.by_name, states, _ROUGHLY)
-            if _falls(best, other.minimum.equations.cost):
+            other = fit_segments(structure, best.data, segments, best.by_name, states, _ROUGH)
+            if _is_clearly_better(best, other.minimum.equations.cost):
                 best = other
     return best
 
 
-def _falls(before: FittedArm, cost: float) -> bool:
-    """Whether weighted squares fall enough for something unusual."""
+def _is_clearly_better(before: FittedArm, cost: float) -> bool:
+    """Whether the weighted squares fall enough to accept an unusual term."""
     least = UNUSUAL_FALL * before.excess
     if not _near_noise(before):
         least = max(least, _UNUSUAL_SHARE * before.minimum.equations.cost)
     return cost < before.minimum.equations.cost - least
 
 
-def _ends(found: Sequence[FittedArm]) -> Iterator[FittedArm]:
-    """The fit over the longest segments that can be trusted, and those before it.
+def _final_fits(found: Sequence[FittedArm]) -> Iterator[FittedArm]:
+    """Yield converged fits, the longest segments with small residuals first.
 
-    Long segments say more of what is slow, if the model is right. Where it is not, residuals grow
-    with the length, and what the model lacks biases the values. Each output's weight is from what
-    it leaves over.
+    Long segments determine slow motion better. With a model error, however, residuals grow with
+    the length and values are biased. Each output is weighted by the residuals it leaves.
     """
     for fitted in reversed(found):
-        if fitted.duration > _USUAL and not _holds(fitted, found):
+        if fitted.duration > _USUAL and not _has_small_residuals(fitted, found):
             continue
         noise = np.maximum(fitted.minimum.noise(fitted.problem), 0.3 * fitted.data.noise)
         weighted = replace(fitted, data=replace(fitted.data, noise=noise))
@@ -317,35 +314,35 @@ def _ends(found: Sequence[FittedArm]) -> Iterator[FittedArm]:
                 yield replace(end, data=fitted.data)
 
 
-def _holds(one: FittedArm, found: Sequence[FittedArm]) -> bool:
-    """Whether the residuals are hardly larger than those of the shortest segments that fit."""
-    return one.excess <= _GROWTH * next(filter(_near_noise, found), found[0]).excess
+def _has_small_residuals(one: FittedArm, found: Sequence[FittedArm]) -> bool:
+    """Whether residuals are hardly larger than over the shortest segments with a good fit."""
+    return one.excess <= _LARGEST_RATIO * next(filter(_near_noise, found), found[0]).excess
 
 
 def begun(
     structure: Structure[ElasticArm], data: Data, segments: Segments
 ) -> tuple[tuple[dict[str, float], ...], FittedArm | None]:
-    """Starts, those first that get closest to the log, and where the first one leads.
+    """Return starting values, the best first, and the fit from the first of them.
 
-    Those that lead nowhere are left out, unless all do.
+    Starts from which the fit fails are left out. If it fails from all, no fit is returned.
     """
     arm = structure.joint
     resting = [joint - 1 for joint in arm.resting]
     ways = starts(arm.balance, data.samples, dict(structure.fixed), resting)
-    few = segments.some(_FIRST_SEGMENTS)  # of all some may diverge from where least squares is
-    likely = tuple(by_misfit(structure, data, segments, ways, _BETWEEN))
+    few = segments.some(_FIRST_SEGMENTS)  # over all segments some may diverge from least squares
+    likely = tuple(by_misfit(structure, data, segments, ways, _INTERMEDIATE))
     if not likely:
         raise no_start()
     for place, start in enumerate(likely):
         with suppress(ConvergenceError):
-            near = fit_segments(structure, data, few, start, None, _BETWEEN)
-            first = fit_segments(structure, data, segments, near.by_name, None, _BETWEEN)
+            near = fit_segments(structure, data, few, start, None, _INTERMEDIATE)
+            first = fit_segments(structure, data, segments, near.by_name, None, _INTERMEDIATE)
             return likely[place:], first
     return likely, None
 
 
 def no_start() -> ConvergenceError:
-    """The error of a log that the model follows from nowhere."""
+    """Return the error for a log that the model cannot follow from any start."""
     return ConvergenceError(
         "arm",
         "the model cannot follow the log from any start: check the signs and units of the torques "
@@ -354,34 +351,31 @@ def no_start() -> ConvergenceError:
 
 
 def before_the_end(data: Data) -> tuple[Data, list[int]]:
-    """The first two thirds of each recording, and how many samples these have."""
+    """Return the first two thirds of each recording, and their numbers of samples."""
     starts = [round((1.0 - _HELD_OUT) * len(recording)) for recording in data.samples]
     own = zip(data.samples, starts, strict=True)
     return replace(data, samples=tuple(r.window(0, start) for r, start in own)), starts
 
 
 def predicted(fitted: FittedArm) -> Validation:
-    """How a fit to the first two thirds of each recording predicts the last."""
+    """Predict the last third of each recording with a fit to the first two thirds."""
     first, starts = before_the_end(fitted.data)
     first = replace(first, noise=1.0 / fitted.problem.weights)
     try:
         segments = divide(first.samples, fitted.problem.segments.mean_duration)
-        begun = fit_segments(fitted.structure, first, segments, fitted.by_name, None, _FEW)
+        begun = fit_segments(fitted.structure, first, segments, fitted.by_name, None, _REFIT)
         return validate(begun, fitted.data, starts)
     except (ConvergenceError, SettingError):
         return Validation({})
 
 
 def estimate_of(fitted: FittedArm) -> Estimate:
-    """The estimate, its covariance drawn towards that of white noise."""
+    """Return the estimate, with its covariance shrunk towards the one for white noise."""
     return fitted.fit.drawn_to(fitted.minimum.reduced.inverse * max(fitted.excess, 1e-300))
 
 
 def effect_sizes(balance: TorqueBalance, recordings: Sequence[Samples]) -> FloatArray:
-    """Root mean square torque of one unit of each parameter in each balance.
-
-    Returns shape (n_rows, n_parameters).
-    """
+    """Return the RMS torque of one unit of each parameter, shape (n_rows, n_parameters)."""
     rate = 0.1 / max(recording.sample_time for recording in recordings)
     columns = filtered(balance, recordings, min(EFFECT_BAND, rate)).columns
     return np.sqrt(np.mean(columns**2, axis=0))

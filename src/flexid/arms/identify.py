@@ -1,4 +1,4 @@
-"""The job: the log of an arm, and what is known of it, to a table per joint."""
+"""Identification of an arm from its log and known geometry."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -51,7 +51,7 @@ from flexid.models.planar_arm import PlanarArm, carried_links, planar_arm
 from flexid.recording.recording import INPUTS, Caution, Rank, ranked
 from flexid.recording.velocities import is_noise
 
-_CONFUSED = 0.9  # correlation from which on two parameters are named together
+_CORRELATED = 0.9  # least correlation that is reported
 _OF_A_SPRING = ("joint_stiffness", "joint_damping", "motor_inertia", "stiffness_over_inertia")
 _HELD = {
     "motor_inertia": 1e3,
@@ -61,10 +61,10 @@ _HELD = {
     "torque_constant": 1.0,
     "rotor_coupling": 0.0,
 }
-"""What the motor of a joint that rests is taken to be: whatever its values, friction holds it."""
+"""Assumed parameters of a motor that rests: a very large friction holds it in place."""
 _POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia", "link_mass")
-_ENDLESS = 10.0  # standard deviations, of the next step: friction that sticks leaves up to 3
-_NO_TORQUE = 1e-100  # N m, of a balance that nothing is known of
+_UNCONVERGED = 10.0  # standard deviations of the next step; sticking friction causes up to 3
+_NO_TORQUE = 1e-100  # N m, in place of zero if no torque of a balance is known
 
 
 def identify_arm(
@@ -80,12 +80,12 @@ def identify_arm(
     model = ElasticArm(planar_arm(arm), log.resting)
     held = held_motors(model)
     structure = Structure(model, frozenset(), Timing("zero"), held | fixed)
-    found = _found(structure, fixed, log, progress)
+    found = _chosen_fit(structure, fixed, log, progress)
     return _result(arm, log, found)
 
 
 def _check_signs(log: ArmLog, arm: PlanarArm, fixed: dict[str, float]) -> None:
-    """Raise where an input turns its joint backwards."""
+    """Raise if a positive input turns its joint backwards."""
     resting = [joint - 1 for joint in log.resting]
     backward = backward_inputs(planar_arm(arm), log.recordings, fixed, resting)
     if backward:
@@ -101,28 +101,28 @@ def _check_signs(log: ArmLog, arm: PlanarArm, fixed: dict[str, float]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
-    """A fit, and what is known beyond its numbers."""
+class _ChosenFit:
+    """Chosen fit of an arm with its estimate, validation and reasons."""
 
     fitted: FittedArm
     estimate: Estimate
     validation: Validation
-    periods: Mapping[int, float]  # per cent of each deflection that is predicted over a period
-    shares: Mapping[str, float] | None = None  # what disturbs each balance; None of an exact fit
-    widest: Mapping[str, str] = field(default_factory=dict)  # what makes most of an interval
-    reason: str = ""  # why there is no fit without disturbances
-    log_lag: float = 0.0  # s, of a filter of the inputs on their way into the log
+    periods: Mapping[int, float]  # fit in % of each deflection, predicted over a period
+    shares: Mapping[str, float] | None = None  # RMS disturbance over acceleration, or None
+    widest: Mapping[str, str] = field(default_factory=dict)  # main reason for an interval
+    reason: str = ""  # why disturbances are needed
+    log_lag: float = 0.0  # s, of a filter through which the inputs were logged
 
 
-def _found(
+def _chosen_fit(
     structure: Structure[ElasticArm],
     fixed: Mapping[str, float],
     log: ArmLog,
     progress: Callable[[str], None],
-) -> _Found:
-    """The exact fit; where that does not explain the log, the fit with disturbances.
+) -> _ChosenFit:
+    """Return the fit without disturbances or, if its residuals are too large, the one with them.
 
-    Only parameters in `fixed` keep their values where a motor creeps that seemed to rest.
+    If a motor creeps that seemed to rest, its parameters are fitted, except those in `fixed`.
     """
     exact = exact_fits(structure, log.data, progress)
     best, reason = None, exact.hopeless
@@ -131,7 +131,7 @@ def _found(
         best = exact.best()
         reason = "" if explains(best[0]) else "residuals exceed the encoders' noise"
     if best is None or reason:
-        progress("what disturbs the arm")
+        progress("disturbances")
         with suppress(ConvergenceError):
             data = before_the_log(log.data, exact.log_lag)
             disturbed = fit_disturbed(exact.structure, data, exact.starts)
@@ -139,42 +139,42 @@ def _found(
             if not all(map(is_noise, still)):
                 disturbed = creeping(disturbed, fixed, exact.starts)
             disturbed = along_the_valley(disturbed)
-            progress("what may be wrong with it")
+            progress("systematic errors")
             doubted, widest = with_doubts(disturbed)
             if not any(doubted.degrees_of_freedom):
-                raise ConvergenceError("arm", "the fit with disturbances knows nothing")
+                raise ConvergenceError("arm", "the fit with disturbances determines no parameter")
             progress("predicting the held-out data")
             runs, shares = disturbed.predicted(), disturbed.shares()
             rest = shares, widest, reason, exact.log_lag
-            return _Found(disturbed.fitted, doubted, *runs, *rest)
+            return _ChosenFit(disturbed.fitted, doubted, *runs, *rest)
     if not exact.found:
         raise no_start()
     progress("predicting the held-out data")
     fitted, estimate = best or exact.best()
-    return _Found(fitted, estimate, predicted(fitted), {}, reason=reason, log_lag=exact.log_lag)
+    return _ChosenFit(fitted, estimate, predicted(fitted), {}, reason=reason, log_lag=exact.log_lag)
 
 
 def fixed_parameters(arm: PlanarArm, units: ArmUnits) -> dict[str, float]:
-    """Parameters that are not sought to begin with: what is unusual, and what the units say.
+    """Return parameters with fixed values: of unusual terms, and torque constants that units give.
 
-    Where no torque is calibrated, torques have the unit of the first joint's input that moves.
+    If no torque is calibrated, the torque constant of the first joint that moves is 1.
     """
     fixed = dict.fromkeys(planar_arm(arm).unusual, 0.0)
     known = units.calibrated or (units.reference,)
     fixed |= {f"torque_constant_{joint}": 1.0 for joint in known}
     if arm.types[0] == "revolute" and not arm.has_gravity:
-        # The first link's moment is felt by gravity alone.
+        # Only gravity makes the first link's moment matter.
         fixed |= {"link_moment_along_1": 0.0, "link_moment_across_1": 0.0}
     return fixed
 
 
 def held_motors(model: ElasticArm) -> dict[str, float]:
-    """Of a motor that rests nothing is known but that its friction, or its brake, holds it."""
+    """Return assumed parameters of the motors that rest, by name."""
     held = {f"{name}_{joint}": value for joint in model.resting for name, value in _HELD.items()}
     return {name: value for name, value in held.items() if name in model.balance.coefficients}
 
 
-def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
+def _result(arm: PlanarArm, log: ArmLog, found: _ChosenFit) -> ArmIdentification:
     fitted, estimate = found.fitted, found.estimate
     structure = fitted.structure
     balance, fixed = structure.joint.balance, structure.fixed
@@ -211,7 +211,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
         disturbances=found.shares,
         disturbed_because=found.reason,
         residual_excess=excess,
-        # An input that is low-passed to the arm's band is smooth; it was held all the same.
+        # The low-passed input of a fit with disturbances is smooth; the logged one was held.
         hold=structure.timing.hold if found.shares is None else "zero",
         input_delay=fitted.delays[INPUT],
         log_lag=found.log_lag,
@@ -232,13 +232,13 @@ def _result(arm: PlanarArm, log: ArmLog, found: _Found) -> ArmIdentification:
     )
 
 
-def _judged(name: str, unit: str, found: _Found, shares: Mapping[str, float]) -> ValueEstimate:
+def _judged(name: str, unit: str, found: _ChosenFit, shares: Mapping[str, float]) -> ValueEstimate:
     made = judged_value(name, unit, *found.estimate.of(name), shares.get(name, 0.0))
     return made.because(found.widest.get(name, ""), _confusion(name, found.fitted))
 
 
 def _confusion(name: str, fitted: FittedArm) -> str:
-    """Which other parameter the motion does not separate one from."""
+    """Return a sentence on the strongest correlation with another parameter, or empty text."""
     place = fitted.names.index(name)
     inverse, spread = fitted.minimum.reduced.inverse, fitted.unit_deviations
     if spread[place] == 0.0:
@@ -247,7 +247,7 @@ def _confusion(name: str, fitted: FittedArm) -> str:
     correlation = np.abs(inverse[place] / (scale * scale[place]))
     correlation[place] = 0.0
     other = int(np.argmax(correlation))
-    if correlation[other] < _CONFUSED:
+    if correlation[other] < _CORRELATED:
         return ""
     return (
         f"the motion hardly separates it from {fitted.names[other]} "
@@ -256,9 +256,9 @@ def _confusion(name: str, fitted: FittedArm) -> str:
 
 
 def _doubts(
-    found: _Found, parameters: Mapping[str, ValueEstimate], excess: Mapping[str, float]
+    found: _ChosenFit, parameters: Mapping[str, ValueEstimate], excess: Mapping[str, float]
 ) -> list[tuple[set[str], Caution]]:
-    """Parameters that are not known, whatever their intervals say, and why."""
+    """Return sets of parameters to be declared undetermined, with the reason."""
     doubts: list[tuple[set[str], Caution]] = []
     worst = max(excess, key=lambda name: excess[name])
     if found.shares is None and found.reason:
@@ -266,18 +266,18 @@ def _doubts(
             (
                 {*parameters},
                 Caution(
-                    f"the model leaves {excess[worst]:.3g} times the encoder's noise of {worst}, "
+                    f"the residual of {worst} is {excess[worst]:.3g} times the encoder's noise, "
                     f"and no disturbances explain it: check units, signs, lengths, gear ratios and "
                     f"leads",
                     Rank.SCALE,
                 ),
             )
         )
-    if found.shares is not None and found.fitted.minimum.last_step > _ENDLESS:
-        said = "the steps of the fit do not end: let the joints swing faster, or log for longer"
+    if found.shares is not None and found.fitted.minimum.last_step > _UNCONVERGED:
+        said = "the fit does not converge: let the joints swing faster, or log for longer"
         doubts.append(({*parameters}, Caution(said, Rank.MOTION)))
     for joint in found.fitted.structure.joint.resting:
-        # So little motion hardly tells gravity from the spring.
+        # So little motion does not separate gravity from the spring.
         carried = {f"link_inertia_{joint}", f"link_mass_{joint}"}
         own = {n for n in parameters if joint_of_name(n) == joint} - carried
         doubts.append((own, Caution(f"joint {joint} rests: let it move", Rank.MOTION)))
@@ -291,7 +291,7 @@ def _doubts(
         own = (parameters.get(f"{name}_{joint}") for name in _POSITIVE)
         negative = [parameter for parameter in own if parameter and parameter.value <= 0.0]
         if negative:
-            # Where the fit has not ended it may have run away, and links are coupled.
+            # A fit that has not converged may have diverged, and the links are coupled.
             alone = has_ended(found.fitted)
             own = {name for name in parameters if joint_of_name(name) == joint or not alone}
             doubts.append((own, doubt_of_negative(negative)))
@@ -299,20 +299,20 @@ def _doubts(
 
 
 def doubt_of_negative(found: Sequence[ValueEstimate]) -> Caution:
-    """What springs and inertias below zero tell: of signs, unless they may as well be positive."""
+    """Return the warning about negative springs or inertias, by whether they may be positive."""
     names = ", ".join(parameter.name for parameter in found)
     said = f"{names} came out negative, which no spring, inertia or mass can be"
     if any(parameter.interval[1] < 0.0 for parameter in found):
         return Caution(f"{said}: check the signs of this joint", Rank.SCALE)
-    return Caution(f"{said}, and may as well be positive", Rank.MODEL)
+    return Caution(f"{said}; the interval includes positive values", Rank.MODEL)
 
 
 def _ratio(
     arm: PlanarArm, joint: int, values: Mapping[str, float], estimate: Estimate
 ) -> ValueEstimate:
-    """Stiffness over what a joint moves where the arm is straight, slides at 0, and motors stand.
+    """Return stiffness over the inertia that a joint moves when the arm is straight, slides at 0.
 
-    It is the square of the antiresonance with all other joints locked, and needs no scale.
+    It is the square of the antiresonance with all motors locked, and independent of input scale.
     """
     name, stiffness = f"stiffness_over_inertia_{joint}", f"joint_stiffness_{joint}"
     ratio = Quotient(name, "1/s^2", stiffness, carried_inertia(arm, joint))
@@ -320,7 +320,7 @@ def _ratio(
 
 
 def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:
-    """Parameters that make up what a joint moves, by name, with their weights."""
+    """Return weights of the parameters whose sum is the inertia or mass that a joint moves."""
     found = dict.fromkeys(carried_links(planar_arm(arm), joint), 1.0)
     if arm.types[joint - 1] == "prismatic":
         return found
@@ -332,8 +332,8 @@ def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:
     return found
 
 
-def _shares(found: _Found, log: ArmLog) -> dict[str, float]:
-    """Share of the largest known torque of its balance that one unit of each parameter makes."""
+def _shares(found: _ChosenFit, log: ArmLog) -> dict[str, float]:
+    """Return the torque of one unit of each parameter over the largest one of its balance."""
     structure, estimate = found.fitted.structure, found.estimate
     balance = structure.joint.balance
     known = zip(estimate.names, estimate.values, estimate.deviations, strict=True)
@@ -345,12 +345,12 @@ def _shares(found: _Found, log: ArmLog) -> dict[str, float]:
     return dict(zip(balance.coefficients, shares.tolist(), strict=True))
 
 
-def _warnings(parameters: dict[str, ValueEstimate], found: _Found) -> Iterator[Caution]:
+def _warnings(parameters: dict[str, ValueEstimate], found: _ChosenFit) -> Iterator[Caution]:
     lacking = [p.name for p in parameters.values() if p.verdict == "undetermined"]
     if lacking:
         yield Caution(
-            f"not determined: {', '.join(lacking)}: excite the joints they stand for up to a third "
-            f"of the resonance, or use the parameters that are determined",
+            f"not determined: {', '.join(lacking)}: excite their joints up to a third of the "
+            f"resonance, or use only the parameters that are determined",
             Rank.MOTION,
         )
     yield from amplifier_warnings(Amplifier(log_lag=found.log_lag), "")

@@ -1,4 +1,4 @@
-"""The log of an arm: each joint's channels read and checked as those of one joint are."""
+"""Log of an arm: read and check the channels of each joint like the log of a single joint."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,47 +30,47 @@ _NEEDED = (
     ("link_position", "deflection"),
     INPUTS,
 )
-_SHARED = ("time", "sample_time")  # keys of a column map that need no number, beside ratios
+_SHARED = ("time", "sample_time")  # keys of a column map without a joint number, like the ratios
 _RATIOS: Mapping[JointType, str] = {"revolute": "gear_ratio", "prismatic": "lead"}
 
 
 @dataclass(frozen=True, eq=False)
 class ArmLog:
-    """What the log of an arm held."""
+    """Recordings, units and warnings from the log of an arm."""
 
     # positions of link 1, motor 1, link 2, ... and the motors' inputs
     recordings: tuple[Samples, ...]
     input_units: tuple[str, ...]  # of each joint
-    relative_to: Mapping[str, str]  # rows whose position is from a deflection, and their motors'
+    relative_to: Mapping[str, str]  # link rows measured as a deflection, and their motor rows
     resting: tuple[int, ...]  # joints whose motors stand still
-    warnings: tuple[str, ...]  # a sentence each
+    warnings: tuple[str, ...]  # one sentence each
     provenance: dict[str, Any]  # file, digest, and the columns of each joint
 
     @cached_property
     def data(self) -> Data:
-        """What is fitted."""
+        """Data for fits."""
         return arm_data(self.recordings, self.relative_to)
 
     @property
     def source(self) -> str:
-        """The file."""
+        """Name of the file."""
         return self.provenance["file"]
 
     @property
     def sha256(self) -> str:
-        """Of the file."""
+        """SHA-256 digest of the file."""
         return self.provenance["sha256"]
 
 
 def arm_data(recordings: Sequence[Samples], relative_to: Mapping[str, str] | None = None) -> Data:
-    """Recordings as fits take them; no channel is thought to be late but the inputs."""
+    """Return data for fits; only the inputs are assumed to be delayed."""
     groups = tuple(0 for _ in recordings)
     noise = encoder_noise(recordings)
     return Data(tuple(recordings), groups, noise, relative_to or {}, largest_delay=0.0)
 
 
 def read_arm_log(path: Path, types: Sequence[JointType], columns: Path | None = None) -> ArmLog:
-    """Read the log of an arm whose joints move as `types` says."""
+    """Read the log of an arm whose joints have these types."""
     file, joints = shown(path), len(types)
     is_text = format_of(path) is None
     table = read_table(path) if is_text else _names(path)
@@ -81,7 +81,7 @@ def read_arm_log(path: Path, types: Sequence[JointType], columns: Path | None = 
     maps = [_columns_of(file, table, given, joint, types) for joint in range(1, joints + 1)]
     logs = _logs(file, [(table if is_text else table_of_file(path, own), own) for own in maps])
     return ArmLog(
-        _together(logs),
+        _merged(logs),
         tuple(log.recordings[0].input_unit for log in logs),
         {
             f"link_{joint}": f"motor_{joint}"
@@ -99,7 +99,7 @@ def read_arm_log(path: Path, types: Sequence[JointType], columns: Path | None = 
 
 
 def _logs(file: str, parts: Sequence[tuple[Table, dict[str, Any]]]) -> list[Log]:
-    """The logs of all joints; errors name the joint, of which the map in a part is made here."""
+    """Return the logs of all joints; an error in a column map names its joint."""
     try:
         return logs_of_joints(parts)
     except RecordingError as error:
@@ -120,7 +120,7 @@ def _names(path: Path) -> Table:
 
 
 def _check_joints(file: str, table: Table, given: dict[str, Any], joints: int) -> None:
-    """Raise where a channel has a number that the arm has no joint for."""
+    """Raise if a channel has a number that is not a joint of the arm."""
     names = [*given, *(split_header(table.short_name(header))[0] for header in table.names)]
     for name in names:
         stem, _, number = folded(name).rpartition("_")
@@ -152,7 +152,7 @@ def _check_keys(columns: Path, given: Mapping[str, Any], types: Sequence[JointTy
 def _columns_of(
     file: str, table: Table, given: dict[str, Any], joint: int, types: Sequence[JointType]
 ) -> dict[str, Any]:
-    """The column map of one joint: its numbered entries, and columns by their names."""
+    """Return the column map of one joint: its entries in `given`, then columns found by name."""
     joints, joint_type = len(types), types[joint - 1]
     ratio = _RATIOS[joint_type]
     found = {key: value for key, value in given.items() if key in (*_SHARED, ratio)}
@@ -178,11 +178,11 @@ def _columns_of(
 
 
 def _named(table: Table, joint: int, types: Sequence[JointType]) -> dict[str, Any]:
-    """Columns of a joint by the channels that their usual names stand for.
+    """Return the columns of a joint by channel, recognised by their usual names.
 
-    The name of a single joint's channel may have no number. A position without a side is the link's
-    beside the motor's, and a force the motor's where the joint slides. What was measured counts
-    before what was commanded.
+    Names need no number if the arm has one joint. If there is a motor position, a column named
+    only "position" is the link's. A force is the motor's if the joint slides. Measured columns take
+    precedence over commanded ones.
     """
     numbers = {str(joint), *([""] if len(types) == 1 else [])}
     found: dict[str, Any] = {}
@@ -201,8 +201,8 @@ def _named(table: Table, joint: int, types: Sequence[JointType]) -> dict[str, An
     return found
 
 
-def _together(logs: Sequence[Log]) -> tuple[Samples, ...]:
-    """Recordings of all joints side by side."""
+def _merged(logs: Sequence[Log]) -> tuple[Samples, ...]:
+    """Return recordings with the columns of all joints, from the logs of single joints."""
     found = []
     for parts in zip(*(log.recordings for log in logs), strict=True):
         sides = [side for r in parts for side in (r.needed_link_position, r.motor_position)]

@@ -1,11 +1,11 @@
-"""Where the fit of an arm begins: band-limited least squares on the columns of its balances.
+"""Starting values for the fit of an arm, by least squares on low-passed torque balances.
 
-Those of the links hold no input: they are homogeneous, and any scale fits them. Two ways lead
-around that. Where the deflection is seen well, the motor's balance gives the spring, with the
-deflection as what is explained, and the spring then moves the link. Where it is small, the sum of
-both balances, in which the spring cancels, gives the inertias, and the motor's balance the rest.
-Dry friction takes any torque while a motor sticks. So either way is also gone with those rows alone
-in which it keeps moving, and of a joint that rests the link's balance is all there is.
+The link balances contain no input: they are homogeneous, and any scale fits them. Two methods find
+the scale. If the deflection is measured well, the motor balance is solved for the spring, which
+then drives the link. If the deflection is small, the sum of both balances gives the inertias,
+because the spring cancels. The motor balance gives the rest. Dry friction takes any value while a
+motor sticks. So each method also runs without the rows in which the motor sticks. For a joint that
+rests, only the link balance is used.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,30 +22,30 @@ from flexid.models.torque_balance import JointTerm, TorqueBalance
 from flexid.recording.velocities import position_noise
 
 BANDS = (8.0, 16.0, 32.0, 64.0)
-"""Cut-off frequencies in Hz that are tried; each at most a tenth of the sampling rate."""
+"""Cut-off frequencies in Hz to try; each at most a tenth of the sampling rate."""
 
-_ORDER = 4  # of the filter, which runs forth and back
-_PER_PERIOD = 6.0  # rows that are kept in a period of the cut-off frequency
+_ORDER = 4  # of the filter, which runs forwards and backwards
+_PER_PERIOD = 6.0  # rows kept per period of the cut-off frequency
 _EIGHTH = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
-_LEAST = 1e-3  # of a typical size: what a parameter that cannot be negative begins with at least
-_SLOW = 3.0  # standard deviations of a velocity's noise, up to which it has no direction
-_HARDLY = 1e-6  # of its column, by which least squares is drawn to zero
-_SOFTEST, _REWEIGHTED = 30.0, 3  # of the stiffest spring known; rounds
-_BACKWARDS = 30.0  # standard deviations, of uncorrelated rows: a joint that hardly moves reaches 20
-_FEWEST_EACH = 5  # rows of a balance, in which its motor keeps moving, for each parameter
+_LEAST = 1e-3  # smallest start of a positive parameter, over its typical size
+_SLOW = 3.0  # standard deviations of a velocity's noise, up to which its sign is unknown
+_REGULARISATION = 1e-6  # regularisation of least squares towards zero, over the norm of a column
+_SOFTEST, _REWEIGHTED = 30.0, 3  # assumed stiffness over the largest known one; iterations
+_BACKWARDS = 30.0  # standard deviations of white noise; a joint that hardly moves reaches 20
+_FEWEST_EACH = 5  # rows with a moving motor per parameter of its balance
 
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """Columns of the balances in a band."""
+    """Low-passed columns of the torque balances."""
 
     columns: FloatArray  # (n_rows_kept, n_balances, n_parameters)
     balance: TorqueBalance
-    moving: NDArray[np.bool_]  # (n_rows_kept, n_balances): of rows that keep their direction
+    moving: NDArray[np.bool_]  # (n_rows_kept, n_balances): whether a velocity keeps its sign
     resting: Sequence[int] = ()  # places of joints whose motors stand still
 
     def parts(self, resting: Sequence[int]) -> "Iterator[Filtered]":
-        """The same without motors' balances where these rest; and, if fewer, where they stick."""
+        """Yield the data without balances of resting motors, then also without sticking motors."""
         columns = self.columns.copy()
         columns[:, [2 * joint + 1 for joint in resting]] = 0.0
         yield replace(self, columns=columns, resting=resting)
@@ -59,23 +59,23 @@ class Filtered:
 
     @property
     def positive(self) -> NDArray[np.bool_]:
-        """Parameters that are never negative, shape (n_parameters,): inertias, and what brakes."""
+        """Whether a parameter (inertia, friction, …) is never negative, shape (n_parameters,)."""
         terms = [term for _, _, term in self.balance.placed()]
         brakes = [isinstance(term, JointTerm) and "v" in term.expression for term in terms]
         return np.array([term.sign > 0 for term in terms]) | brakes
 
     @property
     def springs(self) -> list[int]:
-        """Place of each joint's stiffness: the first term of a spring."""
+        """Index of each joint's stiffness, the first term of its spring."""
         return self._places("spring")
 
     @property
     def inputs(self) -> list[int]:
-        """Place of each joint's input."""
+        """Index of each joint's input."""
         return self._places("input")
 
     def beside_the_spring(self, joint: int, free: Sequence[int]) -> list[int]:
-        """Places of what else stands in a motor's balance, of joint 0 and so on: its input too."""
+        """Return indices of a motor balance's terms, with its input and without its stiffness."""
         spring, source, row = self.springs[joint], self.inputs[joint], 2 * joint + 1
         used = [k for k in free if k != spring and self.columns[:, row, k].any()]
         return used if source in used else [*used, source]
@@ -89,7 +89,7 @@ class Filtered:
 
 
 def filtered(balance: TorqueBalance, recordings: Sequence[Samples], cutoff: float) -> Filtered:
-    """The columns of a balance along recordings, low-passed without phase shift and thinned."""
+    """Return the columns of the balances, low-passed without phase shift and decimated."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
     from scipy.signal import butter, sosfiltfilt  # late: it takes a third of a second to import
 
@@ -100,7 +100,7 @@ def filtered(balance: TorqueBalance, recordings: Sequence[Samples], cutoff: floa
         positions = sosfiltfilt(sos, recording.positions, axis=0)
         speeds = _derivative(positions, h)
         signals = np.stack((positions, speeds, _derivative(speeds, h)), axis=2)
-        # A held input is half a sample late.
+        # The mean of two samples corrects the half sample by which a held input is late.
         held = np.vstack((recording.inputs[:1], recording.inputs))
         inputs = sosfiltfilt(sos, 0.5 * (held[1:] + held[:-1]), axis=0)
         edge = min(len(positions) // 8, int(1.0 / (cutoff * h)) + 8)
@@ -117,7 +117,7 @@ def filtered(balance: TorqueBalance, recordings: Sequence[Samples], cutoff: floa
 
 
 def _derivative(values: FloatArray, h: float) -> FloatArray:
-    """Central differences of order eight; plain ones at the ends."""
+    """Return central differences of order eight, or of lower order at the ends."""
     found = np.gradient(values, h, axis=0)
     inner = sum(
         weight * values[k : len(values) - 8 + k] for k, weight in enumerate(_EIGHTH) if weight
@@ -132,9 +132,9 @@ def starts(
     fixed: dict[str, float],
     resting: Sequence[int] = (),
 ) -> Iterator[dict[str, float]]:
-    """Values to begin a fit with, the likelier ones first; what is fixed is left as it is.
+    """Yield starting values by name, widest band first; parameters in `fixed` keep theirs.
 
-    `resting` are places of joints whose motors stand still.
+    `resting` are indices of joints whose motors stand still.
     """
     fastest = min(1.0 / recording.sample_time for recording in recordings)
     for cutoff in sorted({min(band, 0.1 * fastest) for band in BANDS}, reverse=True):
@@ -142,7 +142,7 @@ def starts(
         for part, way in product(data.parts(resting), (_by_deflection, _by_sums)):
             values = way(part, fixed)
             if np.isfinite(values).all():
-                yield _possible(data, values, fixed)
+                yield _bounded(data, values, fixed)
 
 
 def backward_inputs(
@@ -151,9 +151,9 @@ def backward_inputs(
     fixed: dict[str, float],
     resting: Sequence[int] = (),
 ) -> list[int]:
-    """Places of joints whose input winds the spring backwards, beyond doubt.
+    """Return indices of joints whose input is clearly inverted.
 
-    `resting` are places of joints whose motors stand still.
+    `resting` are indices of joints whose motors stand still.
     """
     fastest = min(1.0 / recording.sample_time for recording in recordings)
     data = filtered(balance, recordings, min(BANDS[-1], 0.1 * fastest))
@@ -172,7 +172,7 @@ def backward_inputs(
 
 
 def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
-    """The spring from the motor's balance, with the deflection on the left; then the links."""
+    """Return values with springs from the motor balances, and the rest from the link balances."""
     values = _fixed_values(data, fixed)
     columns, positive, free = data.columns, data.positive, _free(data, fixed)
     values[data.inputs] = 1.0
@@ -185,7 +185,7 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
             continue
         used = data.beside_the_spring(joint, free)
         share = _least_squares(columns[:, row, used], -columns[:, row, spring], positive[used])
-        if share[used.index(source)] <= 0.0:  # the torque does not wind this spring
+        if share[used.index(source)] <= 0.0:  # the input deflects this spring backwards
             return np.full_like(values, np.nan)
         stiffness = 1.0 / share[used.index(source)]
         values[spring] = stiffness
@@ -197,7 +197,7 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
     rows = columns[:, ::2]
     sought = [k for k in free if k not in {*data.springs, *data.inputs} and rows[:, :, k].any()]
     stiffness = np.abs(values[data.springs])
-    # How much a link's balance counts that alone knows its spring: little, until that is known.
+    # The weights are inverse stiffnesses. A resting joint's is unknown: its weight begins small.
     stiffness[list(data.resting)] = _SOFTEST * stiffness.max()
     springs = rows[:, :, data.springs] * values[data.springs]
     closed = [joint for joint in range(len(scales)) if joint not in open_]
@@ -212,12 +212,12 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
         found = _least_squares_of_rows(columns, right, stiffness, bounds)
     values[sought] = found[: len(sought)]
     for joint, scale in zip(open_, found[len(sought) :], strict=True):
-        values[scales[joint]] *= scale  # of an input that is not calibrated
+        values[scales[joint]] *= scale  # relative to an input that is not calibrated
     return values
 
 
 def _by_sums(data: Filtered, fixed: dict[str, float]) -> FloatArray:
-    """All at once: motors' balances, and the sums of motor and link, in which springs cancel."""
+    """Return values from motor balances and from sums of motor and link balances, in one fit."""
     values = _fixed_values(data, fixed)
     free = [k for k in _free(data, fixed) if k not in data.inputs]
     values[data.inputs] = 1.0
@@ -241,27 +241,27 @@ def _free(data: Filtered, fixed: dict[str, float]) -> list[int]:
 def _least_squares_of_rows(
     left: FloatArray, right: FloatArray, sizes: FloatArray, positive: NDArray[np.bool_]
 ) -> FloatArray:
-    """Least squares of balances, each over its size."""
+    """Return least squares over balances, each divided by its size."""
     weighted = (left / sizes[:, None]).reshape(-1, left.shape[2])
     return _least_squares(weighted, (right / sizes).ravel(), positive)
 
 
 def _least_squares(left: FloatArray, right: FloatArray, positive: NDArray[np.bool_]) -> FloatArray:
-    """Least squares with columns of unit size, some not negative; what is hardly seen is small."""
+    """Return regularised least squares, with columns scaled to unit norm, some non-negative."""
     from scipy.optimize import lsq_linear
 
     scale = np.sqrt(np.sum(left**2, axis=0))
     scale = np.where(scale > 0.0, scale, 1.0)
     orthogonal, triangle = np.linalg.qr(left / scale)
     count = len(scale)
-    rows = np.vstack((triangle, _HARDLY * np.eye(count)))
+    rows = np.vstack((triangle, _REGULARISATION * np.eye(count)))
     sought = np.concatenate((orthogonal.T @ right, np.zeros(count)))
     least = np.where(positive, 0.0, -np.inf)
     return lsq_linear(rows, sought, (least, np.inf), method="bvls").x / scale
 
 
-def _possible(data: Filtered, values: FloatArray, fixed: dict[str, float]) -> dict[str, float]:
-    """The values by name, with a mass matrix that is positive."""
+def _bounded(data: Filtered, values: FloatArray, fixed: dict[str, float]) -> dict[str, float]:
+    """Return the free values by name; where `sign` is 1, at least a small positive value."""
     size = np.sqrt(np.mean(np.sum(data.columns**2, axis=1), axis=0))
     torque = float(np.sqrt(np.mean((data.columns[:, :, data.inputs]) ** 2)))
     found = {}

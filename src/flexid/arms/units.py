@@ -1,4 +1,4 @@
-"""Units of an arm's parameters, by how its joints move and what their inputs are."""
+"""Units of an arm's parameters, from the types and the inputs of its joints."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,8 +6,8 @@ from typing import NamedTuple
 from flexid.models.motion import FORCES, JointType, unit_of
 from flexid.models.torque_balance import BodyTerm, JointTerm
 
-# Units where no input is calibrated, by the type of the reference joint: the unit of its input, {},
-# takes the place of that of its torque or force.
+# Units where no input is calibrated, by the type of the reference joint. {} stands for the unit of
+# its input, which replaces the unit of torque or force.
 _IN_PLACE = {
     "revolute": {
         "kg m^2": "{} s^2/rad",
@@ -28,7 +28,7 @@ _PER_METRE = {"/m/m": "/m^2", "/m/m^3": "/m^4", "/m s/m": " s/m^2"}
 
 
 class ArmUnits(NamedTuple):
-    """Of joints that move as `types` say, with inputs in some units."""
+    """Units of the parameters of joints with these types and units of input."""
 
     types: Sequence[JointType]
     inputs: Sequence[str]
@@ -41,11 +41,11 @@ class ArmUnits(NamedTuple):
 
     @property
     def reference(self) -> int:
-        """The joint in whose input's unit torques are given where none is calibrated."""
+        """First joint that moves, whose input replaces torques if no input is calibrated."""
         return next(j for j in range(1, len(self.inputs) + 1) if j not in self.resting)
 
     def of(self, term: JointTerm | BodyTerm, joint: int) -> str:
-        """Unit of a parameter; relative to the first input where no torque is calibrated."""
+        """Return a parameter's unit, relative to the reference input if no input is calibrated."""
         own, joint_type = self.inputs[joint - 1], self.types[joint - 1]
         if term.name == "torque_constant":
             torque, _, per = self._relative(unit_of("N m", joint_type)).partition("/")

@@ -1,1 +1,1 @@
-"""What a motion determines of a drive, and the input whose motion determines more."""
+"""Excitation of a drive by a log, and design of better inputs."""

@@ -1,4 +1,4 @@
-"""The work of ``flexid design``: search, check on drives that are wrong, scale."""
+"""Design of an input for identification: search, check on perturbed drives, scale."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,38 +16,38 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.experiment_design.drive import DOUBT, SEGMENT_DURATION, Case, CaseRun, Drive, DriveFile
 from flexid.experiment_design.excitation_report import DETERMINED_DEVIATION
 
-_SAMPLES_PER_RADIAN = 4.0  # of the fastest motion, in the search
-_MAIN_TONE, _DOMINANCE = 0.25, 10.0  # of the first start: times the resonance, and the others
+_SAMPLES_PER_RADIAN = 4.0  # of the fastest tone, in the search
+_MAIN_TONE, _DOMINANCE = 0.25, 10.0  # of start 0: over the resonance; over other amplitudes
 _TIE = 2.0  # weight of (log U)²
-_NORM = 24.0  # of the smooth stand-in for a largest magnitude
-_NORM_OF_USES = 16.0  # of the smooth stand-in for the largest of several uses
-_NEAR = 0.8  # use of a limit from which on a wrong drive counts as near it
+_NORM = 24.0  # order of the p-norm that replaces a largest magnitude
+_NORM_OF_USES = 16.0  # order of the p-norm that replaces a largest use
+_NEAR = 0.8  # use of a limit beyond which a perturbed drive is watched
 _FIRST, _SECOND = 25, 20  # iterations of the two searches
 _STEP = 1e-4  # of finite differences, over the typical size of a weight
 _LOST = 100.0  # cost of a motion that diverges
-_SHARPNESS = 4.0  # of the smooth stand-in for the smallest eigenvalue
-_FLOOR = 1e-14  # of an eigenvalue, over the largest one
+_SHARPNESS = 4.0  # of the soft minimum that replaces the smallest eigenvalue
+_FLOOR = 1e-14  # of eigenvalues, over the largest one
 
 
-# s(t) = w(t) Σ_k [a_k cos(ω_k t) + b_k sin(ω_k t)], ω_k = 2π n_k / T, with whole numbers n_k spread
-# evenly on a logarithmic scale, and a window w that rises from 0 and falls along half a cosine.
+# s(t) = w(t) Σ_k [a_k cos(ω_k t) + b_k sin(ω_k t)], ω_k = 2π n_k / T. The integers n_k are evenly
+# spaced on a logarithmic scale. The window w rises and falls along half a cosine.
 @dataclass(frozen=True, eq=False)
 class Waveform:
-    """Sums of tones at the samples of an experiment that begin and end at rest."""
+    """Windowed tones, zero at both ends, at the samples of an experiment."""
 
     angular_frequencies: FloatArray  # (m,): rad/s
     time: FloatArray  # (n,): s
     columns: FloatArray  # (n, 2 m): windowed cosines, then windowed sines
 
     def signal(self, weights: FloatArray) -> FloatArray:
-        """The signal, shape (n,), for weights a_1 … a_m, b_1 … b_m."""
+        """Return the signal, shape (n,), for weights a_1 … a_m, b_1 … b_m."""
         return self.columns @ weights
 
 
 def waveform(
     duration: float, sample_time: float, ramp: float, highest_frequency: float, harmonics: int
 ) -> Waveform:
-    """Windowed tones for an experiment."""
+    """Return windowed tones for an experiment; times in s, frequency in rad/s."""
     base = 2.0 * np.pi / duration
     most = max(harmonics, int(highest_frequency / base))
     numbers = np.unique(np.rint(np.geomspace(1.0, most, harmonics)).astype(int))
@@ -60,35 +60,35 @@ def waveform(
 
 
 # The cost is log(σ U), with σ the criterion as a standard deviation and U the largest use of a
-# limit: for small motions a larger amplitude changes neither, so shapes compete. (log U)² keeps U
-# near 1. In a second search the wrong drives that came furthest beyond a limit have a say in U.
+# limit. For small motions it does not depend on the amplitude, only on the shape of the signal.
+# (log U)² keeps U near 1. In a second search U includes the perturbed drives that use a limit most.
 class Search:
-    """The search for the weights of the tones."""
+    """Search for the weights of the tones."""
 
     def __init__(self, drive: Drive, seed: int) -> None:
         self.drive = drive
-        self.seed = seed  # of the random starts and of the wrong drives
+        self.seed = seed  # of the random starts and perturbed drives
         wanted = drive.experiment
         count = max(1, int(1.0 / (_SAMPLES_PER_RADIAN * drive.fastest) / wanted.sample_time))
-        self.coarse, self.fine = (  # tones at the samples of the search, and of the experiment
+        self.coarse, self.fine = (  # tones at the samples of the search and the experiment
             waveform(wanted.duration, step, wanted.ramp, drive.fastest, wanted.harmonics)
             for step in (count * wanted.sample_time, wanted.sample_time)
         )
         self.step = float(self.coarse.time[1])  # s
         self.nominal = drive.nominal
-        self.cases = tuple(drive.cases(seed))  # drives that are wrong
+        self.cases = tuple(drive.cases(seed))  # perturbed drives
 
     @cached_property
     def _problem(self) -> SegmentedMotion:
-        """The nominal drive's motion over segments of the search, for any command."""
+        """Motion of the nominal drive over segments; `cost` replaces inputs and states."""
         step = self.step
         run = self.nominal.play(self.coarse.signal(self.start(0)), step)
-        # Fewer samples weigh less each by as much as there are fewer.
+        # The noise is reduced so that fewer samples carry the information of all samples.
         noise = self.drive.sensors.noise * np.sqrt(self.drive.experiment.sample_time / step)
         return run.motion(self.nominal, noise)[0]
 
     def cost(self, weights: FloatArray, watched: Sequence[Case]) -> float:
-        """What the search makes small while some wrong drives keep to the limits too."""
+        """Return the cost of a signal, with the limits of `watched` perturbed drives included."""
         step = self.step
         torque = self.coarse.signal(weights)
         try:
@@ -104,7 +104,7 @@ class Search:
         return smooth_cost(information.relative) + log_use + _TIE * log_use**2
 
     def _smooth_uses(self, run: CaseRun) -> list[float]:
-        """Use of each limit, the largest magnitudes replaced by a smooth stand-in."""
+        """Return a smooth approximation of the use of each limit."""
         uses = []
         for share in run.shares(self.drive.limits).values():
             magnitudes = np.abs(share)
@@ -114,7 +114,7 @@ class Search:
         return uses
 
     def furthest(self, weights: FloatArray) -> list[Case]:
-        """For each channel the wrong drive that comes furthest, if beyond its limit."""
+        """Return for each channel the perturbed drive with the largest use, if above 0.8."""
         torque = self.coarse.signal(weights)
         furthest: dict[str, tuple[float, Case]] = {}
         for case in self.cases:
@@ -124,7 +124,7 @@ class Search:
         return list({case.name: case for _, case in furthest.values()}.values())
 
     def start(self, place: int) -> FloatArray:
-        """Random weights within the limits of the nominal drive; one tone stands out at first."""
+        """Return random weights within the nominal drive's limits; start 0 has a dominant tone."""
         generator = np.random.default_rng([self.seed, place])
         rates = self.coarse.angular_frequencies
         weights = generator.standard_normal(2 * len(rates))
@@ -140,7 +140,7 @@ class Search:
         return weights
 
     def run(self, starts: int, finished: Callable[[str], None]) -> list[FloatArray]:
-        """Weights found from each start; the caller compares them on the full experiment."""
+        """Return the weights found from each start, to be compared at the full sampling rate."""
         found = []
         for place in range(starts):
             weights = self._descend(self.start(place), (), _FIRST)
@@ -161,13 +161,13 @@ class Search:
 
 
 def deviation(relative_information: FloatArray) -> float:
-    """The criterion E as the relative standard deviation 1/√(min λ) of the worst direction."""
+    """Return criterion E, the relative standard deviation 1/√(min λ) of the worst direction."""
     lowest = float(np.linalg.eigvalsh(relative_information)[0])
     return lowest**-0.5 if lowest > 0.0 else float("inf")
 
 
 def smooth_cost(relative_information: FloatArray) -> float:
-    """Logarithm of about that deviation, smooth where eigenvalues cross, finite everywhere."""
+    """Return a smooth and finite approximation of the logarithm of `deviation`."""
     eigenvalues = np.linalg.eigvalsh(relative_information)
     eigenvalues = np.maximum(eigenvalues, max(_FLOOR * eigenvalues[-1], 1e-300))
     logs = np.log(eigenvalues)
@@ -178,23 +178,23 @@ def smooth_cost(relative_information: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What an input would determine of the drive as it is believed to be."""
+    """Predicted accuracy of an identification, and size of the input and motion."""
 
     # predicted standard deviation of each coefficient over its value
     deviations: Mapping[str, float]
     e_deviation: float  # criterion E as a relative standard deviation
-    peaks: Mapping[str, float]  # of each channel that has a limit
+    peaks: Mapping[str, float]  # of each limited channel
     torque_rms: float
 
     @property
     def worst(self) -> float:
-        """Largest of the deviations."""
+        """Largest of the predicted relative standard deviations."""
         return max(self.deviations.values())
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """The largest value over wrong drives, and which one it was."""
+    """Largest value over perturbed drives, and the name of the drive."""
 
     value: float
     case: str
@@ -202,37 +202,37 @@ class Extreme:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An experiment, its predictions and its checks."""
+    """Designed experiment with its predictions and checks."""
 
     drive: Drive
     angular_frequencies: FloatArray  # (m,): rad/s
     weights: FloatArray  # (2 m,): of cosines and sines
     time: FloatArray  # (n,): s
-    run: CaseRun  # of the drive as believed
+    run: CaseRun  # of the nominal drive
     prediction: Prediction
-    largest_use: Mapping[str, Extreme]  # of each limit, over all wrong drives
-    largest_deviations: Mapping[str, Extreme]  # of each coefficient, over all wrong drives
-    scale: float  # factor on what the search found, so that all drives keep to the limits
-    seed: int  # of the search and of the wrong drives
+    largest_use: Mapping[str, Extreme]  # of each limit, over perturbed drives
+    largest_deviations: Mapping[str, Extreme]  # of each coefficient, over perturbed drives
+    scale: float  # factor on the search's result, with which all drives keep the limits
+    seed: int  # of the search and of the perturbed drives
     provenance: Mapping[str, object]  # version, inputs with their hashes, settings
-    warnings: tuple[str, ...]  # parts of an estimate that are not used, or are uncertain
+    warnings: tuple[str, ...]  # about unused or undetermined parts of an estimate
 
     @property
     def supported(self) -> bool:
-        """Whether every coefficient would be known to 10 % or better."""
+        """Whether every coefficient would be determined, from its predicted deviation."""
         return self.prediction.worst <= DETERMINED_DEVIATION
 
 
 STARTS = 2  # random starts of the search
 
 _LARGEST_SCALE = 2.0
-_HALVINGS = 12  # of the interval that the scale is sought in
+_HALVINGS = 12  # of the interval that contains the scale
 _STEP_BACK = 0.98
-_SMALLEST_SCALE = 1e-3  # below which limits leave no motion to speak of
+_SMALLEST_SCALE = 1e-3  # smaller scales allow almost no motion
 
 
 def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Design:
-    """Design an experiment."""
+    """Design an experiment; `finished` is called with the name of each step that is done."""
     drive = file.drive
     search, sample_time = Search(drive, seed), drive.experiment.sample_time
     nominal, everyone = search.nominal, (search.nominal, *search.cases)
@@ -244,7 +244,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
         run = nominal.play(scale * fine, sample_time)
         candidates.append((predict(drive, nominal, run), scale, found, run))
     prediction, scale, weights, run = min(candidates, key=lambda one: one[0].e_deviation)
-    finished("limits checked on wrong drives")
+    finished("limits checked on perturbed drives")
     wrong = {case.name: (case, case.play(run.torque, sample_time)) for case in search.cases}
     use = {name: one.use(drive.limits) for name, (_, one) in wrong.items()}
     deviations = {name: predict(drive, *one).deviations for name, one in wrong.items()}
@@ -272,7 +272,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
 
 
 def predict(drive: Drive, case: Case, run: CaseRun) -> Prediction:
-    """What a run of a case would tell."""
+    """Predict the accuracy of an identification from a run of a case."""
     information = information_at(*run.motion(case, drive.sensors.noise))
     return Prediction(
         dict(zip(information.names, information.relative_deviations.tolist(), strict=True)),
@@ -287,14 +287,14 @@ def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:
         if np.abs(case.rest()).max() >= drive.limits.position:
             raise SettingError(
                 "limits.position",
-                f"is exceeded at rest already ({case.name}): raise it, or correct the offsets",
+                f"is exceeded even at rest ({case.name}): raise it, or correct the offsets",
             )
 
 
 def _scale(
     drive: Drive, coarse: FloatArray, step: float, fine: FloatArray, cases: Sequence[Case]
 ) -> float:
-    """Largest factor at which every drive keeps to the limits."""
+    """Return the largest factor with which every drive keeps the limits."""
 
     def fits(torque: FloatArray, sample_time: float) -> bool:
         uses = (case.uses(torque, sample_time, drive.limits) for case in cases)
@@ -310,13 +310,13 @@ def _scale(
         low *= _STEP_BACK  # coarse samples miss some peaks
     if low <= _SMALLEST_SCALE:
         raise SettingError(
-            "limits", "leave no motion that could tell anything: raise the tightest of them"
+            "limits", "allow too little motion to identify anything: raise the tightest of them"
         )
     return low
 
 
 def _largest(by_case: Mapping[str, Mapping[str, float]]) -> dict[str, Extreme]:
-    """Of each quantity the largest value."""
+    """Return the largest value of each quantity over all cases."""
     names = next(iter(by_case.values()))
     return {
         name: max(

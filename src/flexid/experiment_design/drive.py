@@ -1,4 +1,4 @@
-"""What is believed of a drive, within which limits it may move, and the file that says so."""
+"""Drive file of a design: assumed parameters, limits, sensors and the experiment."""
 
 import hashlib
 from collections.abc import Iterator, Mapping
@@ -26,20 +26,20 @@ from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
 from flexid.simulation.free_run import free_run, plain_model
 from flexid.stored_estimates.estimate_file import StoredEstimate, refusal
 
-DOUBT = 0.3  # relative error of every parameter that a design must bear
+DOUBT = 0.3  # largest relative error of each assumed parameter
 
 _RANDOM_CASES = 16
 _RAMP = 0.1  # of the duration
-_HIGHEST = 1.5  # frequency of the fastest tone over the resonance
+_HIGHEST = 1.5  # frequency of the fastest tone, over the resonance
 
 
-def _not_zero(value: float) -> float:
+def _nonzero(value: float) -> float:
     if value == 0.0:
-        raise ValueError("no share of zero can be known; leave it out, or give a size that matters")
+        raise ValueError("zero has no relative error: leave it out, or give a typical value")
     return value
 
 
-Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_not_zero)]
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_nonzero)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -48,7 +48,7 @@ class _Table(BaseModel):
 
 
 class Parameters(_Table):
-    """Physical parameters in SI units; those left out are no part of the model."""
+    """Physical parameters in SI units; the model has no terms for those left out."""
 
     link_inertia: Positive
     motor_inertia: Positive
@@ -65,7 +65,7 @@ class Parameters(_Table):
 
 
 class Limits(_Table):
-    """Largest magnitudes, of which velocity and position hold for link and motor."""
+    """Largest allowed magnitudes; velocity and position apply to both link and motor."""
 
     torque: Positive
     velocity: Positive
@@ -74,7 +74,7 @@ class Limits(_Table):
 
 
 class Sensors(_Table):
-    """Noise of both encoders: in rad or m, or as bits per turn of the joint."""
+    """Noise of both encoders, in rad or m, or from bits per turn of the joint."""
 
     position_noise: Positive | None = None
     encoder_bits: Annotated[int, Field(ge=6, le=32)] | None = None
@@ -87,14 +87,14 @@ class Sensors(_Table):
 
     @property
     def noise(self) -> float:
-        """Standard deviation of each encoder."""
+        """Standard deviation of each encoder's noise."""
         if self.position_noise is not None:
             return self.position_noise
         return float(2.0 * np.pi / 2.0 ** (self.encoder_bits or 0) / np.sqrt(12.0))
 
 
 class Experiment(_Table):
-    """What is to be designed."""
+    """Duration, sample time and number of tones of the experiment to design."""
 
     duration: Annotated[float, Field(ge=1, le=600, allow_inf_nan=False)]  # s
     sample_time: Annotated[float, Field(ge=1e-5, le=0.05, allow_inf_nan=False)]  # s
@@ -102,15 +102,15 @@ class Experiment(_Table):
 
     @property
     def ramp(self) -> float:
-        """Time in s in which the motion grows at the start and fades at the end."""
+        """Time in s in which the input rises at the start, and falls at the end."""
         return _RAMP * self.duration
 
 
 class Drive(_Table):
-    """A drive as it is believed to be, and the experiment wanted on it: a whole file."""
+    """Contents of a drive file: an assumed drive, and the experiment to design for it."""
 
     joint: JointType = "revolute"
-    known: list[Literal["motor_inertia"]] = []  # known exactly; only this can be known alone
+    known: list[Literal["motor_inertia"]] = []  # known exactly; no other parameter can be
     parameters: Parameters
     limits: Limits
     sensors: Sensors
@@ -128,11 +128,11 @@ class Drive(_Table):
 
     @property
     def values(self) -> dict[str, float]:
-        """Parameters that make up the model."""
+        """Assumed parameters by name, without those left out."""
         return self.parameters.model_dump(exclude_none=True)
 
     def document(self) -> dict[str, Any]:
-        """What is believed and wanted, with all defaults."""
+        """Return the contents of the file, with all defaults."""
         return {
             "joint": self.joint,
             "parameters": self.values,
@@ -145,23 +145,23 @@ class Drive(_Table):
 
     @property
     def resonance(self) -> float:
-        """Angular frequency in rad/s of the joint's two inertias on its spring."""
+        """Resonance of both inertias on the spring, in rad/s."""
         p = self.parameters
         inverse = 1.0 / p.link_inertia + 1.0 / p.motor_inertia
         return float(np.sqrt(p.joint_stiffness * inverse))
 
     @property
     def fastest(self) -> float:
-        """Highest frequency of the tones in rad/s."""
+        """Highest frequency of a tone in rad/s."""
         return _HIGHEST * self.resonance
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """All coefficients of the model, those known among them."""
+        """All coefficients of the model, with known ones."""
         return joint_coefficients(self.values)
 
     def case(self, parameters: Mapping[str, float], name: str = "nominal") -> "Case":
-        """The model with some values of its parameters."""
+        """Return the model with these parameters."""
         coefficients = joint_coefficients(parameters)
         terms = tuple(
             term for term, parameter in TERM_PARAMETERS.items() if parameter in parameters
@@ -172,11 +172,11 @@ class Drive(_Table):
 
     @property
     def nominal(self) -> "Case":
-        """The drive as it is believed to be."""
+        """Drive with the assumed parameters."""
         return self.case(self.values)
 
     def cases(self, seed: int) -> Iterator["Case"]:
-        """Drives with wrong parameters: each alone both ways, all at once at random corners."""
+        """Yield perturbed drives: each parameter alone up and down, then all at random corners."""
         values = self.values
         doubtful = [name for name in values if name not in self.known]
         for name, sign in product(doubtful, (-1.0, 1.0)):
@@ -194,31 +194,31 @@ class Drive(_Table):
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A model with values, and where it rests."""
+    """Drive with given parameter values."""
 
-    name: str  # what is different about it
+    name: str  # how it differs from the nominal drive
     system: ParametricSystem
-    coefficients: Mapping[str, float]  # the unknown ones
+    coefficients: Mapping[str, float]  # of the system's unknowns, by name
 
     @property
     def values(self) -> FloatArray:
-        """The coefficients' values in the model's order, shape (k,)."""
+        """Values of the coefficients in the model's order, shape (k,)."""
         return np.array([self.coefficients[name] for name in self.system.coefficients])
 
     def play(self, torque: FloatArray, sample_time: float) -> "CaseRun":
-        """Play a torque from rest, shape (n,), held over each interval."""
+        """Simulate a torque, shape (n,), that is held over each sample, from rest."""
         motion = self.system, self.coefficients, self.rest()
         return CaseRun(free_run(*motion, torque, sample_time, "zero"), torque, sample_time)
 
     def uses(self, torque: FloatArray, sample_time: float, limits: Limits) -> dict[str, float]:
-        """Largest magnitude of each channel over its limit; infinite where the motion diverges."""
+        """Return each channel's largest magnitude over its limit; infinite if the run diverges."""
         try:
             return self.play(torque, sample_time).use(limits)
         except SimulationError:
             return dict.fromkeys(CHANNELS, np.inf)
 
     def rest(self) -> FloatArray:
-        """State of rest without torque, shape (4,); zero if constant torques leave none."""
+        """Return the equilibrium without torque, shape (4,), or zeros if there is none."""
         model, still = plain_model(self.system), np.zeros(len(self.system.inputs))
         constants = np.array(list(self.system.constants.values()), dtype=np.float64)
 
@@ -235,14 +235,14 @@ class Case:
         return state
 
 
-SEGMENT_DURATION = 1.0  # length in s of the segments that predictions hold for
+SEGMENT_DURATION = 1.0  # s: length of the segments that predictions assume
 
 CHANNELS = ("torque", "velocity", "position", "deflection")
 
 
 @dataclass(frozen=True, eq=False)
 class CaseRun:
-    """What a case did under a torque."""
+    """Simulated motion of a case under a torque."""
 
     states: FloatArray  # (n, 4): link position and velocity, motor position and velocity
     torque: FloatArray  # (n,): held from each sample to the next
@@ -258,19 +258,19 @@ class CaseRun:
         }
 
     def peaks(self) -> dict[str, float]:
-        """Largest magnitude of each channel that has a limit."""
+        """Return the largest magnitude of each limited channel."""
         return {name: float(np.abs(values).max()) for name, values in self._channels().items()}
 
     def shares(self, limits: Limits) -> dict[str, FloatArray]:
-        """Each channel over its limit."""
+        """Return each channel over its limit, sample by sample."""
         return {name: values / getattr(limits, name) for name, values in self._channels().items()}
 
     def use(self, limits: Limits) -> dict[str, float]:
-        """Largest magnitude of each channel over its limit."""
+        """Return the largest magnitude of each channel over its limit."""
         return {name: peak / getattr(limits, name) for name, peak in self.peaks().items()}
 
     def motion(self, case: Case, noise: float) -> tuple[SegmentedMotion, Point]:
-        """The case's motion over segments, as two encoders with white noise see it."""
+        """Return the motion over segments, as measured by two encoders with white noise."""
         samples = Samples(self.states[:, ::2], None, self.torque[:, None], self.sample_time)
         segments = divide([samples], SEGMENT_DURATION)
         point = Point(case.values, self.states[segments.starts])
@@ -285,10 +285,10 @@ _MOST_SAMPLES = 1_000_000
 
 @dataclass(frozen=True)
 class DriveFile:
-    """A drive and where it was read."""
+    """Drive read from a file, with the files it is from and warnings."""
 
     drive: Drive
-    inputs: tuple[tuple[str, str], ...]  # file names with the SHA-256 of their contents
+    inputs: tuple[tuple[str, str], ...]  # file names and SHA-256 digests
     warnings: tuple[str, ...] = ()
 
 
@@ -297,7 +297,7 @@ def read_drive(
     estimate: StoredEstimate | None = None,
     choices: Mapping[str, Any] | None = None,
 ) -> DriveFile:
-    """Read a drive file."""
+    """Read a drive file; `estimate` replaces parameters, `choices` keys of ``[experiment]``."""
     refuse = partial(refusal, str(path))
     raw = read_small(path, "a TOML file", refuse)
     inputs = [(path.name, hashlib.sha256(raw).hexdigest())]
@@ -316,11 +316,11 @@ def read_drive(
 
 
 def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
-    """Replace parameters by estimates of the same name; returns warnings."""
+    """Replace parameters by estimates of the same name; return warnings."""
     estimate = stored.of_joint
     believed, joint = content["parameters"], content.get("joint", "revolute")
     if estimate.joint != joint:
-        reason = f"is {estimate.joint!r}, and that of the drive file {joint!r}: let them agree"
+        reason = f"is {estimate.joint!r}, but {joint!r} in the drive file: make them agree"
         raise stored.refuse("joint", reason)
     shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
     missing = [n for n in estimate.parameters if n in Parameters.model_fields and n not in believed]
@@ -334,22 +334,22 @@ def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
         warnings.append(f"a design does not model {', '.join(shapes)}, so its predictions omit it")
     if missing:
         warnings.append(
-            f"{', '.join(missing)} is no parameter of the drive file, so the design leaves it out: "
+            f"{', '.join(missing)} is missing in the drive file, so the design leaves it out: "
             f"add the key with any value to use it"
         )
     for name, parameter in estimate.parameters.items():
         if name not in believed:
             continue
         if not isfinite(parameter.value):
-            warnings.append(f"{name} has no value there, so that of the drive file stays")
+            warnings.append(f"{name} has no finite value, so the value in the drive file is used")
             continue
         believed[name] = parameter.value
         if parameter.verdict == "undetermined":
             guessed.append(name)
     if guessed:
         warnings.append(
-            f"what it has of {', '.join(guessed)} is undetermined, so the design rests on a guess: "
-            f"check its largest deviations"
+            f"{', '.join(guessed)} is undetermined, so the design relies on a guess: check its "
+            f"largest deviations"
         )
 
     def refuse(key: str, _: str) -> Exception:
@@ -361,7 +361,7 @@ def _take_over(content: dict[str, Any], stored: StoredEstimate) -> list[str]:
 
 
 def _check_experiment(wanted: Experiment, fastest: float, refuse: RefuseKey) -> None:
-    """Refuse what no experiment can be whose fastest tone has a frequency in rad/s."""
+    """Raise if sample time, tones or duration do not suit the fastest tone, in rad/s."""
     samples = wanted.duration / wanted.sample_time
     if not _FEWEST_SAMPLES <= samples <= _MOST_SAMPLES:
         raise refuse(
@@ -377,6 +377,6 @@ def _check_experiment(wanted: Experiment, fastest: float, refuse: RefuseKey) -> 
     if fastest * wanted.duration < 2.0 * pi * wanted.harmonics:
         raise refuse(
             "experiment.harmonics",
-            f"asks for {wanted.harmonics}, more than {wanted.duration:g} s have between zero and "
-            f"{fastest:.3g} rad/s: take fewer, or longer",
+            f"is {wanted.harmonics}, more than {wanted.duration:g} s allow below "
+            f"{fastest:.3g} rad/s: take fewer, or lengthen the duration",
         )

@@ -1,4 +1,4 @@
-"""What confuses the coefficients of an identification, and what the next motion needs."""
+"""Excitation report: correlations between coefficients, and advice for the next motion."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,25 +22,25 @@ from flexid.recording.recording import Log
 _DEVIATIONS = 2.0  # half the width of a predicted interval
 
 DETERMINED_DEVIATION = THRESHOLDS.determined_width / _DEVIATIONS
-"""Predicted standard deviation over the value, up to which a coefficient would be determined."""
+"""Largest predicted standard deviation, over the value, of a determined coefficient."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoefficientAssessment(ValueEstimate):
-    """How well one coefficient is determined: its estimate, and what the other unknowns cost."""
+    """Estimate of a coefficient, and its correlation with the other unknowns."""
 
     width: float  # half the interval over the value
-    width_alone: float  # the same if all other unknowns were known; NaN if it follows from others
-    inflation: float  # ratio of the two
-    partner: str  # the unknown whose estimate correlates the most with this one's; or empty
+    width_alone: float  # with all other unknowns known; NaN for a derived coefficient
+    inflation: float  # ratio of the two widths
+    partner: str  # unknown with the strongest correlation; or empty
     correlation: float  # with the partner, -1 to 1
 
 
-Correlations = Mapping[str, Mapping[str, float]]  # of the unknowns that the log shows
+Correlations = Mapping[str, Mapping[str, float]]  # of unknowns with finite variance
 
 
 def assess(result: Identification) -> tuple[dict[str, CoefficientAssessment], Correlations]:
-    """What each coefficient of an identification is confused with, and all correlations."""
+    """Return an assessment of each coefficient, and the correlations of all unknowns."""
     fit = result.fit
     finite = np.isfinite(np.diag(fit.covariance))
     names = tuple(n for n, usable in zip(fit.names, finite, strict=True) if usable)
@@ -58,7 +58,7 @@ def assess(result: Identification) -> tuple[dict[str, CoefficientAssessment], Co
 
 
 def _confusion(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Correlations, and by how much the others widen each standard deviation."""
+    """Return correlations, and the factors by which other unknowns widen each deviation."""
     deviations = np.sqrt(np.diag(covariance))
     scale = np.where(deviations > 0.0, deviations, 1.0)
     correlations = covariance / np.outer(scale, scale)
@@ -89,7 +89,7 @@ def _assessed(
             correlation = others[partner]
     elif name in fit.names:
         partner, correlation = _lost_with(name, result.excitation)
-    else:  # given, or it follows from others
+    else:  # known, or derived from others
         inflation = 1.0
         alone = 0.0 if half == 0.0 else np.nan
     return CoefficientAssessment(
@@ -103,7 +103,7 @@ def _assessed(
 
 
 def _lost_with(name: str, rows: Mapping[str, Excitation]) -> tuple[str, float]:
-    """What the regressors of its row confuse a coefficient with that the log leaves free."""
+    """Return the partner and the correlation of an undetermined coefficient's regressor."""
     for row in rows.values():
         if name in row.correlated:
             (other,) = (c for c in row.correlated if c != name)
@@ -113,16 +113,16 @@ def _lost_with(name: str, rows: Mapping[str, Excitation]) -> tuple[str, float]:
 
 @dataclass(frozen=True)
 class Advice:
-    """What the next motion should have more of."""
+    """Advice for the next motion."""
 
-    resonance: float | None = None  # rad/s, near which a part of the input tells most of the spring
-    longer: float | None = None  # s of the same motion that suffice
-    caution: str = ""  # a sentence on what another motion does not mend; or empty
+    resonance: float | None = None  # rad/s, where the input shows the spring best
+    longer: float | None = None  # sufficient duration of the same motion in s
+    caution: str = ""  # sentence on problems that another motion does not solve; or empty
 
 
-_MARGIN = 1.25  # on the length: the next log has other noise
-_MOST_TIMES = 100.0  # the length of the log
-# This brings the condition number of the joint of Huang (2003), Table I, near 1.
+_MARGIN = 1.25  # factor on the length, since the next log has other noise
+_MOST_TIMES = 100.0  # longest advised duration over that of the log
+# For the joint of Huang (2003), Table I, this tone brings the condition number near 1.
 _NO_MODEL = (
     "The values themselves are lost. As a rule, add a second tone at 2.65 times the frequency of "
     "the strongest one and a fifth of its amplitude, record 5 s or more, look again"
@@ -130,7 +130,7 @@ _NO_MODEL = (
 
 
 def advise(result: Identification) -> Advice | None:
-    """Say what the next motion should have more of; None where everything is determined."""
+    """Return advice for the next motion, or None if all coefficients are determined."""
     lacking = [c for c in result.coefficients.values() if c.verdict != "determined"]
     if not lacking:
         return None
@@ -139,13 +139,13 @@ def advise(result: Identification) -> Advice | None:
         return Advice(caution=_NO_MODEL)
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
         return Advice(caution=f"Another input does not help: {lacking[0].reason}")
-    # Of link and motor against each other; of the link alone where its motor is driven.
+    # Of link against motor, or of the link alone if the motor's position is prescribed.
     found = resonance({n: c.value for n, c in result.coefficients.items()}) or None
     return Advice(found, _longer(result, lacking), _caution(result))
 
 
 def _longer(result: Identification, lacking: Sequence[ValueEstimate]) -> float | None:
-    """Seconds of the same motion that suffice; a wrong model stays wrong however long."""
+    """Return the sufficient duration in s, or None: more data do not cure a wrong model."""
     if result.model_error.share > 0.0 or not all(c.value for c in lacking):
         return None
     width = max(c.half_width / abs(c.value) for c in lacking)
@@ -155,7 +155,7 @@ def _longer(result: Identification, lacking: Sequence[ValueEstimate]) -> float |
 
 
 def _caution(result: Identification) -> str:
-    """What widens the intervals though the motion would do."""
+    """Return a sentence on a model error that widens the intervals, or empty text."""
     if result.unexplained:
         return (
             "The residuals show a part of the drive that no term here describes. It widens the "
@@ -166,17 +166,17 @@ def _caution(result: Identification) -> str:
 
 @dataclass(frozen=True)
 class ExcitationReport:
-    """What logs determine of a joint."""
+    """Identification of a joint with the excitation of each coefficient."""
 
     identification: Identification
     coefficients: Mapping[str, CoefficientAssessment]  # in the model's order
     correlations: Correlations
-    advice: Advice | None  # None where every coefficient is determined
+    advice: Advice | None  # None if every coefficient is determined
 
 
 def examine(
     logs: Sequence[Log], settings: Settings, progress: Progress = silent
 ) -> ExcitationReport:
-    """Say how well logs determine each coefficient, and what is lacking where they do not."""
+    """Identify a joint, assess how well each coefficient is determined, and give advice."""
     result = identify(logs, settings, progress)
     return ExcitationReport(result, *assess(result), advise(result))

@@ -1,4 +1,4 @@
-"""Experiments as files, and campaigns of many runs: planned, run, kept, resumed, summarised."""
+"""Experiment files, and campaigns of many runs: plan, run, store, resume and summarise."""
 
 from flexid.experiments.experiment import Experiment, read_experiment
 

@@ -1,4 +1,4 @@
-"""Some runs of a campaign, from their values to their rows; the same on any machine and thread."""
+"""Rows of some runs of a campaign, equal on any machine and thread."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -16,18 +16,18 @@ from flexid.simulation.ensemble import Ensemble, simulate_ensemble, simulate_sam
 from flexid.simulation.sampled import sampled_kernel
 
 STATUS, ERROR, REACHED, STEPS = "status", "error", "reached", "steps"
-"""Columns that every row has: what became of the run, why, its end in s, steps or samples."""
+"""Columns of every row: outcome, reason, end time in s, and number of steps or samples."""
 
 FINISHED = STATUS_NAMES[0]
-FAILED = "error"  # status of a run that could not be made at all; its text says why
+FAILED = "error"  # status of a run that raised an error, with its text as reason
 
-_AT_ONCE = 16  # runs between two looks at whether to stop
-_SIDE_BY_SIDE_AT_ONCE = 4 * SIDE_BY_SIDE  # the same of those that are quicker together
+_AT_ONCE = 16  # runs between two checks whether to stop
+_SIDE_BY_SIDE_AT_ONCE = 4 * SIDE_BY_SIDE  # likewise for vectorised runs
 _LONGEST_TEXT = 500
 
 
-class Stopped(Exception):  # noqa: N818 - no error: it was asked for
-    """The runs were asked to stop before their end."""
+class Stopped(Exception):  # noqa: N818 - requested, not an error
+    """Raised when runs end early because a stop was requested."""
 
 
 def part_rows(
@@ -35,8 +35,8 @@ def part_rows(
     table: pl.DataFrame,  # number and values of each run, from the plan
     stopped: Callable[[], bool] = lambda: False,
 ) -> pl.DataFrame:
-    """A row for each run of a part; `stopped` is asked every few runs, and ends it by `Stopped`."""
-    declaration = experiment.loop.declaration  # of no run, if its kernel cannot be made
+    """Return a row for each run of a part; raise `Stopped` if `stopped` returns true."""
+    declaration = experiment.loop.declaration  # if compiling fails, it fails for all runs
     if experiment.sampling is None:
         loop_kernel(declaration, experiment.settings.stiff)
     else:
@@ -55,7 +55,7 @@ def part_rows(
                 status[place] = STATUS_NAMES[number]
     columns = [pl.Series(STATUS, status, pl.String), pl.Series(ERROR, errors, pl.String)]
     for name, values in zip(names, results.T, strict=True):
-        if name == STEPS:  # none of a run that could not be made
+        if name == STEPS:  # NaN for a run that raised an error
             values = np.nan_to_num(values).astype(np.int64)
         columns.append(pl.Series(name, values))
     return table.hstack(columns)
@@ -64,19 +64,19 @@ def part_rows(
 def _varied(
     experiment: Experiment, table: pl.DataFrame, errors: list[str | None]
 ) -> dict[int, Experiment]:
-    """The experiment of each row; without those whose values are not allowed."""
+    """Return the experiment of each row; rows with invalid values get an error instead."""
     varied = {}
     for place, values in enumerate(table.iter_rows(named=True)):
         del values["run"]
         try:
             varied[place] = experiment.with_values(values)
         except FlexidError as error:
-            errors[place] = _text(error)
+            errors[place] = _reason(error)
     return varied
 
 
 def _batches(varied: Mapping[int, Experiment]) -> Iterator[list[int]]:
-    """Few runs at a time, all of the same length and tolerance."""
+    """Yield batches of a few runs that have the same duration and tolerance."""
     alike: dict[Any, list[int]] = {}
     for place, experiment in varied.items():
         alike.setdefault(experiment.settings, []).append(place)
@@ -88,12 +88,12 @@ def _batches(varied: Mapping[int, Experiment]) -> Iterator[list[int]]:
 def _ensembles(
     varied: Mapping[int, Experiment], places: list[int], errors: list[str | None]
 ) -> Iterator[tuple[list[int], Ensemble]]:
-    """The runs of a batch together; if that fails, each by itself, to find the one at fault."""
+    """Run a batch together; if that raises, run each alone, to find the failing one."""
     try:
         yield places, _ensemble([varied[place] for place in places])
-    except Exception as error:  # of any kind: the other runs must not be lost
+    except Exception as error:  # any error: the other runs must not be lost
         if len(places) == 1:
-            errors[places[0]] = _text(error)
+            errors[places[0]] = _reason(error)
             return
         for place in places:
             yield from _ensembles(varied, [place], errors)
@@ -107,13 +107,13 @@ def _ensemble(runs: Sequence[Experiment]) -> Ensemble:
     return simulate_ensemble(loops, **settings.model_dump())
 
 
-def _text(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     name = "" if isinstance(error, FlexidError) else f"{type(error).__name__}: "
     return " ".join(f"{name}{error}".split())[:_LONGEST_TEXT]
 
 
 def result_names(system: ParametricSystem) -> list[str]:
-    """Names of the columns with results, in their order."""
+    """Return the names of the result columns, in order."""
     return [REACHED, STEPS] + [
         f"{prefix}.{name}" if name else prefix
         for prefix, names in _blocks(system).items()
@@ -122,7 +122,7 @@ def result_names(system: ParametricSystem) -> list[str]:
 
 
 def _blocks(system: ParametricSystem) -> dict[str, Sequence[str]]:
-    """What each result is called, and of what there is one value each."""
+    """Return for each kind of result the names that it has one column for."""
     coefficients, alone = system.coefficients, ("",)
     return {
         "final_error": coefficients,
@@ -137,7 +137,7 @@ def _blocks(system: ParametricSystem) -> dict[str, Sequence[str]]:
 
 
 def _results(runs: Sequence[Experiment], ensemble: Ensemble) -> FloatArray:
-    """Results of some runs, one row each, in the order of `result_names`."""
+    """Return the results, one row per run, with columns as in `result_names`."""
     truth = np.abs([run.loop.true_coefficients for run in runs])
     with np.errstate(all="ignore"):  # a coefficient of 0 has no relative error
         relative = np.abs(ensemble.final_errors) / truth

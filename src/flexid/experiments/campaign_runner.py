@@ -1,4 +1,4 @@
-"""A campaign, run on threads of this machine or on a Dask cluster, part by part."""
+"""Execution of a campaign on threads of this machine or on a Dask cluster, part by part."""
 
 import gc
 import logging
@@ -29,10 +29,10 @@ _PARTS = 200
 _MOST_RUNS = 500
 
 Part = tuple[int, pl.DataFrame]
-"""The number of a part, and of each of its runs the values from the plan, or what came of it."""
+"""Number of a part, and a table with the values or the results of its runs."""
 
 Progress = Callable[[int, int], None]
-"""Called with the number of runs whose rows are kept, and the number of all."""
+"""Called with the number of stored runs and the number of all runs."""
 
 
 def run_campaign(
@@ -42,13 +42,15 @@ def run_campaign(
     scheduler: str | None = None,  # address
     progress: Progress | None = None,
 ) -> None:
-    """Run what is missing of a campaign, here or on the workers of a Dask scheduler."""
+    """Run the missing parts of a campaign, here or on the workers of a Dask scheduler."""
     if workers is not None and workers < 1:
         raise SettingError("workers", f"must be at least 1, got {workers}")
     variation = experiment.variation
     if variation is None:
         raise ExperimentError(
-            experiment.path, "campaign", "is missing: say there what varies, or use flexid simulate"
+            experiment.path,
+            "campaign",
+            "is missing: add what varies, or use flexid simulate",
         )
     plan = make_plan(variation, experiment.sampling is not None)
     with open_store(Path(out), _manifest(experiment, variation, plan)) as store:
@@ -70,8 +72,8 @@ def run_campaign(
 
 
 def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manifest:
-    # Small enough that little is lost and many workers have work, large enough for few files. Runs
-    # that go side by side are quick, and quicker the more of them there are.
+    # Small parts lose little work and keep many workers busy, large ones make few files. Vectorised
+    # runs are fastest in full batches.
     fewest = SIDE_BY_SIDE if experiment.side_by_side else 1
     return Manifest(
         flexid=flexid.__version__,
@@ -87,14 +89,14 @@ def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manif
 
 
 def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Iterator[Part]:
-    """Run parts on threads of this process, and yield each when it is done."""
+    """Run parts on threads of this process, and yield each when it is finished."""
     stop = threading.Event()
     with ThreadPoolExecutor(workers) as pool:
         jobs = (pool.submit(_rows_of, experiment, part, stop.is_set) for part in parts)
         try:
-            for job in as_completed(jobs):  # which keeps no job that is done
+            for job in as_completed(jobs):  # frees each job once it is yielded
                 yield job.result()
-        finally:  # an interrupt: every thread ends within a few runs
+        finally:  # on an interrupt, every thread stops after a few runs
             stop.set()
             pool.shutdown(cancel_futures=True)
 
@@ -110,13 +112,13 @@ _TIMEOUT = 10.0  # s, to reach the scheduler
 
 
 def run_on_cluster(experiment: Experiment, parts: Iterable[Part], scheduler: str) -> Iterator[Part]:
-    """Run parts on the workers of a Dask scheduler, and yield each when it is done."""
+    """Run parts on the workers of a Dask scheduler, and yield each when it is finished."""
     client = _connect(scheduler)
     try:
         _check_workers(client, scheduler)
         yield from _results(client, experiment, parts, scheduler)
     finally:
-        client.close(timeout=_TIMEOUT)  # what is not done is not run any more
+        client.close(timeout=_TIMEOUT)  # cancels the remaining parts
 
 
 def _connect(scheduler: str) -> "Client":
@@ -126,13 +128,13 @@ def _connect(scheduler: str) -> "Client":
         raise SettingError(
             "scheduler", "needs the package distributed: pip install 'flexid[dask]'"
         ) from None
-    # What goes wrong is said in one sentence; the package would add a traceback
+    # The error below is one sentence; the package would log a traceback.
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with suppress(OSError, ValueError, TypeError):
         return Client(scheduler, timeout=_TIMEOUT, set_as_default=False)
-    # A client that could not connect closes itself when it is collected. Were that to happen while
-    # another one starts, the two would wait for each other for ever.
+    # A client that failed to connect closes itself when it is collected. If that happened while
+    # another client starts, the two would deadlock.
     gc.collect()
     raise CampaignError(
         scheduler,
@@ -142,7 +144,7 @@ def _connect(scheduler: str) -> "Client":
 
 def _check_workers(client: "Client", scheduler: str) -> None:
     found: Any = client.run(_version, on_error="return")
-    versions: dict[str, object] = found  # or why there is none
+    versions: dict[str, object] = found  # or the error
     if not versions:
         raise CampaignError(scheduler, f"has no workers: start them with `dask worker {scheduler}`")
     for address, version in versions.items():
@@ -155,11 +157,11 @@ def _version() -> str:
 
 
 def _other_version(worker: str, wanted: str) -> CampaignError:
-    return CampaignError(worker, f"has not flexid {wanted}: install that version there, as here")
+    return CampaignError(worker, f"does not have flexid {wanted}: install the same version there")
 
 
 def _work(version: str, experiment: Experiment, part: Part) -> Part:
-    """What a worker does; one that came later may have another version."""
+    """Run a part on a worker; one that joined later may have another version."""
     if flexid.__version__ != version:
         raise _other_version("a worker", version)
     return _rows_of(experiment, part)
@@ -178,11 +180,11 @@ def _results(
         except KilledWorker:
             raise CampaignError(
                 scheduler,
-                "lost every worker that took one of the parts: see their logs, for memory above "
-                "all; the same command goes on",
+                "lost every worker that took one of the parts: check their logs, memory above all; "
+                "the same command continues",
             ) from None
         except (CancelledError, OSError):
             raise CampaignError(
-                scheduler, "was lost: start it and its workers; the same command goes on"
+                scheduler, "was lost: start it and its workers; the same command continues"
             ) from None
         future.release()

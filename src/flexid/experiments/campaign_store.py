@@ -1,4 +1,4 @@
-"""The rows of a campaign, as Parquet files that are complete or not there, and what they show."""
+"""Storage of a campaign in Parquet files, which are written atomically, and its summary."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -23,18 +23,18 @@ _LOCK = ".campaign.lock"
 
 
 class Manifest(BaseModel):
-    """What was planned; it decides every row of the campaign."""
+    """Plan of a campaign, which determines every row."""
 
     model_config = ConfigDict(strict=True, frozen=True)
 
     flexid: str  # version that runs it
-    experiment: str  # digest of what decides a run's result
+    experiment: str  # digest of everything that affects a run
     plan: str  # digest of all values
     kind: str  # of the plan
     runs: Annotated[int, Field(ge=1, le=MOST_RUNS)]
-    inputs: tuple[str, ...]  # dotted paths of what varies
-    runs_per_part: Annotated[int, Field(ge=1)]  # runs that share a file
-    text: str  # the experiment file as it was
+    inputs: tuple[str, ...]  # dotted paths of the varied numbers
+    runs_per_part: Annotated[int, Field(ge=1)]  # runs per file
+    text: str  # copy of the experiment file
 
     @property
     def parts(self) -> range:
@@ -42,29 +42,29 @@ class Manifest(BaseModel):
         return range(-(-self.runs // self.runs_per_part))
 
     def runs_of(self, part: int) -> range:
-        """Numbers of the runs in a part."""
+        """Return the numbers of the runs in a part."""
         first = part * self.runs_per_part
         return range(first, min(first + self.runs_per_part, self.runs))
 
 
 @dataclass(frozen=True)
 class Store:
-    """The parts of one campaign."""
+    """Directory with the parts of one campaign."""
 
     directory: Path
     manifest: Manifest
 
     def path(self, part: int) -> Path:
-        """File of a part's rows."""
+        """Return the path of a part's rows."""
         return self.directory / "runs" / f"part-{part:06d}.parquet"
 
     def write(self, part: int, rows: pl.DataFrame) -> None:
-        """Keep a part."""
+        """Write the rows of a part."""
         with _writing(self.directory):
             write_atomically(self.path(part), lambda temporary: write_parquet(rows, temporary))
 
     def read(self, part: int) -> pl.DataFrame | None:
-        """Rows of a part; None if it is missing or damaged."""
+        """Return the rows of a part, or None if it is missing or damaged."""
         try:
             rows = pl.read_parquet(self.path(part), memory_map=False)
             whole = rows["run"].to_list() == [*self.manifest.runs_of(part)]
@@ -73,27 +73,27 @@ class Store:
         return rows if whole else None
 
     def missing(self) -> list[int]:
-        """Numbers of the parts that have to be run, damaged ones among them."""
+        """Return the numbers of missing or damaged parts."""
         return [part for part in self.manifest.parts if self.read(part) is None]
 
 
 @contextmanager
 def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
-    """Open the directory of a campaign for writing, alone; make it if it is missing."""
+    """Open or create the directory of a campaign, with a lock against other writers."""
     check_name(directory)
     lock = FileLock(directory / _LOCK)
     with _writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         lock.acquire(timeout=0)
     try:
-        yield Store(directory, _settled(directory, wanted))
+        yield Store(directory, _manifest_of(directory, wanted))
     finally:
         lock.release()
 
 
 @contextmanager
 def _writing(directory: Path) -> Iterator[None]:
-    """Say in one sentence why a directory cannot be written."""
+    """Turn errors of writing into a `CampaignError`."""
     try:
         yield
     except Timeout:
@@ -110,25 +110,25 @@ def _writing(directory: Path) -> Iterator[None]:
         ) from None
 
 
-_DECISIVE = {"flexid": "version of flexid", "experiment": "experiment", "plan": "plan of runs"}
+_MUST_AGREE = {"flexid": "version of flexid", "experiment": "experiment", "plan": "plan of runs"}
 
 
-def _settled(directory: Path, wanted: Manifest) -> Manifest:
-    """The manifest that is there, or else the one that is wanted; other rows are refused."""
-    # The number of runs per part may differ: it changes no row.
+def _manifest_of(directory: Path, wanted: Manifest) -> Manifest:
+    """Return the stored manifest, or store `wanted`; raise if it is of another campaign."""
+    # The number of runs per part may differ: it does not affect the rows.
     found = _read_manifest(directory)
     if found is None:
         if any(directory.glob("runs/*")):
             raise CampaignError(
-                str(directory), f"holds runs but no {FILE}: give another directory, or empty it"
+                str(directory), f"contains runs but no {FILE}: give another directory, or empty it"
             )
         found = wanted
         text = wanted.model_dump_json(indent=2) + "\n"
         write_atomically(directory / FILE, lambda path: path.write_text(text, encoding="utf-8"))
         (directory / "runs").mkdir(exist_ok=True)
-    for name, what in _DECISIVE.items():
+    for name, what in _MUST_AGREE.items():
         if getattr(found, name) != getattr(wanted, name):
-            reason = f"holds a campaign of another {what}: give another directory"
+            reason = f"contains a campaign of another {what}: give another directory"
             raise CampaignError(str(directory), reason)
     return found
 
@@ -139,7 +139,7 @@ def find_store(directory: Path) -> Store:
     manifest = _read_manifest(directory)
     if manifest is None:
         raise CampaignError(
-            str(directory), f"holds no campaign (no {FILE}): give the directory of --out"
+            str(directory), f"contains no campaign (no {FILE}): give the directory of --out"
         )
     return Store(directory, manifest)
 
@@ -153,7 +153,7 @@ def _read_manifest(directory: Path) -> Manifest | None:
     except (OSError, ValidationError):
         raise CampaignError(
             str(directory / FILE),
-            "is damaged or of no campaign: start again in another directory",
+            "is damaged or not a campaign: start again in another directory",
         ) from None
 
 
@@ -162,26 +162,26 @@ QUANTILES = (0.05, 0.5, 0.95)
 
 @dataclass(frozen=True)
 class Result:
-    """One result over all finished runs."""
+    """Quantiles of one result over all finished runs."""
 
     name: str  # column of the rows
     finite: int  # finished runs with a finite value
-    missing: int  # and those without, for example runs that never settle
+    missing: int  # finished runs without one, for example if they never settle
     # of the finite values in SI units, at QUANTILES; NaN if there are none
     quantiles: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What a campaign shows, finished or not."""
+    """Summary of a campaign, complete or not."""
 
     directory: Path
     manifest: Manifest
-    done: int  # runs whose rows are there
+    done: int  # runs with stored rows
     # files that cannot be read; running the campaign again replaces them
     damaged: tuple[str, ...]
-    statuses: Mapping[str, int]  # how many runs ended how, the most frequent first
-    first_error: str  # text of the first run with the status "error"; empty if there is none
+    statuses: Mapping[str, int]  # number of runs by outcome, the most frequent first
+    first_error: str  # reason of the first run with status "error", or empty
     results: tuple[Result, ...]
 
     @property
@@ -191,7 +191,7 @@ class Summary:
 
     @property
     def complete(self) -> bool:
-        """Whether every run has its row."""
+        """Whether every run has a row."""
         return self.done == self.manifest.runs
 
 

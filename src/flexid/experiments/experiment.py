@@ -1,4 +1,4 @@
-"""An experiment: a closed loop with everything that a run of it needs."""
+"""Experiments: closed loops with all settings of a run, read from a file."""
 
 import hashlib
 import json
@@ -37,17 +37,17 @@ from flexid.paper.loop import Multisine, constant, sinusoid
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
 from flexid.simulation.sampled import Sampling, simulate_sampled
 
-_MOST_SAMPLES = 10_000_000  # most samples of one run
+_MOST_SAMPLES = 10_000_000  # of one run
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """What an experiment file says."""
+    """Closed loop and settings from an experiment file."""
 
     path: str  # the file
-    system: ParametricSystem = field(repr=False)  # the model, constants as its file declares them
-    tables: Tables = field(repr=False)  # but the campaign's; complete with what the file leaves out
-    loop: ClosedLoop = field(repr=False)  # everything with its values
+    system: ParametricSystem = field(repr=False)  # model, with the constants of its file
+    tables: Tables = field(repr=False)  # without [campaign], with defaults
+    loop: ClosedLoop = field(repr=False)  # loop with its values
     variation: Variation | None = field(default=None, repr=False)  # the [campaign] part
 
     @property
@@ -62,42 +62,42 @@ class Experiment:
 
     @cached_property
     def settings(self) -> ContinuousRun:
-        """How long the loop runs, how far its samples are apart, and how it is integrated."""
+        """Duration, sample time and tolerances of the run."""
         return self.tables.settings
 
     @cached_property
     def sampling(self) -> Sampling | None:
-        """How the loop is sampled; None for a continuous one."""
+        """Sampling of the loop; None in continuous time."""
         if isinstance(self.tables, SampledTables):
             return Sampling(**self.tables.sampling.model_dump())
         return None
 
     @property
     def side_by_side(self) -> bool:
-        """Whether runs of it go side by side: continuous ones that are not stiff."""
+        """Whether its runs are vectorised: true in continuous time if they are not stiff."""
         return self.sampling is None and not self.settings.stiff
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """Every number that can be set, by its dotted path; places in a list count from 1."""
+        """All numbers that can be set, by dotted path; list items count from 1."""
         return dict(_leaves(self.tables.model_dump()))
 
     @cached_property
     def digest(self) -> str:
-        """Hash of everything that decides the result of a run."""
+        """Hash of everything that affects the result of a run."""
         system = self.loop.system
         decisive = self.tables.model_dump(exclude={"name"})
         content = [decisive, system.digest, list(system.constants.items())]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def with_values(self, values: Mapping[str, float]) -> "Experiment":
-        """The same experiment with other numbers, by dotted path, such as ``controller.k``."""
+        """Return the experiment with other numbers, by dotted path such as ``controller.k``."""
         content = self.tables.model_dump()
         for path, value in values.items():
             if path not in self.values:
                 remedy = did_you_mean(path, self.values)
                 raise ExperimentError(self.path, path, f"cannot be set{remedy}")
-            _put(content, path, int(value) if isinstance(value, Integral) else float(value))
+            _set_value(content, path, int(value) if isinstance(value, Integral) else float(value))
         return declared_experiment(self.path, content, self)
 
     def run(self) -> Run:
@@ -117,7 +117,7 @@ class Experiment:
 
 
 def read_experiment(path: str | Path) -> Experiment:
-    """Read an experiment file with a table for each part, and perhaps one of a campaign."""
+    """Read an experiment file, with its table ``[campaign]`` if it has one."""
     path = Path(path)
     refuse = partial(ExperimentError, str(path))
     content = parse_toml(read_small(path, "an experiment file in TOML", refuse), refuse)
@@ -131,7 +131,7 @@ def read_experiment(path: str | Path) -> Experiment:
 def declared_experiment(
     path: str, content: Mapping[str, Any], like: Experiment | None = None
 ) -> Experiment:
-    """The experiment of a file's tables, with the declaration of another one of the same file."""
+    """Return the experiment of a file's tables; `like`, from the same file, provides the model."""
     refuse = partial(ExperimentError, path)
     tables = _checked(content, refuse)
     system = tables.model.system(Path(path).parent, refuse) if like is None else like.system
@@ -152,7 +152,7 @@ def _checked(content: Mapping[str, Any], refuse: RefuseKey) -> Tables:
 
 
 def _completed(tables: Tables, system: ParametricSystem, refuse: RefuseKey) -> Tables:
-    """The tables with what the file leaves to the model: constants, zeros at the start."""
+    """Return the tables with default values of constants, initial states and estimates."""
     state, states = tables.initial_state, system.states
     for name in state:
         if name not in states:
@@ -191,23 +191,23 @@ def _loop(
         raise refuse("controller", f"does not fit the model: {error}") from None
 
 
-_OF_EVERY_JOINT = ("link_inertia", "motor_inertia", "joint_stiffness")
+_REQUIRED = ("link_inertia", "motor_inertia", "joint_stiffness")
 
 
 def _plant(tables: Tables, system: ParametricSystem, refuse: RefuseKey) -> Mapping[str, float]:
-    """Values of coefficients and constants; those of a joint follow from physical parameters."""
+    """Return values of coefficients and constants, for a joint from physical parameters."""
     model, plant = tables.model, tables.plant
     of_joint = isinstance(model, JointModel)
     wanted = [*system.coefficients, *system.constants]
     if of_joint:
-        wanted = [*_OF_EVERY_JOINT, *(TERM_PARAMETERS[term] for term in model.terms)]
+        wanted = [*_REQUIRED, *(TERM_PARAMETERS[term] for term in model.terms)]
     for name in plant:
         if name not in wanted:
             raise refuse(f"plant.{name}", f"is not in the model{did_you_mean(name, wanted)}")
     for name in wanted:
         if name not in plant:
             raise refuse(f"plant.{name}", "is missing: add it")
-        if of_joint and name in _OF_EVERY_JOINT and not plant[name] > 0.0:
+        if of_joint and name in _REQUIRED and not plant[name] > 0.0:
             raise refuse(f"plant.{name}", f"is {plant[name]:g}: give a positive number")
     if not of_joint:
         return plant
@@ -228,7 +228,7 @@ _REFERENCES: dict[str, Callable[..., Multisine]] = {
     "multisine": Multisine,
     "constant": constant,
 }
-# Their arguments are called as the keys of their tables.
+# Argument names equal the keys of the tables.
 
 
 def _reference(table: Reference, refuse: RefuseKey) -> Multisine:
@@ -239,7 +239,7 @@ def _reference(table: Reference, refuse: RefuseKey) -> Multisine:
 
 
 def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted paths of all numbers; what has no value yet counts as one."""
+    """Yield dotted paths of all numbers, including optional ones without a value."""
     if isinstance(table, Mapping):
         for key, value in table.items():
             yield from _leaves(value, f"{path}.{key}" if path else key)
@@ -250,7 +250,7 @@ def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, table
 
 
-def _put(content: Any, path: str, number: float) -> None:
+def _set_value(content: Any, path: str, number: float) -> None:
     *keys, last = path.split(".")
     for key in keys:
         content = content[int(key) - 1 if isinstance(content, list) else key]

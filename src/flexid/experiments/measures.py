@@ -1,4 +1,4 @@
-"""A run in numbers."""
+"""Measures of a simulated run, and its columns for files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,26 +11,26 @@ from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.simulation.closed_loop import Run
 from flexid.simulation.lyapunov import row_excitation
 
-SETTLED = 0.05  # share of its true value within which an estimate counts as settled
+SETTLED = 0.05  # largest relative error of a settled estimate
 
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """A run in numbers, in SI units."""
+    """Measures of a simulated run, in SI units."""
 
     final_states: Mapping[str, float]  # x at the end
     final_errors: Mapping[str, float]  # p̂ - p at the end, by coefficient
-    # the last time in s at which |p̂ - p| was beyond 5 % of |p|; 0 if it never was, NaN if it
-    # still is at the end
+    # last time in s at which |p̂ - p| exceeded 5 % of |p|; 0 if it never did, NaN if it still does
+    # at the end
     settling_times: Mapping[str, float]
     tracking_rms: float  # root mean square of the tracking error
     tracking_peak: float  # its largest magnitude
     peak_inputs: Mapping[str, float]  # largest magnitude of each input
-    excitation: Mapping[str, Excitation]  # of each row, by the mean of r rᵀ over the run
+    excitation: Mapping[str, Excitation]  # of each row, from the mean of r rᵀ over the run
 
 
 def measure(run: Run) -> Measures:
-    """Measure a run at its samples; what happens between two of them is not seen."""
+    """Return the measures of a run, from its samples only."""
     system = run.loop.system
     settled = settling_times(run.time, run.parameter_errors, run.loop.true_coefficients)
     return Measures(
@@ -47,7 +47,7 @@ def measure(run: Run) -> Measures:
 def settling_times(
     time: NDArray[np.float64], errors: NDArray[np.float64], true: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Last times of each error, (n, m), beyond `SETTLED`: 0 if it never was, NaN at the end."""
+    """Return the last time of each error, (n, m), beyond `SETTLED`: 0 if never, NaN at the end."""
     beyond = np.abs(errors) > SETTLED * np.abs(true)
     last = len(time) - 1 - np.argmax(beyond[::-1], axis=0)
     settled = np.where(beyond.any(axis=0), time[last], 0.0)
@@ -60,7 +60,7 @@ _CHANNELS = {"time": "s", "position": "rad", "velocity": "rad/s", "torque": "N m
 
 
 def log_columns(run: Run) -> Columns:
-    """What a drive would have logged, under the names that ``flexid identify`` reads."""
+    """Return the columns that a drive would have logged, as ``flexid identify`` reads them."""
     joint = is_joint(run)
     return {
         f"{name} [{_CHANNELS[name.rpartition('_')[2]]}]" if joint else name: values
@@ -69,7 +69,7 @@ def log_columns(run: Run) -> Columns:
 
 
 def run_columns(run: Run) -> Columns:
-    """Everything of a run: the log, the true states where sensors err, reference, estimates."""
+    """Return all columns of a run: log, true states if measured, reference and estimates."""
     columns = log_columns(run)
     if run.measured is not None:
         names = list(columns)[1 : 1 + run.states.shape[1]]
@@ -85,7 +85,7 @@ def run_columns(run: Run) -> Columns:
 
 
 def is_joint(run: Run) -> bool:
-    """Whether the model is the flexible joint, whose units are known."""
+    """Whether the model is a flexible joint, so that units are known."""
     system = run.loop.system
     rows = tuple(row.name for row in system.rows)
     own = rows == ("link", "motor") and len(system.inputs) == 1
@@ -93,5 +93,5 @@ def is_joint(run: Run) -> bool:
 
 
 def coefficient_unit(run: Run, name: str) -> str:
-    """SI unit of a coefficient; nothing where the model is the user's own."""
+    """Return the SI unit of a coefficient, or empty text for a model of the user."""
     return COEFFICIENT_UNITS[name].format(input="(N m)") if is_joint(run) else ""

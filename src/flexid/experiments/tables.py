@@ -1,4 +1,4 @@
-"""The tables of an experiment file but that of its campaign."""
+"""Tables of an experiment file, except ``[campaign]``."""
 
 import math
 from collections.abc import Mapping
@@ -26,17 +26,17 @@ from flexid.models.physical import TERM_PARAMETERS
 Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w-]+$")]
 
 SMALLEST = 1e-30
-LARGEST = 1e30  # beyond these, powers of a number overflow, and no drive has one
+LARGEST = 1e30  # beyond these limits powers overflow
 
 
-def _of_a_drive(value: float) -> float:
+def _in_range(value: float) -> float:
     if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
         raise ValueError(f"a magnitude between {SMALLEST:g} and {LARGEST:g} is needed")
     return value
 
 
 def _whole(value: Any) -> Any:
-    # A campaign draws whole numbers as floats
+    # Campaigns draw whole numbers as floats.
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -46,7 +46,7 @@ def _printable(text: str) -> str:
     return text
 
 
-Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_of_a_drive)]
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_in_range)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Exponent = Annotated[float, Field(ge=-6, le=6)]
@@ -58,20 +58,20 @@ Title = Annotated[str, StringConstraints(max_length=200), AfterValidator(_printa
 
 
 class Table(BaseModel):
-    """A table of the file: no unknown keys, no other types than those that stand here."""
+    """Table with strict types and without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class JointModel(Table):
-    """The flexible joint with some terms."""
+    """Flexible joint with optional terms."""
 
     terms: list[Name] = list(PAPER_TERMS)
     known: list[Name] = ["beta1"]
     coulomb_velocity: Positive = COULOMB_VELOCITY["revolute"]  # rad/s
 
     def system(self, _folder: Path, refuse: RefuseKey) -> ParametricSystem:
-        """The model; known coefficients have the value 1."""
+        """Return the model; its known coefficients get the value 1."""
         for place, term in enumerate(self.terms, start=1):
             if term not in TERM_PARAMETERS:
                 known = ", ".join(TERM_PARAMETERS)
@@ -85,12 +85,12 @@ class JointModel(Table):
 
 
 class FileModel(Table):
-    """A model in a file of its own."""
+    """Model in a separate file."""
 
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
 
     def system(self, folder: Path, refuse: RefuseKey) -> ParametricSystem:
-        """The model, with the constants that its file declares."""
+        """Return the model, with the values of constants from its file."""
         try:
             return read_model(folder / self.file)
         except (ModelError, ExpressionError) as error:
@@ -98,14 +98,14 @@ class FileModel(Table):
 
 
 class PdNominal(Table):
-    """What the law believes of the joint."""
+    """Nominal parameters for `PdGravityLaw`."""
 
     gravity_torque: Number  # N m
     joint_stiffness: Positive  # N m/rad
 
 
 class RobustNominal(Table):
-    """What the law believes of the joint."""
+    """Nominal parameters for `RobustLaw`."""
 
     gravity_torque: Number  # N m
     link_inertia: Number  # kg m^2
@@ -115,7 +115,7 @@ class RobustNominal(Table):
 
 
 class RobustLaw(Table):
-    """Huang (2003), eq. (11)."""
+    """Robust control law of Huang (2003), eq. (11)."""
 
     law: Literal["robust"]
     k: Positive  # 1/s
@@ -136,7 +136,7 @@ class PdGravityLaw(Table):
 
 
 class OwnLaw(Table):
-    """A law in expressions."""
+    """Control law in expressions of the user."""
 
     law: Literal["expressions"]
     tracked: Name
@@ -167,14 +167,14 @@ class MultisineReference(Table):
 
 
 class ConstantReference(Table):
-    """Standing still."""
+    """Constant reference."""
 
     kind: Literal["constant"]
     value: Number  # rad
 
 
 class ContinuousRun(Table):
-    """How long a loop runs and how closely it is integrated."""
+    """Duration and tolerances of a loop in continuous time."""
 
     duration: Positive  # s
     sample_time: Positive = 1e-3  # s
@@ -184,20 +184,20 @@ class ContinuousRun(Table):
     stiff: bool = True
 
     def settled(self) -> "ContinuousRun":
-        """The same with the absolute tolerance that follows from the relative one."""
+        """Return the table with a default absolute tolerance, from the relative one."""
         if self.absolute_tolerance is not None:
             return self
         return self.model_copy(update={"absolute_tolerance": 1e-3 * self.relative_tolerance})
 
 
 class SampledRun(Table):
-    """How long a sampled loop runs."""
+    """Duration of a sampled loop."""
 
     duration: Positive  # s
 
 
 class SamplingTable(Table):
-    """What a drive's sensors and clock are like."""
+    """Sample time, input limit and sensor errors of a sampled loop."""
 
     sample_time: Positive = 1e-3  # s
     input_limit: Annotated[float, Field(gt=0)] = math.inf  # N m
@@ -222,7 +222,7 @@ Reference = SineReference | MultisineReference | ConstantReference
 
 
 class LoopTables(Table):
-    """What every experiment file holds."""
+    """Tables that every experiment file has."""
 
     name: Title = ""
     model: Model = JointModel()
@@ -235,25 +235,25 @@ class LoopTables(Table):
 
 
 class ContinuousTables(LoopTables):
-    """The file of a loop in continuous time."""
+    """Experiment file of a loop in continuous time."""
 
     run: ContinuousRun
 
     @property
     def settings(self) -> ContinuousRun:
-        """How the loop runs."""
+        """Duration, sample time and tolerances."""
         return self.run.settled()
 
 
 class SampledTables(LoopTables):
-    """The file of a loop that is sampled."""
+    """Experiment file of a sampled loop."""
 
     run: SampledRun
     sampling: SamplingTable
 
     @property
     def settings(self) -> ContinuousRun:
-        """How long the loop runs, and how far its samples are apart."""
+        """Duration and sample time; tolerances have no effect."""
         return ContinuousRun(
             duration=self.run.duration, sample_time=self.sampling.sample_time
         ).settled()

@@ -1,4 +1,4 @@
-"""What varies over the runs of a campaign: the table ``[campaign]``, tried out when it is read."""
+"""Varied values of a campaign: the table ``[campaign]``, checked when it is read."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,20 +24,20 @@ MOST_RUNS = 10_000_000  # of one campaign
 _T = TypeVar("_T")
 _Pair = Annotated[list[_T], Field(min_length=2, max_length=2)]
 
-_LARGEST_WHOLE = 2**53  # up to which values, which are floats, keep every digit
+_LARGEST_WHOLE = 2**53  # floats are exact up to here
 
 
-def _kept(value: Any) -> Any:
+def _exact(value: Any) -> Any:
     if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
-        raise ValueError("more digits than are kept: at most 15 are needed")
+        raise ValueError("it has more digits than a float stores: give at most 15")
     return value
 
 
-_Listed = Annotated[Number, BeforeValidator(_kept)]
+_Listed = Annotated[Number, BeforeValidator(_exact)]
 
 
 class Distribution(Table):
-    """What one number may be: one kind, with its numbers."""
+    """Distribution or list of values of one varied number."""
 
     values: Annotated[list[_Listed], Field(min_length=1, max_length=10_000)] | None = None
     uniform: _Pair[Number] | None = None  # ends
@@ -63,7 +63,7 @@ class Distribution(Table):
         return self.uniform or self.log_uniform or self.integers or []
 
     def quantile(self, shares: ArrayLike) -> NDArray[np.float64]:
-        """Values below which the given shares of all draws lie, each from 0 on and below 1."""
+        """Return quantiles for `shares`, which are at least 0 and below 1."""
         shares = np.asarray(shares, dtype=float)
         ((kind, numbers),) = self.model_dump(exclude_none=True).items()
         if kind == "values":
@@ -74,43 +74,43 @@ class Distribution(Table):
         if kind == "log_uniform":
             return first * (second / first) ** shares
         if kind == "normal":
-            from scipy.special import ndtri  # late, since no single run needs it
+            from scipy.special import ndtri  # late: only campaigns need it
 
             return first + second * ndtri(shares)
         return np.floor(first + shares * (second - first + 1.0))
 
     @property
     def tried(self) -> tuple[float, ...]:
-        """Values that every experiment must allow: all, or the ends, if any, and one inside."""
+        """Values to check: all of a list, else both ends, if any, and one inside."""
         return tuple(map(float, self.values or (*self._ends, float(self.quantile(_INSIDE)))))
 
 
 class Variation(Table):
-    """What varies over many runs: the ``[campaign]`` part of an experiment."""
+    """Table ``[campaign]`` of an experiment file."""
 
-    kind: Literal["grid", "latin-hypercube", "sobol"]  # every combination of the values, or draws
-    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 0  # of a grid the product of the lists
+    kind: Literal["grid", "latin-hypercube", "sobol"]  # all combinations, or draws
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 0  # of a grid: product of the list lengths
     seed: Annotated[int, Field(ge=0, le=2**63)] = 0  # of the draws
-    # runs that share a file of the result; None: the campaign chooses
+    # runs per file of the result; None: chosen by the campaign
     runs_per_part: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    vary: Annotated[dict[str, Any], Field(min_length=1)]  # once read, a `Distribution` by path
+    vary: Annotated[dict[str, Any], Field(min_length=1)]  # a `Distribution` by path after reading
 
 
-_INSIDE = 0.501  # share of the draws below the value inside a distribution that is tried
+_INSIDE = 0.501  # quantile of the inner value to check
 
 
 def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
-    """Check a campaign against the experiment that it varies."""
+    """Read the table of a campaign and check it with the experiment that it varies."""
 
     def refuse(key: str, reason: str) -> ExperimentError:
         return ExperimentError(experiment.path, f"campaign.{key}" if key else "campaign", reason)
 
     content = validated(campaign, Variation, refuse)
     inputs: dict[str, Distribution] = {}
-    for path, text in _flat(content.vary, experiment):
+    for path, text in _flattened(content.vary, experiment):
         if path in inputs:
             raise refuse(f"vary.{path}", "is there twice: leave one of them out")
-        inputs[path] = _input(experiment, path, text)
+        inputs[path] = _distribution(experiment, path, text)
     runs = content.runs
     if content.kind == "grid":
         for path, choice in inputs.items():
@@ -126,18 +126,18 @@ def read_variation(campaign: Any, experiment: "Experiment") -> Variation:
     return content.model_copy(update={"runs": runs, "vary": inputs})
 
 
-def _flat(vary: Mapping[str, Any], experiment: "Experiment", path: str = "") -> Iterator[Any]:
-    """Dotted paths with their values: TOML nests tables where dotted keys are not quoted."""
+def _flattened(vary: Mapping[str, Any], experiment: "Experiment", path: str = "") -> Iterator[Any]:
+    """Yield dotted paths and values; TOML reads unquoted dotted keys as nested tables."""
     for key, value in vary.items():
         here = f"{path}.{key}" if path else key
         if isinstance(value, dict) and here not in experiment.values:
-            yield from _flat(value, experiment, here)
+            yield from _flattened(value, experiment, here)
         else:
             yield here, value
 
 
-def _input(experiment: "Experiment", path: str, value: Any) -> Distribution:
-    """What an entry says, a list or a distribution; tried out."""
+def _distribution(experiment: "Experiment", path: str, value: Any) -> Distribution:
+    """Return an entry's distribution after checking some of its values."""
 
     def refuse(key: str, reason: str) -> ExperimentError:
         place = f"campaign.vary.{path}" + (f".{key}" if key else "")
@@ -160,23 +160,22 @@ def _input(experiment: "Experiment", path: str, value: Any) -> Distribution:
 
 
 SEED = "sampling.seed"
-"""Path of the seed of a run's noise; drawn for every run unless it is varied explicitly."""
+"""Path of the noise seed, which is drawn for every run unless it is varied explicitly."""
 
 _SMALLEST_SHARE = 2.0**-53
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The values of every run."""
+    """Values of the varied numbers in each run."""
 
-    inputs: tuple[str, ...]  # dotted paths of what varies
+    inputs: tuple[str, ...]  # dotted paths of the varied numbers
     values: NDArray[np.float64]  # (n_runs, n_inputs), in SI units
-    # from which each run's noise has its seed, where the loop is sampled and its seed not among
-    # the inputs
+    # of the seeds of all runs' noise; None for a continuous loop or if the inputs contain the seed
     seed: int | None
 
     def table(self, runs: range) -> "pl.DataFrame":
-        """Number and values of some consecutive runs, one row each."""
+        """Return numbers and values of consecutive runs, one row each."""
         import polars as pl
 
         values = self.values[runs.start : runs.stop]
@@ -188,28 +187,28 @@ class Plan:
 
     @property
     def digest(self) -> str:
-        """Hash of all values: equal plans have equal digests."""
+        """Hash of all values; equal plans have equal digests."""
         content = hashlib.sha256("\n".join((*self.inputs, str(self.seed))).encode())
         content.update(np.ascontiguousarray(self.values).tobytes())
         return content.hexdigest()[:16]
 
 
 def make_plan(variation: Variation, sampled: bool) -> Plan:
-    """Plan the runs of a campaign; the same variation always gives the same plan."""
+    """Plan the runs of a campaign; equal variations give equal plans."""
     inputs = tuple(variation.vary)
     values = _grid(variation) if variation.kind == "grid" else _draws(variation)
     return Plan(inputs, values, variation.seed if sampled and SEED not in inputs else None)
 
 
 def _grid(variation: Variation) -> NDArray[np.float64]:
-    """Every combination; the last input changes fastest."""
+    """Return all combinations; the last input changes fastest."""
     axes = [np.array(choice.values, dtype=float) for choice in variation.vary.values()]
     mesh = np.meshgrid(*axes, indexing="ij")
     return np.stack([one.ravel() for one in mesh], axis=1)
 
 
 def _draws(variation: Variation) -> NDArray[np.float64]:
-    from scipy.stats import qmc  # late: it loads for a second, and no worker needs it
+    from scipy.stats import qmc  # late: its import takes a second, and workers do not need it
 
     runs, count = variation.runs, len(variation.vary)
     if variation.kind == "latin-hypercube":
@@ -226,6 +225,6 @@ def _draws(variation: Variation) -> NDArray[np.float64]:
 
 
 def _run_seed(seed: int, run: int) -> int:
-    """Seed of a run's noise, from the campaign's seed and the run's number alone."""
+    """Return a run's noise seed, from the campaign's seed and the run's number."""
     child = np.random.SeedSequence(seed, spawn_key=(run,))
     return int(child.generate_state(1, np.uint64)[0] >> 1)

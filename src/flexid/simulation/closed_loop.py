@@ -1,4 +1,4 @@
-"""Closed loops with their values and runs, in continuous time integrated to a stated tolerance."""
+"""Closed loops, their runs, and their simulation in continuous time."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -22,9 +22,9 @@ from flexid.paper.loop import LoopDeclaration, Multisine
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """System, controller, reference and parametric observer, with values."""
+    """System, controller, reference and parameter observer, with their values."""
 
-    # the model of plant and observer; its constants have the values declared in it
+    # model of plant and observer, with the values of its constants
     system: ParametricSystem
     coefficients: Mapping[str, float]  # the true coefficients
     controller: Controller
@@ -50,20 +50,20 @@ class ClosedLoop:
 
     @cached_property
     def declaration(self) -> LoopDeclaration:
-        """The loop without its values."""
+        """Loop without its values."""
         return LoopDeclaration(self.system, self.controller, self.reference)
 
     def with_values(self, **values: Any) -> "ClosedLoop":
-        """The same loop with other values; it shares the declaration and its checks."""
-        changed = copy(self)  # with its declaration
+        """Return a copy of the loop with other values; its structure is not checked again."""
+        changed = copy(self)  # shares the cached declaration
         for name, value in values.items():
             object.__setattr__(changed, name, value)
         if changed._names() != self._names():
-            raise SettingError("with_values", "other names than this loop's: build a new loop")
+            raise SettingError("with_values", "names differ from this loop's: build a new loop")
         return changed
 
     def _names(self) -> tuple[object, ...]:
-        """What is decided by names alone."""
+        """Return names and digests that two loops of one declaration share."""
         tables = (self.system.constants, self.coefficients, self.observer_gains)
         return (
             *map(tuple, (*tables, self.initial_estimates, self.reference.parameters)),
@@ -108,13 +108,13 @@ def check_values(
 
 @dataclass(frozen=True)
 class Integration:
-    """How long a loop runs, how it is sampled, and how accurately it is integrated."""
+    """Duration, sample time and tolerances of a simulation in continuous time."""
 
     duration: float  # in s; the run ends at the last sample within it
     sample_time: float = 1e-3  # in s, of the result; the integrator chooses its own steps
     relative_tolerance: float = 1e-6  # per step, of each coordinate and each parameter error
-    absolute_tolerance: float | None = None  # in SI units; a thousandth of the relative one
-    maximum_steps: int = 1_000_000  # accepted and rejected, after which the run is given up
+    absolute_tolerance: float | None = None  # in SI units; default: relative one / 1000
+    maximum_steps: int = 1_000_000  # accepted and rejected, until the run is aborted
 
     def __post_init__(self) -> None:
         if self.absolute_tolerance is None:
@@ -130,56 +130,56 @@ class Integration:
 
     @property
     def end(self) -> float:
-        """Time of the last one in s."""
+        """Time of the last sample in s."""
         return (self.count - 1) * self.sample_time
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """All of them, in s."""
+        """Times of all samples in s."""
         return self.sample_time * np.arange(self.count, dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class Run:
-    """A closed loop over time; n samples, all quantities in SI units."""
+    """Simulated motion of a closed loop with n samples, in SI units."""
 
-    # what was simulated: the model, its true coefficients, controller, reference, observer
+    # simulated loop: model, true coefficients, controller, reference and observer
     loop: ClosedLoop
     time: FloatArray  # (n,), in s
     states: FloatArray  # (n, n_states), x, in plain coordinates, in the order of loop.system.states
     inputs: FloatArray  # (n, n_inputs), u, in the order of loop.system.inputs
     estimates: FloatArray  # (n, n_coefficients), p̂, in the order of loop.system.coefficients
-    # (n, n_coefficients), p̃ = p̂ - p. From a continuous run it is not the difference of the two
-    # but the integrated error itself, so it keeps its digits as it vanishes.
+    # (n, n_coefficients), p̃ = p̂ - p. A continuous run integrates p̃ itself, without loss of
+    # digits as it tends to zero.
     parameter_errors: FloatArray
-    # (n,), tracked state minus q_d, accurate also where it is far smaller than either
+    # (n,), tracked state minus q_d, without loss of digits if it is small
     tracking_error: FloatArray
-    settings: dict[str, str | int | float]  # task, tolerances, seed and version that made the run
+    settings: dict[str, str | int | float]  # task, tolerances, seed and version
     statistics: dict[str, int]  # accepted and rejected steps
-    # (n, n_states), what controller and observer saw, in a sampled run
+    # (n, n_states), measured states in a sampled run
     measured: FloatArray | None = None
 
     @cached_property
     def reference(self) -> FloatArray:
-        """q_d and its first four derivatives, (n, 5)."""
+        """Reference q_d and its first four derivatives, shape (n, 5)."""
         return np.stack([self.loop.reference.evaluate(self.time, d) for d in range(5)], axis=1)
 
     def between(self, start: float, stop: float) -> slice:
-        """Samples of a time window, both ends included."""
+        """Return the samples in a time window, with both ends."""
         first = int(np.searchsorted(self.time, start - 1e-9))
         return slice(first, int(np.searchsorted(self.time, stop + 1e-9)))
 
     def final_errors(self) -> dict[str, float]:
-        """Parameter errors at the end, by coefficient."""
+        """Return the parameter errors at the end, by coefficient."""
         last = self.parameter_errors[-1]
         return dict(zip(self.loop.system.coefficients, map(float, last), strict=True))
 
     def largest_tracking_error(self, start: float, stop: float) -> float:
-        """Largest magnitude of the tracking error in a time window."""
+        """Return the largest magnitude of the tracking error in a time window."""
         return float(np.max(np.abs(self.tracking_error[self.between(start, stop)])))
 
     def log(self) -> dict[str, FloatArray]:
-        """Columns of a log: time, positions and velocities (measured if they are), and inputs."""
+        """Return columns of a log: time, positions, velocities (measured if they are), inputs."""
         columns = {"time": self.time}
         values = self.states if self.measured is None else self.measured
         for place, row in enumerate(self.loop.system.rows):
@@ -191,7 +191,7 @@ class Run:
 
 
 def split_columns(kernel: ModuleType, table: FloatArray) -> list[FloatArray]:
-    """Columns of states, inputs, estimates, errors, tracking error and the rest, (n, …) each."""
+    """Split a table into states, inputs, estimates, errors, tracking error and the rest."""
     n = kernel.N_COEFFICIENTS
     widths = (kernel.N_STATES, kernel.N_INPUTS, n, n, 1)
     return np.split(table, np.cumsum(widths), axis=1)
@@ -207,7 +207,7 @@ def run_of(
     *,
     sensed: bool = False,
 ) -> Run:
-    """The run that a kernel has written into a table, the states as sensors saw them last if so."""
+    """Return a run from a kernel's table; with `sensed`, its last columns are measured states."""
     *columns, tracking, rest = split_columns(kernel, table)
     return Run(
         loop,
@@ -224,7 +224,7 @@ _FIRST_STEP = 1e-6
 _LONGEST_STEP = 1.0
 
 SIDE_BY_SIDE = 32
-"""Runs of a loop that is not stiff that go side by side: eight vectors of four, four of eight."""
+"""Non-stiff runs integrated together: eight SIMD vectors of four, or four of eight."""
 
 
 def simulate(
@@ -235,9 +235,9 @@ def simulate(
     absolute_tolerance: float | None = None,
     maximum_steps: int = 1_000_000,
 ) -> Run:
-    """Simulate a closed loop in continuous time, sampled from 0 on; `SimulationError` if it fails.
+    """Simulate a closed loop in continuous time with Rodas5P, for loops with any gain.
 
-    By Rodas5P, good for any gain; see `Integration` for the numbers.
+    `Integration` explains the numbers. Raises `SimulationError` if the simulation fails.
     """
     chosen = Integration(
         duration, sample_time, relative_tolerance, absolute_tolerance, maximum_steps
@@ -259,7 +259,7 @@ def simulate(
 
 @dataclass(frozen=True)
 class Ends:
-    """How n runs ended: status, time, variables, and steps: accepted, rejected, sampled."""
+    """Final status, time and variables of n runs; counts of accepted, rejected, sampled steps."""
 
     status: NDArray[np.int64]
     reached: FloatArray
@@ -271,10 +271,10 @@ def integrate_loops(
     kernel: ModuleType,
     loops: Sequence[ClosedLoop],
     chosen: Integration,
-    samples: FloatArray,  # (n, count or 0, SIZE), filled with the variables at the grid's instants
+    samples: FloatArray,  # (n, count or 0, SIZE), filled with the variables at the sample times
     totals: FloatArray,  # (n, N_TOTALS or 0)
 ) -> Ends:
-    """Integrate n loops of one declaration; other threads can run meanwhile."""
+    """Integrate n loops of one declaration, without holding the interpreter's lock."""
     runs = len(loops)
     parameters = np.array([loop.parameters for loop in loops])
     variables = np.empty((runs, kernel.SIZE))
@@ -304,7 +304,7 @@ def integrate_loops(
 
 
 def loop_kernel(declaration: LoopDeclaration, stiff: bool = True) -> ModuleType:
-    """Compiled functions of a closed loop with its integrator."""
+    """Return the compiled functions of a closed loop and its integrator."""
 
     def build() -> str:
         from flexid.paper.closed_loop import compose_loop, lane_loop_source, stiff_loop_source
@@ -321,7 +321,7 @@ def _reason(kernel: ModuleType, status: int, largest: float, maximum_steps: int)
     grown = f"its largest coordinate has reached {largest:.3g}"
     if status == kernel.TOO_MANY_STEPS:
         return (
-            f"{maximum_steps} steps did not suffice and {grown}: the loop may be unstable, or "
+            f"{maximum_steps} steps did not suffice, {grown}: check that the loop is stable, or "
             f"raise maximum_steps"
         )
     if status == kernel.DIVERGED:

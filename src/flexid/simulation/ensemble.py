@@ -1,4 +1,4 @@
-"""Many runs of one closed loop in compiled code; of each its end and its measures are kept."""
+"""Many runs of one closed loop in compiled code; only final states and measures are stored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,23 +19,23 @@ from flexid.simulation.closed_loop import (
 )
 from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
 
-# What became of a run, by its status number. A step is too small where the loop is stiffer than the
-# tolerance or the sample time allows; not finite are equations that have no value.
+# Outcome of a run by its status number. "step too small": the loop is too stiff for the tolerance
+# or sample time. "not finite": the equations have no finite value.
 STATUS = ("finished", "too many steps", "step too small", "not finite", "diverged")
 
 
 @dataclass(frozen=True)
 class Ensemble:
-    """The ends and measures of n runs, in SI units, where they finished or were given up."""
+    """Final states and measures of n runs, finished or aborted, in SI units."""
 
-    # gives the order of states, inputs, coefficients and rows; one of the runs'
+    # of one run; gives the order of states, inputs, coefficients and rows
     system: ParametricSystem
-    status: NDArray[np.int64]  # (n,), places in STATUS
+    status: NDArray[np.int64]  # (n,), indices into STATUS
     reached: FloatArray  # (n,), time at which each run ended, in s
     final_states: FloatArray  # (n, n_states)
     final_errors: FloatArray  # (n, n_coefficients), p̂ - p at the end
-    # (n, n_coefficients), last time at which p̂ was more than 5 % of p away from it; NaN if it
-    # was at the end
+    # (n, n_coefficients), last time at which p̂ differed from p by more than 5 %; NaN if it still
+    # did at the end
     settling_time: FloatArray
     tracking_rms: FloatArray  # (n,), root mean square over time of the tracking error, in rad
     tracking_peak: FloatArray  # (n,), its largest magnitude, in rad
@@ -55,7 +55,7 @@ def simulate_ensemble(
     maximum_steps: int = 1_000_000,
     stiff: bool = True,
 ) -> Ensemble:
-    """Simulate many closed loops in continuous time; measures are taken at the accepted steps."""
+    """Simulate many closed loops in continuous time, with measures at the accepted steps."""
     _check(loops)
     chosen = Integration(
         duration, sample_time, relative_tolerance, absolute_tolerance, maximum_steps
@@ -104,7 +104,7 @@ def _check(loops: Sequence[ClosedLoop]) -> None:
     declarations = {id(loop.declaration): loop.declaration for loop in loops}  # most are one
     if len({one.digests for one in declarations.values()}) > 1:
         raise SettingError(
-            "loops", "they differ in more than values: simulate each kind of loop by itself"
+            "loops", "they differ in more than values: simulate each kind of loop separately"
         )
 
 
@@ -113,13 +113,13 @@ def _measures(
     system: ParametricSystem,
     totals: FloatArray,
     reached: FloatArray,
-    weights: FloatArray | NDArray[np.int64],  # what the sums over time are divided by
+    weights: FloatArray | NDArray[np.int64],  # divisors of the sums over time
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Settling times, tracking errors, inputs and excitation, as an ensemble has them."""
+    """Return the fields of an `Ensemble` from `settling_time` to `excitation`."""
     n = kernel.N_COEFFICIENTS
     unsettled = totals[:, kernel.UNSETTLED : kernel.GRAM]
     gram = totals[:, kernel.GRAM : kernel.N_MEASURES].reshape(-1, n, n)
-    with np.errstate(all="ignore"):  # a run given up at once, or beyond all numbers
+    with np.errstate(all="ignore"):  # a run aborted at once, or with an overflow
         rms = np.sqrt(totals[:, 0] / weights)
         excitation = [_conditions(gram[:, part, part]) for _, part in system.row_slices()]
     return (
@@ -132,14 +132,14 @@ def _measures(
 
 
 def _conditions(gram: FloatArray) -> FloatArray:
-    """Condition number of each normalised Gram matrix, of which the lower triangle is given."""
+    """Return the condition number of each normalised Gram matrix from its lower triangle."""
     scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.where(scale == 0.0, 1.0, scale)
     normalised = gram / (scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
     conditions = np.full(len(gram), np.nan)
     finite = np.all(np.isfinite(normalised), axis=(1, 2))
-    eigenvalues = np.linalg.eigvalsh(normalised[finite])  # reads the lower triangle alone
-    smallest = eigenvalues[:, 0]  # which rounding may have made negative
+    eigenvalues = np.linalg.eigvalsh(normalised[finite])  # reads only the lower triangle
+    smallest = eigenvalues[:, 0]  # rounding may make it negative
     ratio = eigenvalues[:, -1] / smallest
     conditions[finite] = np.where(smallest > 0.0, ratio, np.inf)
     return conditions

@@ -1,4 +1,4 @@
-"""A model alone: its poles, and its motion under a recorded input."""
+"""Poles of a model, and its free run under a recorded input."""
 
 from collections.abc import Mapping
 from types import ModuleType
@@ -13,7 +13,7 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
 STEPS_PER_TIME_CONSTANT = 20.0
-"""Steps of the integrator per time constant of the fastest pole; it then errs by 3e-9 per step."""
+"""Integration steps per time constant of the fastest pole; the error is 3e-9 per step."""
 
 _MOST_SUBSTEPS = 1000  # per sample
 
@@ -26,7 +26,7 @@ def runge_kutta_substeps(
     c: FloatArray,
     sample_time: float,
 ) -> int:
-    """Steps per sample that resolve a model's fastest pole."""
+    """Return the integration steps per sample that resolve a model's fastest pole."""
     fastest = fastest_pole(system, x, u, p, c)
     substeps = max(1.0, np.ceil(STEPS_PER_TIME_CONSTANT * fastest * sample_time))
     if substeps > _MOST_SUBSTEPS:
@@ -41,7 +41,7 @@ def runge_kutta_substeps(
 def fastest_pole(
     system: ParametricSystem, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
 ) -> float:
-    """Largest magnitude of a model's poles in 1/s, linearised at the start and at rest."""
+    """Return the largest magnitude of the poles in 1/s, linearised at the start and at rest."""
     model, fastest = plain_model(system), 0.0
     # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
     for at in [np.zeros_like(x), x] if np.any(x) else [x]:
@@ -62,7 +62,7 @@ def fastest_pole(
 
 
 def plain_model(system: ParametricSystem) -> ModuleType:
-    """``right_hand_side``, ``slopes`` and ``jumps`` of a system, as Python."""
+    """Return ``right_hand_side``, ``slopes`` and ``jumps`` of a system, not compiled."""
 
     def build() -> str:
         from flexid.derivation.model_functions import plain_model as source
@@ -80,7 +80,7 @@ def free_run(
     sample_time: float,  # s
     hold: Hold = "linear",  # or "zero"
 ) -> FloatArray:
-    """States (n, n_states) of the model alone, from an initial state under a recorded input."""
+    """Simulate a model under a recorded input; return its states, shape (n, n_states)."""
     u = np.ascontiguousarray(inputs, dtype=float).reshape(len(np.asarray(inputs)), -1)
     x = np.asarray(initial_state, dtype=float)
     p = np.array([coefficients[name] for name in system.coefficients])
@@ -99,7 +99,7 @@ def free_run(
 
 
 def _compiled_rates(system: ParametricSystem) -> ModuleType:
-    """What the run calls of a model."""
+    """Return the compiled right-hand side of a model."""
 
     def build() -> str:
         from flexid.derivation.model_functions import compiled_rates

@@ -1,4 +1,4 @@
-"""Theorem 1 of Huang (2003), watched along a run: V of eq. (8), mismatches, errors and rates."""
+"""Theorem 1 of Huang (2003) along a run: V of eq. (8), mismatches, errors and rates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from flexid.simulation.closed_loop import Run
 
 @dataclass(frozen=True, eq=False)
 class RowHistory:
-    """One row along a run of n samples, with m coefficients."""
+    """Regressors and errors of a row with m coefficients along a run of n samples."""
 
     row: str  # name of the row
     coefficients: tuple[str, ...]  # names of its m coefficients
@@ -26,7 +26,7 @@ class RowHistory:
 
     @property
     def mismatch(self) -> FloatArray:
-        """rᵀp̃, shape (n,): what the proof of Theorem 1 shows to vanish."""
+        """rᵀp̃, shape (n,), which tends to zero by Theorem 1."""
         return np.einsum("ij,ij->i", self.regressors, self.errors)
 
     @property
@@ -36,7 +36,7 @@ class RowHistory:
 
 
 def row_histories(run: Run) -> tuple[RowHistory, ...]:
-    """Histories of all rows of a simulated closed loop."""
+    """Return the histories of all rows of a simulated closed loop."""
     system, x = run.loop.system, run.states
     motion = Samples(x[:, ::2], x[:, 1::2], run.inputs, float(run.time[1] - run.time[0]))
     found = np.column_stack(regressors(motion, system))
@@ -53,7 +53,7 @@ def row_histories(run: Run) -> tuple[RowHistory, ...]:
 
 
 def row_excitation(run: Run, samples: slice = slice(None)) -> dict[str, Excitation]:
-    """Excitation of each row by the motion over some of the samples."""
+    """Return the excitation of each row over some of the samples."""
     return {
         history.row: excitation(history.row, history.coefficients, history.regressors[samples])
         for history in row_histories(run)
@@ -61,14 +61,14 @@ def row_excitation(run: Run, samples: slice = slice(None)) -> dict[str, Excitati
 
 
 SETTLED = 1e-3
-"""Share of an error's first value within which it has to stay to count as settled or vanished."""
+"""Largest drift or final value of an error, over its first value, to be settled or vanished."""
 
-ALLOWED_RISE = 10.0  # rise of V, in integration tolerances, that is put down to the integrator
+ALLOWED_RISE = 10.0  # rise of V in integration tolerances that the integrator may cause
 
 
 @dataclass(frozen=True)
 class Limit:
-    """What one parameter error does over the last window of a run."""
+    """Behaviour of one parameter error in the last window of a run."""
 
     coefficient: str  # its name
     first: float  # the error at the start of the run
@@ -83,34 +83,34 @@ class Limit:
 
     @property
     def vanished(self) -> bool:
-        """Whether the error is gone to a thousandth of its first value, and stays so."""
+        """Whether the error is settled and below a thousandth of its first value."""
         return self.settled and abs(self.last) <= SETTLED * abs(self.first)
 
 
 @dataclass(frozen=True, eq=False)
 class LyapunovMonitor:
-    """V and what follows from it along a run of n samples."""
+    """V, its rate and the limits of the errors along a run of n samples."""
 
     time: FloatArray  # (n,), in s
     value: FloatArray  # (n,), v = Σ |p̃|²/2, Huang (2003), eq. (8)
     rate: FloatArray  # (n,): V' = -Σ c (rᵀp̃)², per second, eq. (9)
     limits: tuple[Limit, ...]  # one per coefficient
-    # largest rise of V above its smallest value so far, over the change of V that one step at the
-    # integrator's tolerance may cause
+    # largest rise of V above its minimum so far, over the error of V that one integration step may
+    # have at the given tolerance
     rise_in_tolerances: float
 
 
 def monitor_run(run: Run, window: float) -> LyapunovMonitor:
-    """Watch Theorem 1 along a simulated closed loop."""
+    """Check Theorem 1 along a simulated closed loop in continuous time."""
     if "relative_tolerance" not in run.settings:
-        raise SettingError("run", "has no tolerance: watch a continuous run, or call `monitor`")
+        raise SettingError("run", "has no tolerance: use a continuous run, or call `monitor`")
     relative = float(run.settings["relative_tolerance"])
     absolute = float(run.settings["absolute_tolerance"])
     return monitor(run.time, row_histories(run), window, relative, absolute)
 
 
-# V of eq. (8) never rises, mismatches have a finite integral, errors and rates have limits: zero
-# for the errors where they settle and (A4) holds.
+# Theorem 1: V of eq. (8) never rises, mismatches have a finite integral, and errors and rates have
+# limits. The limit of the errors is zero if (A4) holds.
 def monitor(
     time: FloatArray,  # (n,), in s
     rows: Sequence[RowHistory],
@@ -118,7 +118,7 @@ def monitor(
     relative_tolerance: float,
     absolute_tolerance: float,
 ) -> LyapunovMonitor:
-    """Watch Theorem 1 along any histories."""
+    """Check Theorem 1 along histories of rows; `window` is the length of the last part in s."""
     errors = np.hstack([row.errors for row in rows])
     value = 0.5 * np.sum(errors**2, axis=1)
     mismatches = np.stack([row.mismatch for row in rows], axis=1)
@@ -141,7 +141,7 @@ def monitor(
 
 
 def _place_of_minimum(value: FloatArray) -> NDArray[np.intp]:
-    """For every sample, where the smallest value so far was reached."""
+    """Return for every sample the index of the smallest value so far."""
     lower = value < np.concatenate(([np.inf], np.minimum.accumulate(value)[:-1]))
     return np.maximum.accumulate(np.where(lower, np.arange(len(value)), 0))
 

@@ -1,4 +1,4 @@
-"""Sampled-data closed loops: sensors and input once per sample time, a plant that moves on."""
+"""Sampled-data closed loops: a continuous plant with sampled sensors and held inputs."""
 
 from dataclasses import asdict, dataclass
 from types import ModuleType
@@ -15,13 +15,13 @@ from flexid.simulation.free_run import runge_kutta_substeps
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a loop is sampled and measured."""
+    """Sample time, input limit and sensor errors of a sampled loop."""
 
     sample_time: float = 1e-3  # in s
     input_limit: float = np.inf  # largest magnitude of an input, in its unit
     position_resolution: float = 0.0  # encoder step in rad; 0 for an ideal one
     position_noise: float = 0.0  # standard deviation of white noise in rad, before quantisation
-    velocity_noise: float = 0.0  # the same of the velocities in rad/s
+    velocity_noise: float = 0.0  # standard deviation of white noise in rad/s
     seed: int = 0  # seed of the noise
 
     def __post_init__(self) -> None:
@@ -33,7 +33,7 @@ class Sampling:
                 raise SettingError(name, f"{getattr(self, name)!r} must be zero or positive")
 
     def noise(self, count: int, states: int) -> FloatArray:
-        """Standard normal numbers behind the noise, (count, states), or no rows without noise."""
+        """Return standard normal numbers, shape (count, states), or (0, states) without noise."""
         if self.position_noise == self.velocity_noise == 0.0:
             return np.empty((0, states))
         return np.random.default_rng(self.seed).standard_normal((count, states))
@@ -64,7 +64,7 @@ def run_sampled(
     record: FloatArray,  # (count or 1, N_RECORD)
     totals: FloatArray,  # (N_MEASURES or 0,)
 ) -> tuple[int, int, int]:
-    """Status of a sampled run in compiled code, samples taken, samples with the input limited."""
+    """Run a sampled loop; return status, number of samples, and samples with a limited input."""
     system, h = loop.system, sampling.sample_time
     start, still = np.array(loop.initial_state), np.zeros(len(system.inputs))
     constants = np.array(list(system.constants.values()), dtype=np.float64)
@@ -90,7 +90,7 @@ def run_sampled(
 
 
 def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
-    """Compiled functions of a sampled loop."""
+    """Return the compiled functions of a sampled loop."""
 
     def build() -> str:
         from flexid.paper.sampled_loop import sampled_loop_source
