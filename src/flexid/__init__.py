@@ -1,6 +1,6 @@
 """flexid: physical parameters of flexible-joint drives from their motion, without accelerations.
 
-``__init__.pyi`` lists the names, each of which is loaded when it is first used.
+``__init__.pyi`` lists the public names. Each is imported at its first use.
 """
 
 import re
@@ -12,17 +12,17 @@ __version__ = "0.1.0"
 
 _STUB = Path(__file__).with_name("__init__.pyi").read_text(encoding="utf-8")
 _IMPORT = re.compile(r"^from flexid\.([\w.]+) import \(?\s*(\w+) as", re.MULTILINE)
-_HOMES = {name: home for home, name in _IMPORT.findall(_STUB)}
-"""Where each name is, as the stub for type checkers has it."""
+_MODULES = {name: home for home, name in _IMPORT.findall(_STUB)}
+"""Module of each public name, read from the stub for type checkers."""
 
 __all__ = ["__version__"]
-__all__ += _HOMES  # pyright: ignore[reportUnsupportedDunderAll] - __init__.pyi has them
+__all__ += _MODULES  # pyright: ignore[reportUnsupportedDunderAll] - __init__.pyi declares them
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
+    home = _MODULES.get(name)
     if home is None:
-        # Python itself says which name is near, if there is one.
+        # Python appends a similar name to the message, if there is one.
         raise AttributeError(f"flexid has no {name!r}", name=name, obj=import_module(__name__))
     value = getattr(import_module(f"{__name__}.{home}"), name)
     globals()[name] = value

@@ -1,4 +1,4 @@
-"""What `import flexid` offers: the one list of its names, which is read at run time too."""
+"""Public names of flexid; the only list of them, which is also read at run time."""
 
 from flexid.errors import AccelerationError as AccelerationError
 from flexid.errors import ArgumentError as ArgumentError

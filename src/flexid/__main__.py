@@ -1,4 +1,4 @@
-"""``python -m flexid``."""
+"""Run the command line by ``python -m flexid``."""
 
 from flexid.cli.main import main
 

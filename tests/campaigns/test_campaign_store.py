@@ -224,7 +224,7 @@ def test_control_c_keeps_what_is_done(tmp_path):
     stdout, stderr = process.communicate(timeout=120)
     done = 2 * len(list(out.glob("runs/part-*")))
     assert (process.returncode, stdout) == (3, "")
-    assert stderr.splitlines() == ["flexid: interrupted: the same command goes on"]
+    assert stderr.splitlines() == ["flexid: interrupted: give the same command again to continue"]
     assert 0 < done < 2000
 
 

@@ -109,7 +109,7 @@ def test_an_interruption_leaves_nothing_behind(tmp_path: Path, name: str):
     process.send_signal(signal.Signals[name])
     _, said = process.communicate(timeout=60)
     assert process.returncode == 3
-    assert said.splitlines()[-1] == "flexid: interrupted; nothing half written is left"
+    assert said.splitlines()[-1] == "flexid: interrupted; no half-written file is left"
     assert list(out.iterdir()) == []
 
 
@@ -133,7 +133,7 @@ def test_an_interruption_while_the_commands_are_loaded(loading: str):
     process = start(loading, code=EARLY)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 3, said
-    assert said.splitlines() == ["flexid: interrupted; nothing half written is left"]
+    assert said.splitlines() == ["flexid: interrupted; no half-written file is left"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes that close")

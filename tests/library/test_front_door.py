@@ -12,7 +12,7 @@ import pytest
 
 import flexid
 
-HOMES: dict[str, str] = vars(flexid)["_HOMES"]
+HOMES: dict[str, str] = vars(flexid)["_MODULES"]
 NAMES: list[str] = vars(flexid)["__all__"]
 
 

@@ -1,1 +1,1 @@
-"""Command line: commands made from the library's functions, and how their answers leave."""
+"""Command line: commands generated from the public functions, and the output of results."""

@@ -1,4 +1,4 @@
-"""All commands but for their words, which stand in ``commands.toml``."""
+"""All commands; the texts of their help are in ``commands.toml``."""
 
 import os
 import shlex
@@ -27,16 +27,16 @@ from flexid.cli.generated import (
 from flexid.errors import ConvergenceError, FlexidError, SettingError, SimulationError
 from flexid.files import is_arm_file
 
-_OF_AN_ARM = ("logs", "model", "columns")
+_ARM_OPTIONS = ("logs", "model", "columns")
 
 
 def identify(command: Command, options: Options, flags: Options) -> None:
-    """Identify a joint or an arm, and hand the answer over."""
+    """Identify a joint or an arm, and output the result."""
     model = options.get("model", "")
     if not is_arm_file(model):
         present(command, options, flags)
         return
-    given = [name for name in options if name not in _OF_AN_ARM]
+    given = [name for name in options if name not in _ARM_OPTIONS]
     if given or flags["explain"]:
         name = (given or ["explain"])[0].replace("_", "-")
         raise SettingError(name, "is for one joint, and --model names an arm: leave it out")
@@ -56,7 +56,7 @@ def identify(command: Command, options: Options, flags: Options) -> None:
 
 
 def derive(command: Command, options: Options, flags: Options) -> None:
-    """Print the equations, and on standard error what to know of them."""
+    """Print the equations, and notes on them on standard error."""
     text = command.call(options)
     for note in text.notes:
         click.echo(f"note: {note}", err=True)
@@ -85,14 +85,14 @@ def export(command: Command, options: Options, flags: Options) -> None:
 
 
 def simulate(command: Command, options: Options, flags: Options) -> None:
-    """Simulate, and hand the answer over."""
+    """Simulate, and output the result."""
     if flags["csv"] and flags["out"] is None:
-        raise SettingError("--csv", "has nowhere to write: name a directory with --out")
+        raise SettingError("--csv", "has nowhere to write: give a directory with --out")
     present(command, options, flags)
 
 
 def campaign(command: Command, options: Options, flags: Options) -> None:
-    """Run a campaign and say how its runs ended; or summarise one, into its directory."""
+    """Run a campaign and print the status of its runs; or summarise one in its directory."""
     if "summary" in options:
         present(command, options, {**flags, "out": Path(options["summary"])})
         return
@@ -101,7 +101,7 @@ def campaign(command: Command, options: Options, flags: Options) -> None:
         with _progress_bar() as report:
             found = command.function(**options, progress=report)
     except KeyboardInterrupt:
-        click.echo("flexid: interrupted: the same command goes on", err=True)
+        click.echo("flexid: interrupted: give the same command again to continue", err=True)
         raise click.exceptions.Exit(ExitStatus.INTERRUPTED) from None
     if flags["json"]:
         print_document(found.document)
@@ -113,7 +113,7 @@ def campaign(command: Command, options: Options, flags: Options) -> None:
 
 @contextmanager
 def _progress_bar() -> Iterator[Callable[[int, int], None]]:
-    """Share and time left, on a terminal only."""
+    """Show progress and remaining time, on a terminal only."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -128,7 +128,7 @@ def _progress_bar() -> Iterator[Callable[[int, int], None]]:
 
 
 def watch(command: Command, options: Options, flags: Options) -> None:
-    """Follow a source, and report."""
+    """Follow a source, and report its state."""
     from flexid.cli.live import watch as follow
 
     follow(command, options, flags)
@@ -139,11 +139,11 @@ def studio(command: Command, options: Options, _flags: Options) -> None:
     command.function(**options)
 
 
-_OWN = (identify, derive, export, watch, studio, simulate, campaign)
-_RUN = {function.__name__: function for function in _OWN}
-"""Commands that check options of their own, or print something else than an answer."""
+_WITH_OWN_FUNCTION = (identify, derive, export, watch, studio, simulate, campaign)
+_RUN = {function.__name__: function for function in _WITH_OWN_FUNCTION}
+"""Commands that check their own options, or print their result in another way."""
 
-_DONE = {
+_IS_COMPLETE = {
     "identify": lambda answer, flags: answer.supports(strict=flags["strict"]),
     "excitation": lambda answer, flags: answer.supports(strict=flags["strict"]),
     "validate": lambda answer, flags: answer.supports(flags["min_fit"]),
@@ -151,33 +151,33 @@ _DONE = {
     "design": lambda answer, _flags: answer.supported,
     "campaign": lambda answer, _flags: bool(answer.result.finished),
 }
-"""Whether an answer has all that was asked for, where it may have less."""
+"""Whether a result is complete, for commands with results that may be incomplete."""
 
-_WORDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
-COMMANDS = tuple(_WORDS)  # names of all commands
+_TEXTS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+COMMANDS = tuple(_TEXTS)  # names of all commands
 
-_ABOUT = "Physical parameters of flexible-joint drives from their motion, with intervals."
+_ABOUT = "Identify physical parameters of flexible-joint drives from logs of their motion."
 _EPILOG = (
-    "Every command has its own help: flexid identify --help. Exit status of all commands: 0 done "
-    "and determined, 1 the data cannot support all of it, 2 bad input, 3 interrupted, 70 a defect "
+    "Every command has its own help, for example: flexid identify --help. Exit status: 0 done; 1 "
+    "done, but the data do not support all of the result; 2 bad input; 3 interrupted; 70 a defect "
     "of flexid."
 )
 
 
 class _Group(click.Group):
-    """The commands, in the order of their words."""
+    """The commands, in the order of ``commands.toml``."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's
         return list(self.commands)
 
 
 def _command(name: str) -> Command:
-    run, done = _RUN.get(name, present), _DONE.get(name, lambda *_: True)
-    return Command(name, **_WORDS[name], run=run, done=done)
+    run, done = _RUN.get(name, present), _IS_COMPLETE.get(name, lambda *_: True)
+    return Command(name, **_TEXTS[name], run=run, done=done)
 
 
 def command_line(only: str = "") -> click.Group:
-    """All commands, or one of them alone, for which less is loaded."""
+    """Return all commands, or only the named one, which imports less."""
     group = _Group(
         name="flexid",
         help=_ABOUT,
@@ -188,34 +188,34 @@ def command_line(only: str = "") -> click.Group:
     )
     shown = "Show the version and exit."
     click.version_option(package_name="flexid", message="flexid %(version)s", help=shown)(group)
-    defect = "Print the traceback of a defect of flexid."
+    defect = "Print the traceback if flexid has a defect."
     return click.option("--debug", is_flag=True, expose_value=False, help=defect)(group)
 
 
-def _asked_for(arguments: Sequence[str]) -> str:
-    """The command that is called; empty where all of them may be wanted."""
+def _requested_command(arguments: Sequence[str]) -> str:
+    """Return the name of the command that is called, or an empty text for all commands."""
     first = next((each for each in arguments if each != "--debug"), "")
     return first if first in COMMANDS and "_FLEXID_COMPLETE" not in os.environ else ""
 
 
 def run() -> ExitStatus:
-    """Run the command line as far as its exit status."""
+    """Run the command line and return its exit status."""
     open_what_is_closed()
     replace_what_cannot_be_encoded()
     try:
-        group = command_line(_asked_for(sys.argv[1:]))
+        group = command_line(_requested_command(sys.argv[1:]))
         return ExitStatus(group.main(prog_name="flexid", standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()
         return ExitStatus(error.exit_code)
     except click.Abort:
-        click.echo("flexid: interrupted; nothing half written is left", err=True)
+        click.echo("flexid: interrupted; no half-written file is left", err=True)
         return ExitStatus.INTERRUPTED
     except FlexidError as error:
         click.echo(f"flexid: {error}", err=True)
         unsupported = isinstance(error, ConvergenceError | SimulationError)
         return ExitStatus.LACKING if unsupported else ExitStatus.BAD_INPUT
-    except OSError as error:  # a full disk or a closed terminal; bad paths are FlexidErrors
+    except OSError as error:  # such as a full disk; bad paths are FlexidErrors
         place = error.filename or "the output"
         reason = error.strerror or error
         click.echo(
@@ -224,12 +224,12 @@ def run() -> ExitStatus:
         return ExitStatus.BAD_INPUT
     except MemoryError:
         click.echo(
-            "flexid: the memory does not suffice: close other programs, give a shorter log, or, "
+            "flexid: there is too little memory: close other programs, give a shorter log, or, "
             "with flexid identify, a Parquet file and --stream",
             err=True,
         )
         return ExitStatus.BAD_INPUT
-    except Exception as error:  # an error that nobody foresaw
+    except Exception as error:  # an unexpected error
         if "--debug" in sys.argv:
             import traceback
 
@@ -240,7 +240,7 @@ def run() -> ExitStatus:
 
 
 def defect_message(error: Exception, arguments: Sequence[str]) -> str:
-    """One paragraph: what happened, and how to report it."""
+    """Return one paragraph on what happened, and how to report it."""
     again = shlex.join(["flexid", "--debug", *arguments])
     said = (
         f"flexid: this is a defect of flexid {__version__}, not of your input: "

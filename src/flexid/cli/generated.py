@@ -1,4 +1,4 @@
-"""Commands made from functions of the library: their signatures and docstrings become options."""
+"""Commands generated from public functions: signatures and docstrings become options."""
 
 import inspect
 import io
@@ -37,30 +37,30 @@ if TYPE_CHECKING:
     from flexid.library.answer import Answer
 
 
-_MOST_WARNINGS = 3  # that anybody acts on at once
+_MOST_WARNINGS = 3  # printed at most; the others are in the report
 
 
 class ExitStatus(IntEnum):
-    """How a command ended."""
+    """Exit status of a command."""
 
     DONE = 0
-    """All that was asked for is there, and determined where it can be."""
+    """The command is done, and every requested value is determined or weak."""
 
     LACKING = 1
-    """Done, but the data cannot support all of it; the answer says what, and why."""
+    """Done, but the data do not support all of the result, which states what and why."""
 
     BAD_INPUT = 2
-    """An input, an option or a place to write to cannot be used; one sentence says what to do."""
+    """An input, an option or an output path is invalid; the message states what to do."""
 
     INTERRUPTED = 3
-    """By Ctrl-C or SIGTERM; nothing half written is left."""
+    """Ended by Ctrl-C, SIGTERM or SIGHUP; no half-written file is left."""
 
     DEFECT = 70
-    """An error of flexid itself, as in sysexits.h; what is printed says how to report it."""
+    """A defect of flexid, with the number of sysexits.h; the message states how to report it."""
 
 
 def output(out: Path | None) -> AbstractContextManager[Path | None]:
-    """Directory whose files appear when all are written; none if none is wanted."""
+    """Return a context of the output directory, whose files appear once all are written."""
     from flexid.files import output_directory
 
     return nullcontext() if out is None else output_directory(out)
@@ -69,7 +69,7 @@ def output(out: Path | None) -> AbstractContextManager[Path | None]:
 def hand_over(
     answer: "Answer", flags: Mapping[str, Any], files: Path | None, errors: "Console", rest: str
 ) -> None:
-    """Print an answer and write its files, then raise the `OSError` that came first."""
+    """Print a result and write its files, then raise the first `OSError`, if any."""
 
     def write() -> None:
         if files is not None:
@@ -80,7 +80,7 @@ def hand_over(
     for step in (lambda: _print_answer(answer, flags), write):
         try:
             step()
-        except BrokenPipeError:  # whoever read the answer has seen enough
+        except BrokenPipeError:  # the reader of the output, such as head, has closed it
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except OSError as error:
             failures.append(error)
@@ -98,12 +98,12 @@ def _print_answer(answer: "Answer", flags: Mapping[str, Any]) -> None:
 
 
 def as_typed() -> str:
-    """The command that runs, as a shell would take it once more."""
+    """Return the current command line, quoted for a shell."""
     return shlex.join(["flexid", *sys.argv[1:]])
 
 
 def print_document(document: Mapping[str, Any]) -> None:
-    """Print JSON on standard output, in ASCII where that does not have every character."""
+    """Print JSON on standard output, in ASCII if its encoding lacks a character."""
     from flexid.arrays import to_json
 
     text = to_json(document)
@@ -126,8 +126,8 @@ def print_warnings(warnings: Sequence[str], errors: "Console", rest: str = "") -
 
 
 def open_what_is_closed() -> None:
-    """Open closed standard streams on the null device, else the first file gets their number."""
-    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # the lowest that is free
+    """Open closed standard streams on the null device, so that no file gets their number."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # os.open takes the lowest free number
         pass
     os.close(number)
     if sys.stdout is None:
@@ -137,35 +137,35 @@ def open_what_is_closed() -> None:
 
 
 def replace_what_cannot_be_encoded() -> None:
-    """Let standard output and error print a question mark for what their encoding lacks."""
+    """Make standard output and error print "?" for characters that they cannot encode."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
 
 
-_OF_PYTHON = ("progress", "thresholds")  # parameters that only a program can give
+_OF_PYTHON = ("progress", "thresholds")  # parameters without an option
 
 Options = Mapping[str, Any]
 Progress = Callable[[str], None]
 
 
 class Command(click.Command):
-    """A function of the library as a command; its help describes arguments as it does options."""
+    """Command for a public function; its help describes arguments as well as options."""
 
     def __init__(
         self,
-        name: str,  # of the function, too
+        name: str,  # of the command and of the function
         *,
         examples: Sequence[str],
-        status: str,  # what its exit status says
+        status: str,  # meaning of the exit status
         run: "Callable[[Command, Options, Options], None]",  # usually `present`
-        done: Callable[[Any, Options], bool],  # whether an answer has all; or exit status 1
-        doing: str = "",  # shown while it works
-        writes: str = "",  # with --out
-        flags: Sequence[str] = (),  # of `FLAGS`
-        own: str = "",  # the module of a command that is not in the library, and answers nothing
-        notes: str = "",  # a paragraph of the help
-        more: str = "",  # what shows the warnings after the first three
+        done: Callable[[Any, Options], bool],  # whether a result is complete; else exit status 1
+        doing: str = "",  # shown while the command runs
+        writes: str = "",  # files that --out writes
+        flags: Sequence[str] = (),  # names in `FLAGS`
+        own: str = "",  # module of a function outside the library, which returns no result
+        notes: str = "",  # further paragraph of the help
+        more: str = "",  # option or command that shows all warnings
     ) -> None:
         self.run, self.done, self.doing, self.more = run, done, doing, more
         self.function: Callable[..., Any] = getattr(import_module(own or "flexid"), name)
@@ -202,7 +202,7 @@ class Command(click.Command):
             )
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """What the command does, and what stands without a name."""
+        """Write what the command does, and the list of its arguments."""
         super().format_help_text(ctx, formatter)
         arguments = [each for each in self.params if isinstance(each, Argument)]
         if arguments:
@@ -210,7 +210,7 @@ class Command(click.Command):
                 formatter.write_dl([(f"{each.metavar}", each.note) for each in arguments])
 
     def invoke(self, ctx: click.Context) -> None:
-        """Run the command; what is not typed is left to the library."""
+        """Run the command; options that were not typed keep the library's defaults."""
         flags = {name: ctx.params[name] for name in self._flags}
         options = {
             name: value
@@ -224,19 +224,19 @@ class Command(click.Command):
             raise SettingError(typed.get(error.setting, error.setting), error.reason) from None
 
     def call(self, options: Options, progress: Progress = lambda _step: None) -> Any:
-        """What the library answers."""
+        """Return the result of the public function."""
         if "progress" in inspect.signature(self.function).parameters:
             return self.function(**options, progress=progress)
         return self.function(**options)
 
 
 def present(command: Command, options: Options, flags: Options) -> None:
-    """Call the library, print the answer, write its files, and end with its exit status."""
+    """Call the public function, print its result, write its files, and set the exit status."""
     show(command, flags, lambda progress: command.call(options, progress), command.more)
 
 
 def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]", more: str) -> None:
-    """Print what a piece of work comes to, write its files, and end with its exit status."""
+    """Run `work`, print its result, write its files, and set the exit status."""
     from rich.console import Console
 
     errors = Console(stderr=True)
@@ -252,8 +252,8 @@ def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]",
 
 @contextmanager
 def working(errors: "Console", doing: str) -> Iterator[Progress]:
-    """Say on a terminal what goes on; gives what takes each step in words."""
-    with noted() if doing else nullcontext():
+    """Show progress on a terminal; yields the function to call with each step."""
+    with logged_messages() if doing else nullcontext():
         if not (doing and errors.is_terminal):
             yield lambda _step: None
             return
@@ -262,8 +262,8 @@ def working(errors: "Console", doing: str) -> Iterator[Progress]:
 
 
 @contextmanager
-def noted() -> Iterator[None]:
-    """Print on standard error what the library has to say meanwhile, piped or not."""
+def logged_messages() -> Iterator[None]:
+    """Print log messages of the library on standard error, on a terminal or not."""
     logger, handler = logging.getLogger("flexid"), logging.StreamHandler()
     before = logger.level
     logger.addHandler(handler)

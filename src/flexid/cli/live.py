@@ -1,4 +1,4 @@
-"""Commands that go on until they are ended: `flexid watch` and `flexid studio`."""
+"""Commands that run until they are ended: `flexid watch` and `flexid studio`."""
 
 import json
 import signal
@@ -22,22 +22,22 @@ if TYPE_CHECKING:
     from flexid.library.watched import Watch
 
 
-_DRAWN_EVERY = 0.2  # s
+_REFRESH_TIME = 0.2  # s between updates of the terminal
 
 
 @one_thread()
 def watch(command: Command, options: Options, flags: Options) -> None:
-    """Follow the source to its end, or to an interruption; then report."""
+    """Follow the source to its end or to an interruption, then report."""
     from rich.console import Console
 
     if "source" not in options:
         raise SettingError("SOURCE", "is missing: name a file, - or an address")
     watched: Watch = command.function(**options)
-    with output(flags["out"]) as files, _interruptions() as asked:
+    with output(flags["out"]) as files, _interruptions() as signals:
         failure = None
         try:
-            _follow(watched, asked, Console(stderr=True), as_json=flags["json"])
-        except Exception as error:  # whatever it is, it must not cost what was learnt before
+            _follow(watched, signals, Console(stderr=True), as_json=flags["json"])
+        except Exception as error:  # any error: the report of the samples before it comes first
             failure = error
         if watched.has_begun:
             _report(watched, as_json=flags["json"])
@@ -45,33 +45,33 @@ def watch(command: Command, options: Options, flags: Options) -> None:
                 watched._write_files(files, as_typed(), csv=False)
         if failure is not None:
             raise failure
-    if asked:
-        signal.raise_signal(asked[0])  # as if it came now, when all is reported
+    if signals:
+        signal.raise_signal(signals[0])  # handled now, after the report
     if not watched.has_converged:
         raise click.exceptions.Exit(ExitStatus.LACKING)
 
 
 @contextmanager
 def _interruptions() -> Iterator[list[int]]:
-    """Signals that came meanwhile: samples are taken in whole, and the second one is obeyed."""
-    asked: list[int] = []
+    """Collect signals, so that a block of samples is completed; the second one acts at once."""
+    signals: list[int] = []
     before: dict[int, Any] = {}
 
-    def noted(number: int, _frame: FrameType | None) -> None:
-        asked.append(number)
+    def record(number: int, _frame: FrameType | None) -> None:
+        signals.append(number)
         signal.signal(number, before[number])
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        before[number] = signal.signal(number, noted)
+        before[number] = signal.signal(number, record)
     try:
-        yield asked
+        yield signals
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def _follow(watched: "Watch", asked: list[int], errors: "Console", *, as_json: bool) -> None:
-    """Follow the stream until it ends, or an interruption; show what is known meanwhile."""
+def _follow(watched: "Watch", signals: list[int], errors: "Console", *, as_json: bool) -> None:
+    """Follow the stream to its end or to an interruption, and show the current report."""
     from rich.live import Live
 
     from flexid.report.watch import live_view
@@ -87,11 +87,11 @@ def _follow(watched: "Watch", asked: list[int], errors: "Console", *, as_json: b
             now = time.monotonic()
             if due and as_json:
                 click.echo(json.dumps(watched.document))
-            if terminal and now - drawn > _DRAWN_EVERY:
+            if terminal and now - drawn > _REFRESH_TIME:
                 session = watched.result if watched.has_begun else None
                 live.update(live_view(session, errors.width), refresh=True)
                 drawn = now
-            if asked:
+            if signals:
                 break
 
 
@@ -108,15 +108,15 @@ def _report(watched: "Watch", *, as_json: bool) -> None:
 def studio(log: str | None = None, *, port: int = 8765, browser: bool = True) -> None:
     """Serve a page in which logs are checked and identified.
 
-    Drop a log, say which column is what, see what it can tell before anything is run, identify,
-    and keep what was found. The page's address holds what was chosen. Ctrl-C ends the studio.
+    On the page you drop a log, assign its columns, see what it can determine, identify it, and save
+    the results. The page's address contains your choices. Ctrl-C ends the studio.
 
     Parameters
     ----------
     log : path, optional
-        A log that each window opens with, in any format that flexid identify takes.
+        A log that each window opens, in any format that flexid identify reads.
     port : int, optional
-        Port of the machine; 0 for any that is free.
+        Port on this machine; 0 for any free port.
     browser : bool, optional
         Open the page in a browser.
     """

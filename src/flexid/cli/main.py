@@ -1,4 +1,4 @@
-"""The ``flexid`` command: it answers an interruption before anything else is imported."""
+"""The ``flexid`` command: handles interruptions before it imports anything else."""
 
 import gc
 import os
@@ -7,32 +7,31 @@ import sys
 from types import FrameType
 
 _INTERRUPTED = 3  # as in flexid.cli.generated.ExitStatus
-_COLLECTED = (1_000_000, 20, 100)
-"""Objects between two searches for garbage, and searches of one generation for one of the next:
-what is imported stays, and to go through it once takes a thirtieth of a command's time. Fits leave
-next to nothing that only a search frees."""
+_GC_THRESHOLDS = (1_000_000, 20, 100)
+"""Thresholds of the garbage collector. Imported objects stay until the end, and one collection of
+them takes a thirtieth of a command's time. Fits leave almost no reference cycles."""
 
 
 class _Interrupted(KeyboardInterrupt):
-    """An interruption that Python does not take for one that nobody answers."""
+    """Interruption that lets ``python -m`` exit with the status of the command."""
 
-    # Where a bare KeyboardInterrupt has passed through exec of a text, by which dataclasses make
-    # classes, python -m ends by a signal at its exit, whoever caught it meanwhile.
+    # If a plain KeyboardInterrupt passes through exec of a text, which dataclasses use, python -m
+    # ends by a signal at its exit, even if the exception was caught.
 
 
-def _hung_up(_number: int, _frame: FrameType | None) -> None:
-    """Take the end of the terminal for a request to end, whoever answers that by now."""
+def _on_hangup(_number: int, _frame: FrameType | None) -> None:
+    """Treat a closed terminal as SIGTERM, with the handler that is installed by then."""
     signal.raise_signal(signal.SIGTERM)
 
 
 def main() -> None:
-    """Run the command line; its exit status is an `ExitStatus`."""
-    gc.set_threshold(*_COLLECTED)
+    """Run the command line, and exit with an `ExitStatus`."""
+    gc.set_threshold(*_GC_THRESHOLDS)
     interruptions: list[int] = []
 
     def interrupted(number: int, _frame: FrameType | None) -> None:
         interruptions.append(number)
-        if len(interruptions) > 1:  # whoever asks twice wants no cleaning up
+        if len(interruptions) > 1:  # the second interruption ends without cleaning up
             os._exit(_INTERRUPTED)
         raise _Interrupted
 
@@ -41,7 +40,7 @@ def main() -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
             before[number] = signal.signal(number, interrupted)
         if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-            before[signal.SIGHUP] = signal.signal(signal.SIGHUP, _hung_up)  # unless nohup
+            before[signal.SIGHUP] = signal.signal(signal.SIGHUP, _on_hangup)  # not under nohup
         from flexid.cli.commands import run
 
         status = run()
@@ -52,8 +51,8 @@ def main() -> None:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    if interruptions and status != _INTERRUPTED:  # whatever was made of it on the way
+    if interruptions and status != _INTERRUPTED:  # another status replaced it on the way
         status = _INTERRUPTED
-        print("flexid: interrupted; nothing half written is left", file=sys.stderr)
-    gc.freeze()  # or the interpreter's end, too, looks through all for garbage
+        print("flexid: interrupted; no half-written file is left", file=sys.stderr)
+    gc.freeze()  # else the interpreter collects garbage once more at its end
     sys.exit(status)

@@ -1,4 +1,4 @@
-"""Options of the command line: how their values are written, and what the library makes of them."""
+"""Options of the command line: the format of their values, and the conversion of them."""
 
 import inspect
 import re
@@ -17,45 +17,45 @@ _Value = TypeVar("_Value")
 _UNCERTAIN = re.compile(r"(.+?)(?:±|\+/?-)(.+)")
 
 
-class _Named(click.ParamType[str]):
-    """A file, a folder or a source; not an empty text, which Python takes for where one is."""
+class _Path(click.ParamType[str]):
+    """Path of a file, folder or source; rejects the empty text, which means the working folder."""
 
     name = "path"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: Any) -> str:  # noqa: ARG002 - click's
-        """The name as it is typed."""
+        """Return the path as typed."""
         if not value.strip():
             assert param is not None
             raise SettingError(typed_name(param), "its name is empty: give one")
         return value
 
 
-NAMED = _Named()
+NAMED = _Path()
 
 
 def typed_name(parameter: click.Parameter) -> str:
-    """The name of an option, or what stands for an argument, as the help has it."""
+    """Return the name of an option or argument as the help shows it."""
     return parameter.opts[0] if isinstance(parameter, click.Option) else f"{parameter.metavar}"
 
 
 class Option(NamedTuple):
-    """How the value of a parameter of the library is written on the command line."""
+    """Format of a parameter of a public function on the command line."""
 
-    kind: Callable[[str], Any] | click.ParamType  # what the text is parsed as
-    metavar: str | None = None  # None: the choices that the parameter's documentation lists
-    convert: Callable[[str, Any], Any] | None = None  # to what the library takes
-    note: str = ""  # in the help, after the words of the library
+    kind: Callable[[str], Any] | click.ParamType  # type that click parses
+    metavar: str | None = None  # None: the choices in the parameter's documentation
+    convert: Callable[[str, Any], Any] | None = None  # conversion to the type of the parameter
+    note: str = ""  # text of the help after the parameter's documentation
     several: bool = False  # whether it may be given more than once
 
     def converted(self, _ctx: click.Context, parameter: click.Parameter, value: Any) -> Any:
-        """What the library takes; nothing where nothing is given."""
+        """Return the value for the public function; None or empty if not given."""
         if self.convert is None or value in (None, ()):
             return value
         return self.convert(typed_name(parameter), value)
 
 
 def parse_number(option: str, text: str) -> float | Literal["auto"]:
-    """A number, or ``auto``."""
+    """Return a number, or ``auto``."""
     if text == "auto":
         return "auto"
     try:
@@ -65,7 +65,7 @@ def parse_number(option: str, text: str) -> float | Literal["auto"]:
 
 
 def parse_percent(text: str) -> float:
-    """A fit in per cent, which is 100 at most."""
+    """Return a fit in per cent; raise if it is above 100."""
     if not float(text) <= 100.0:
         raise SettingError("--min-fit", f"must be 100 % or less, got {text}")
     return float(text)
@@ -84,7 +84,7 @@ def _ends(text: str) -> tuple[float, float]:
 
 
 def _number(text: str) -> float:
-    """A number; a whole one keeps all its digits, since a seed has more than a float holds."""
+    """Return a number, as int if whole: a seed may have more digits than a float."""
     try:
         return int(text)
     except ValueError:
@@ -94,7 +94,7 @@ def _number(text: str) -> float:
 def _assignments(
     value: Callable[[str], _Value], wanted: str
 ) -> Callable[[str, Iterable[str]], dict[str, _Value]]:
-    """What takes an option and its texts, and gives what stands behind each name."""
+    """Return a function that parses the NAME=VALUE texts of an option into a dict."""
 
     def parse(option: str, assignments: Iterable[str]) -> dict[str, _Value]:
         found: dict[str, _Value] = {}
@@ -105,7 +105,7 @@ def _assignments(
             try:
                 found[name] = value(text)
             except ValueError:
-                raise SettingError(option, f"{assignment!r} is no {wanted}") from None
+                raise SettingError(option, f"{assignment!r} is not {wanted}") from None
         return found
 
     return parse
@@ -117,14 +117,14 @@ parse_values = _assignments(_number, "path=number, e.g. controller.k=30")
 
 
 def _pairs(metavar: str, parse: Callable[[str, Any], Any], note: str = "") -> Option:
-    """An option that is given once for each name."""
+    """Return an option that may be given once for each name."""
     return Option(str, metavar, parse, f"{note} May be repeated.".strip(), several=True)
 
 
 _FILE = Option(NAMED, "FILE")
 OUT = Option(NAMED, "DIR", lambda _name, path: Path(path))
 _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
-_TERMS = Option(str, "NAMES", note=f"Names between commas: {_NAMES}.")
+_TERMS = Option(str, "NAMES", note=f"Names, separated by commas: {_NAMES}.")
 
 ARGUMENTS = {
     "log": Option(NAMED, "LOG"),
@@ -133,29 +133,29 @@ ARGUMENTS = {
     ),
     "what": Option(NAMED, "ESTIMATE|MODEL"),
 }
-"""What stands without a name, by parameter of the library, but for texts."""
+"""Arguments (without a name), by parameter; any other argument is a path."""
 
 OPTIONS = {
     "AutoNumber": Option(str, "SECONDS", parse_number),
     "Bounds": _pairs(
         "NAME=LOW:HIGH",
         parse_bounds,
-        "Such as joint_stiffness=50:200 or motor_viscous_friction=0:.",
+        "For example joint_stiffness=50:200 or motor_viscous_friction=0:.",
     ),
     "Columns": _FILE,
     "FilePath": _FILE,
     "Iterable[str]": _TERMS,
     "Known": _pairs(
-        "NAME=VALUE", parse_known, "Such as motor_inertia=0.3 or joint_stiffness=100+-5."
+        "NAME=VALUE", parse_known, "For example motor_inertia=0.3 or joint_stiffness=100+-5."
     ),
-    "Mapping[str, float]": _pairs("PATH=VALUE", parse_values, "Such as controller.k=30."),
+    "Mapping[str, float]": _pairs("PATH=VALUE", parse_values, "For example controller.k=30."),
     "OneLog": _FILE,
     "Terms": _TERMS,
     "bool": Option(bool),
     "float": Option(float, "SECONDS"),
     "int": Option(int, "NUMBER"),
 }
-"""What has a name, by the annotation of the library's parameter; the others are texts."""
+"""Options by the annotation of their parameter; any other option is a text."""
 
 _METAVARS = {
     "coulomb_velocity": "VELOCITY",
@@ -166,43 +166,43 @@ _METAVARS = {
     "summary": "DIR",
     "validation_share": "SHARE",
 }
-"""What stands for a value in the help, by parameter, where it is no file and no time."""
+"""Placeholder of the value in the help, by parameter, for values that differ in kind."""
 
 FLAGS = {
-    "strict": Option(bool, note="Exit with status 1 where something is weak, too."),
-    "explain": Option(bool, note="Show the evidence for every choice."),
-    "csv": Option(bool, note="Write the time series as CSV, too; needs --out."),
+    "strict": Option(bool, note="Exit with status 1 also if a value is weak."),
+    "explain": Option(bool, note="Print the evidence for every choice."),
+    "csv": Option(bool, note="Also write the time series as CSV; needs --out."),
     "min_fit": Option(
         parse_percent,
         "PERCENT",
-        note="Exit with status 1 where the free run explains less of a channel.",
+        note="Exit with status 1 if the fit of the free run is lower in a channel.",
     ),
     "json": Option(bool, note="Print JSON instead of tables."),
 }
-"""How an answer is handed over, which the library does not know."""
+"""Options on the output, which the public functions do not have."""
 
 
 def sentences(text: str) -> str:
-    """What of a docstring is for everybody: its sentences without backquotes."""
+    """Return the sentences of a docstring without backquotes, which mark Python names."""
     parts = re.split(r"(?<=\.) +(?=[A-Z`])", " ".join(text.split()))
     return " ".join(part for part in parts if "`" not in part)
 
 
 class Argument(click.Argument):
-    """What stands without a name, with its description."""
+    """Argument of a command with a description for the help."""
 
     def __init__(self, names: Sequence[str], *, note: str, **given: Any) -> None:
         super().__init__(names, **given)
         self.note = f"{note}  [required]" if self.required else note
 
     def make_metavar(self, ctx: click.Context) -> str:  # noqa: ARG002 - click's
-        """As the usage shows it."""
+        """Return the argument's placeholder as the usage shows it."""
         shown = f"{self.metavar}..." if self.nargs == -1 else f"{self.metavar}"
         return shown if self.required else f"[{shown}]"
 
 
 def option_of(parameter: inspect.Parameter) -> Option:
-    """How the value of a parameter of the library is written."""
+    """Return the command-line format of a parameter of a public function."""
     if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
         declared = parameter.annotation
         parts = str(getattr(declared, "__name__", declared)).split(" | ")
@@ -212,7 +212,7 @@ def option_of(parameter: inspect.Parameter) -> Option:
 
 
 def flag_of(name: str, option: Option) -> click.Parameter:
-    """One of `FLAGS` as click reads it."""
+    """Return a click option for one of `FLAGS`."""
     default = False if option.kind is bool else None
     return declared(
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default), option
@@ -220,17 +220,17 @@ def flag_of(name: str, option: Option) -> click.Parameter:
 
 
 def declared(parameter: inspect.Parameter, option: Option) -> click.Parameter:
-    """A parameter as click reads it."""
+    """Return a click option or argument for a parameter."""
     default = parameter.default
     required = default is inspect.Parameter.empty
     if isinstance(default, float):
-        default = float(f"{default:.3g}")  # as the help shows it
+        default = float(f"{default:.3g}")  # rounded for the help
     given: dict[str, Any] = {
         "type": option.kind,
         "metavar": option.metavar,
         "required": required,
         "callback": option.converted,
-        # To click a default of None is one, and nothing would be asked for.
+        # Without "default", click insists on a required value; None would count as a default.
         **({} if required else {"default": default}),
     }
     if parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
