@@ -8,7 +8,7 @@ from scipy.stats import t
 import flexid.estimators.cluster_covariance as cluster_covariance
 from flexid.estimators.cluster_covariance import (
     Clusters,
-    _fading,
+    _freedom_ratio,
     block_influences,
     block_lengths,
     cluster_influences,
@@ -86,7 +86,7 @@ def test_each_block_undoes_its_own_leverage():
 def test_blocks_that_fade_tell_half():
     """Assert that weights which fall like an exponential leave half the degrees of freedom."""
     weights = np.exp(-np.arange(2000) / 50.0)
-    assert _fading(weights, np.full(2000, 10.0)) == pytest.approx(0.5, rel=1e-3)
+    assert _freedom_ratio(weights, np.full(2000, 10.0)) == pytest.approx(0.5, rel=1e-3)
 
 
 @pytest.mark.parametrize("seen", [(0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.0)])

@@ -10,7 +10,7 @@ from noisy_joint import holding
 from scipy.linalg import expm, solve_discrete_are
 
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.innovations import Innovations, _Observing, fit_innovations
+from flexid.estimators.innovations import Innovations, _Likelihood, fit_innovations
 from flexid.estimators.prediction_error import described
 from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import (
@@ -263,7 +263,7 @@ def test_a_row_that_rests_teaches_nothing_and_follows_its_sensor():
 def test_spectra_tell_what_other_sizes_cost(other: Sizes):
     """Assert that spectra of innovations give the likelihood of other sizes to a twentieth."""
     samples = disturbed_samples(7, 3000)
-    made = _Observing.of(motion(samples), AT_REST, still(samples))
+    made = _Likelihood.of(motion(samples), AT_REST, still(samples))
     first = made.with_sizes(SIZES)
     assert first.motion is not None
     cost = cost_by_spectra(first.motion, SIZES, first.residuals, made.transitions)

@@ -177,10 +177,10 @@ def test_steps_end(problem: _Rough, options: dict[str, Any], steps: int):
     [
         # Where more is promised than chance gives, poor steps are no bottom.
         (_Rough(2.0 * FLAT, 0.24), {}, f"within {ITERATIONS}"),
-        (_Rough(0.5, 1e-4), {}, "4 steps in turn brought next to nothing"),
+        (_Rough(0.5, 1e-4), {}, "4 steps in a row gained almost nothing"),
         # A plateau: there is more than noise to explain.
-        (_Rough(0.5 * FLAT, 1e-4, THREE_DEVIATIONS, 1.6), {"tolerance": 1e-2}, "4 steps in turn"),
-        (_Rough(0.5, 1e-4), {"enough": 0.9 * (1.0 - 0.5e-4) ** ITERATIONS}, "4 steps in turn"),
+        (_Rough(0.5 * FLAT, 1e-4, THREE_DEVIATIONS, 1.6), {"tolerance": 1e-2}, "4 steps in a row"),
+        (_Rough(0.5, 1e-4), {"enough": 0.9 * (1.0 - 0.5e-4) ** ITERATIONS}, "4 steps in a row"),
         (_Rough(0.5, 0.24), {"enough": 0.9 * (1.0 - 0.12) ** ITERATIONS}, "within"),
         (_Rough(0.5, 0.9), {"iterations": 3}, "within 3"),
     ],

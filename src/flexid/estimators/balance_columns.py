@@ -1,4 +1,4 @@
-"""What each parameter of a torque balance does along a motion."""
+"""Regressors of a torque balance along a motion."""
 
 from typing import Any
 
@@ -13,9 +13,9 @@ def balance_columns(
     balance: TorqueBalance,
     signals: FloatArray,  # (n_samples, n_rows, 3)
     inputs: FloatArray,  # (n_samples, n_joints)
-    modes: FloatArray | None = None,  # (n_samples, n_rows): of friction, if not the motion's
+    modes: FloatArray | None = None,  # (n_samples, n_rows): of friction; by default sign(velocity)
 ) -> FloatArray:
-    """φ of every parameter along a motion, shape (n_samples, n_rows, n_parameters)."""
+    """Return the regressors of all parameters, shape (n_samples, n_rows, n_parameters)."""
     kernel: Any = motion_kernel(balance)
     constants = np.array(list(balance.constants.values()), dtype=np.float64)
     found = np.zeros((len(signals), len(balance.rows), len(balance.coefficients)))

@@ -1,4 +1,4 @@
-"""How channels lie in time: inputs run on between their samples, and positions are read late."""
+"""Timing of channels: inputs between samples, and delays of inputs and positions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,17 +15,17 @@ from flexid.estimators.samples import Segments
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
-_SIZES = (8, 9, 10, 12, 15)  # times a power of two: lengths that are transformed quickly
-_EDGE = 16  # samples at either end in which what was turned round about it shows
+_SIZES = (8, 9, 10, 12, 15)  # times a power of two: lengths with a fast Fourier transform
+_EDGE = 16  # samples at either end that the reflection distorts
 
 
-# A shift of the phase delays without attenuating, so white noise stays white; interpolation would
-# take its fast half away half-way between two samples.
+# A phase shift delays without attenuation, so white noise stays white. Interpolation half-way
+# between two samples would attenuate the upper half of its frequencies.
 def later(values: FloatArray, samples: float) -> FloatArray:
-    """A channel later by so many samples of either sign, shape (n,); see `spoilt`."""
+    """Delay a channel, shape (n,), by a number of samples of either sign; see `spoilt`."""
     if samples == 0.0 or len(values) < 2:
         return values.copy()
-    own = _turned_round(values)
+    own = _reflected(values)
     moved = np.fft.irfft(own.spectrum * np.exp(-1j * samples * own.turns), own.period)
     places = np.arange(len(values)) - samples
     return moved[: len(values)] + own.first + own.slope * places
@@ -34,77 +34,77 @@ def later(values: FloatArray, samples: float) -> FloatArray:
 def before_a_lag(
     values: FloatArray, samples: float, earlier: FloatArray | None = None
 ) -> FloatArray:
-    """A channel in front of a first-order lag of so many samples, shape (n,).
+    """Invert a first-order lag of so many samples: return its input, shape (n,), from its output.
 
-    `earlier` are values that the first one follows; without them it was at rest.
+    `earlier` values precede the first one; without them the channel was constant before.
     """
     last = values[:1] if earlier is None else earlier[-1:]
     return values + samples * np.diff(values, prepend=last)
 
 
 def rate_of_later(values: FloatArray, samples: float) -> FloatArray:
-    """Derivative of `later` by the number of samples, shape (n,)."""
+    """Return the derivative of `later` by the number of samples, shape (n,)."""
     if len(values) < 2:
         return np.zeros_like(values)
-    own = _turned_round(values)
+    own = _reflected(values)
     turned = -1j * own.turns * np.exp(-1j * samples * own.turns)
     return np.fft.irfft(own.spectrum * turned, own.period)[: len(values)] - own.slope
 
 
-class _TurnedRound(NamedTuple):
-    """A channel less the line between its ends, turned round about both of them: it is periodic."""
+class _Reflected(NamedTuple):
+    """Channel minus the line between its ends, continued periodically by odd reflection."""
 
     spectrum: NDArray[np.complex128]  # (period / 2 + 1,)
-    turns: FloatArray  # the same: rad per sample
+    turns: FloatArray  # (period / 2 + 1,): rad per sample
     period: int
-    first: float  # where the line begins
+    first: float  # value of the line at its beginning
     slope: float  # of the line, per sample
 
 
-def _turned_round(values: FloatArray) -> _TurnedRound:
-    more = _quick(len(values) - 1) - (len(values) - 1)
+def _reflected(values: FloatArray) -> _Reflected:
+    more = _fast_length(len(values) - 1) - (len(values) - 1)
     whole = np.concatenate((values, 2.0 * values[-1] - values[-2 : -2 - more : -1]))
     half = len(whole) - 1
     slope = float(whole[-1] - whole[0]) / half
     left = whole - (whole[0] + slope * np.arange(half + 1))
     spectrum = np.fft.rfft(np.concatenate((left, -left[-2:0:-1])))
     turns = np.pi * np.arange(half + 1) / half
-    return _TurnedRound(spectrum, turns, 2 * half, float(whole[0]), slope)
+    return _Reflected(spectrum, turns, 2 * half, float(whole[0]), slope)
 
 
-def _quick(length: int) -> int:
-    """The next length that is transformed quickly."""
+def _fast_length(length: int) -> int:
+    """Next length with a fast Fourier transform."""
     power = max(0, length.bit_length() - 4)
     return min(s << p for s in _SIZES for p in (power, power + 1) if s << p >= length)
 
 
 def spoilt(samples: float) -> tuple[int, int]:
-    """How many entries at the beginning and at the end `later` cannot know."""
+    """Return how many entries of `later` are invalid at the beginning and at the end."""
     edge = 0 if samples == round(samples) else _EDGE
     return max(ceil(samples), 0) + edge, max(ceil(-samples), 0) + edge
 
 
-_OFFSETS: FloatArray = np.arange(-2.0, 4.0)  # samples that a cubic about an interval touches
-_NODES = (0.5 * (1.0 - 0.6**0.5), 0.5, 0.5 * (1.0 + 0.6**0.5))  # Gauss and Legendre, degree five
+_OFFSETS: FloatArray = np.arange(-2.0, 4.0)  # samples that a spline uses around an interval
+_NODES = (0.5 * (1.0 - 0.6**0.5), 0.5, 0.5 * (1.0 + 0.6**0.5))  # Gauss-Legendre, degree five
 _WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
-_INSIDE = 1e-9  # of an interval: a held input jumps at its ends
+_INSIDE = 1e-9  # smallest distance, in intervals, from an interval's ends: held inputs jump there
 
 
-# Within an interval the motion depends on the input's mean and first moment, beyond that by less
-# than (ωh)². So each interval gets the line that has both, which depends smoothly on the delay.
+# Within an interval the motion depends on the input's mean and first moment; the rest has an effect
+# below (ωh)². So each interval gets the line with both values, which is smooth in the delay.
 def held_input(
     inputs: FloatArray,  # (n, n_inputs)
     sample_time: float,  # in s
     hold: Hold,
     delay: float,
 ) -> FloatArray:
-    """Lines like a sampled input, (n, n_inputs, 4): value, change, derivatives by the delay."""
-    # A fit that diverges may ask for any delay: beyond the samples all of it is alike.
+    """Return a line per interval, (n, n_inputs, 4): value, change, derivatives by the delay."""
+    # A diverging fit may ask for any delay; beyond the samples the input is constant.
     reach = sample_time * (len(inputs) + len(_OFFSETS))
     delay = float(np.fmax(np.fmin(delay, reach), -reach))
     whole = int(np.floor(delay / sample_time))
     fraction = min(max(delay / sample_time - whole, _INSIDE), 1.0 - _INSIDE)
-    # The samples about an interval stand in turn, and the largest offset is that of the earliest.
+    # The samples around an interval are in order of time; the earliest has the largest offset.
     earliest = int(_OFFSETS[-1]) + whole
     room = abs(earliest) + len(_OFFSETS)
     ahead, behind = inputs[:1].repeat(room, axis=0), inputs[-1:].repeat(room, axis=0)
@@ -118,15 +118,15 @@ def held_input(
 
 
 def _spline_weights(samples: FloatArray) -> FloatArray:
-    """Weights of the cubic B-splines through samples that go on mirrored, shape (n, k)."""
+    """Coefficients, shape (n, k), of the cubic B-spline through samples with mirrored ends."""
     bands = np.tile([[1.0], [4.0], [1.0]], len(samples))
     bands[0, 1] = bands[2, -2] = 2.0
     return solve_banded((1, 1), bands / 6.0, samples)
 
 
-@lru_cache(maxsize=64)  # most passes over a log take the delay of the one before
+@lru_cache(maxsize=64)  # successive passes over a log mostly use the same delay
 def _taps(hold: Hold, fraction: float, sample_time: float) -> FloatArray:
-    """What each sample about an interval contributes to the line, the earliest first, (6, 4)."""
+    """Contribution of each sample around an interval to the line, (6, 4), earliest first."""
     mean, moment = _moments(hold, fraction)
     before, after = _kernel(hold, _OFFSETS - fraction), _kernel(hold, 1.0 + _OFFSETS - fraction)
     mean_slope = (before - after) / sample_time
@@ -135,12 +135,12 @@ def _taps(hold: Hold, fraction: float, sample_time: float) -> FloatArray:
 
 
 def _line(mean: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Start and change of the line over [0, 1] with a mean and a first moment."""
+    """Start and change of the line over [0, 1] with a given mean and first moment."""
     return 4.0 * mean - 6.0 * moment, 12.0 * moment - 6.0 * mean
 
 
 def _moments(hold: Hold, fraction: float) -> tuple[FloatArray, FloatArray]:
-    """Mean and first moment over an interval of what each sample contributes."""
+    """Contribution of each sample to the mean and the first moment over an interval."""
     mean, moment = np.zeros(len(_OFFSETS)), np.zeros(len(_OFFSETS))
     for start, stop in ((0.0, fraction), (fraction, 1.0)):
         for node, weight in zip(_NODES, _WEIGHTS, strict=True):
@@ -152,7 +152,7 @@ def _moments(hold: Hold, fraction: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _kernel(hold: Hold, at: FloatArray) -> FloatArray:
-    """What a sample, or a weight of the spline, contributes at a distance in samples."""
+    """Contribution of a sample, or of a spline's coefficient, at a distance in samples."""
     if hold == "zero":
         return ((at >= 0.0) & (at < 1.0)).astype(np.float64)
     far = np.abs(at)
@@ -164,34 +164,34 @@ def _kernel(hold: Hold, at: FloatArray) -> FloatArray:
 
 
 INPUT = "input_delay"
-"""Name of the inputs' delay; that of a row's position is the row's name and ``_delay``."""
+"""Name of the inputs' delay. The delay of a row's position has the row's name and ``_delay``."""
 
-DELAY = "_delay"  # what the name of a row's delay ends with
+DELAY = "_delay"  # suffix of the name of a row's delay
 
-_ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to
+_ABSOLUTE, _FIRST_INPUT = -1, -2  # codes of an output's reference: none, the first input
 
 
 @dataclass(frozen=True)
 class Timing:
-    """How the channels lie in time."""
+    """Hold of the inputs and delays of the channels."""
 
     hold: Hold  # behaviour of the inputs between samples
-    # in s, by name: `INPUT`, and ``link_delay`` for the position of the row ``link``. By so much
-    # the inputs act, and the position was measured, later than recorded; what is missing is 0
+    # in s, by name: `INPUT`, by which inputs act later than recorded, and ``link_delay``, by which
+    # the position of the row ``link`` is recorded too late; missing delays are 0
     delays: Mapping[str, float] = field(default_factory=dict)
-    sought: tuple[str, ...] = ()  # those that are sought; `delays` holds where to start
-    # a row whose position was measured as a difference, which alone is late: the deflection. It is
-    # named with the other row, or with an input that is a position and that the next input is the
-    # velocity of
+    sought: tuple[str, ...] = ()  # unknown delays; `delays` has their starting values
+    # reference of a row whose position was measured as a difference (a deflection): another row, or
+    # an input that is a position and is followed by its velocity as the next input. Only the
+    # difference is late
     relative_to: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelTiming:
-    """The channels of some segments in time."""
+    """Inputs and outputs of segments, with the hold and the delays applied."""
 
-    segments: Segments  # what was measured
-    system: ParametricSystem  # whose rows and inputs the channels are
+    segments: Segments  # measured samples
+    system: ParametricSystem  # model with the rows and inputs of the channels
     timing: Timing  # hold and delays
 
     @cached_property
@@ -200,7 +200,7 @@ class ChannelTiming:
         return tuple(f"{row.name}{DELAY}" for row in self.system.rows)
 
     def drives(self, delay: float) -> FloatArray:
-        """Inputs between samples, shape (n_samples, n_inputs, 4)."""
+        """Return the inputs between samples, shape (n_samples, n_inputs, 4); see `held_input`."""
         segments = self.segments
         drives = np.empty((*segments.inputs.shape, 4))
         for part, sample_time in segments.by_recording():
@@ -208,7 +208,7 @@ class ChannelTiming:
         return drives
 
     def on_time(self, delays: Mapping[str, float]) -> FloatArray:
-        """Outputs moved by any part of a sample to when they were true; white noise stays white."""
+        """Return the outputs without their delays; white noise stays white."""
         outputs = self.segments.outputs.copy()
         for a, name in enumerate(self.output_delays):
             if delays[name] == 0.0:
@@ -220,7 +220,7 @@ class ChannelTiming:
         return outputs
 
     def rates_on_time(self, delays: Mapping[str, float]) -> FloatArray:
-        """Derivatives of `on_time` by each output's own delay, of those that are sought."""
+        """Return derivatives of `on_time` by each output's own delay; 0 if the delay is known."""
         rates = np.zeros_like(self.segments.outputs)
         for a, name in enumerate(self.output_delays):
             if name not in self.timing.sought:
@@ -232,7 +232,7 @@ class ChannelTiming:
         return rates
 
     def _reference_of(self, output: int) -> FloatArray:
-        """What an output was measured relative to, shape (n_samples,), as far as delays go."""
+        """Signal that an output was measured relative to, shape (n_samples,); 0 without one."""
         place = int(self.reference[output])
         if place == _ABSOLUTE:
             return np.zeros(len(self.segments.outputs))
@@ -242,7 +242,7 @@ class ChannelTiming:
 
     @cached_property
     def reference(self) -> NDArray[np.int64]:
-        """Place of what each output was measured relative to, as the kernel has it."""
+        """Code of each output's reference for the kernel: index of a state or input, or none."""
         system = self.system
         rows = [row.name for row in system.rows]
         places = {name: 2 * place for place, name in enumerate(rows)}

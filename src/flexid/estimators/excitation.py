@@ -1,4 +1,4 @@
-"""Assumption (A4) of Huang (2003) as a degree: the condition number of the regressors."""
+"""Excitation, assumption (A4) of Huang (2003), as the condition number of the regressors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ WEAK_CONDITION = 1e3  # condition number of the normalised Gram matrix above whi
 LOST_CONDITION = 1e5
 """Condition number above which the confounded coefficients cannot be distinguished."""
 
-_SHARE = 0.1  # of the worst direction, from which on a coefficient counts as part of it
+_SHARE = 0.1  # smallest squared component of a confounded coefficient in the worst direction
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Excitation:
 
     @property
     def document(self) -> dict[str, Any]:
-        """All but the row's name, ready for JSON."""
+        """Fields without the row's name, and the condition number, as a JSON document."""
         found = plain(self) | {"condition_number": plain(self.condition_number)}
         del found["row"]
         return found
@@ -68,7 +68,7 @@ def excitation_of_gram(row: str, coefficients: Sequence[str], gram: ArrayLike) -
     scale[scale == 0] = 1.0
     normalised = gram / np.outer(scale, scale)
     eigenvalues, vectors = eigen(normalised)
-    # A vanishing eigenvalue may come out as a negative number of rounding size
+    # Rounding may make a vanishing eigenvalue negative.
     singular_values = np.clip(eigenvalues[::-1], 0.0, None)
     worst = vectors[:, 0]
     several = len(coefficients) > 1
@@ -96,43 +96,43 @@ def _largest_correlation(
     if len(coefficients) < 2:
         return 0.0, ()
     rounding = np.finfo(float)
-    floor = max(rounding.eps * eigenvalues[-1], rounding.tiny)  # nothing moves at all
+    floor = max(rounding.eps * eigenvalues[-1], rounding.tiny)  # regressors may all be zero
     covariance = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
     deviation = np.sqrt(np.diag(covariance))
     correlation = np.abs(covariance / np.outer(deviation, deviation))
-    np.fill_diagonal(correlation, -1.0)  # below that of any two
+    np.fill_diagonal(correlation, -1.0)  # below every correlation of two coefficients
     i, j = sorted(divmod(int(np.argmax(correlation)), len(coefficients)))
     return float(correlation[i, j]), (coefficients[i], coefficients[j])
 
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What positions tell about k coefficients."""
+    """Fisher information of measured positions about k unknowns."""
 
-    names: tuple[str, ...]  # the coefficients, then delays that are sought
-    values: FloatArray  # where it was computed
-    matrix: FloatArray  # Fisher information, the initial states unknown
-    covariance: FloatArray  # its inverse; infinite variance marks what the motion leaves free
+    names: tuple[str, ...]  # coefficients, then unknown delays
+    values: FloatArray  # (k,): values at which the information was computed
+    matrix: FloatArray  # (k, k): Fisher information; initial states are nuisance parameters
+    covariance: FloatArray  # (k, k): inverse of `matrix`; infinite variance if undetermined
 
     @property
     def standard_deviations(self) -> FloatArray:
-        """Least standard deviation of each coefficient, shape (k,)."""
+        """Smallest possible standard deviation of each unknown, shape (k,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def relative_deviations(self) -> FloatArray:
-        """The same over the coefficients' values; infinite for one that is zero."""
+        """Standard deviations over absolute values, shape (k,); infinite for a value of zero."""
         with np.errstate(divide="ignore"):
             return self.standard_deviations / np.abs(self.values)
 
     @property
     def relative(self) -> FloatArray:
-        """Information about the coefficients' logarithms, (k, k): that of relative errors."""
+        """Information about the unknowns' logarithms, thus about relative errors, shape (k, k)."""
         return self.matrix * np.outer(self.values, self.values)
 
 
 def information_at(problem: SegmentedMotion, point: Point) -> Information:
-    """Information of a point's motion, its initial states unknown: the inverse Cramér-Rao bound."""
+    """Return the Fisher information of the motion at a point, with unknown initial states."""
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise SimulationError(
@@ -147,7 +147,7 @@ def information_at(problem: SegmentedMotion, point: Point) -> Information:
 
 
 def decay_rate(time: FloatArray, errors: FloatArray, window: float, floor: float) -> float:
-    """Exponential rate in 1/s at which errors, (n, m), decay; NaN with fewer than three windows."""
+    """Fit the exponential decay rate in 1/s of errors, (n, m); NaN below three windows."""
     norm = np.linalg.norm(errors, axis=1)
     place = np.floor((time - time[0]) / window * (1 + 1e-12)).astype(int)
     starts = np.flatnonzero(np.diff(place, prepend=-1))

@@ -1,4 +1,4 @@
-"""Innovations: the motion of a disturbed model, predicted sample by sample."""
+"""Fit of innovations: the motion of a disturbed model, predicted sample by sample."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -19,31 +19,31 @@ from flexid.estimators.steady_gains import (
     transition_of,
 )
 
-_ROUNDS = (4, 2)  # of sizes and coefficients in turn, from afar and from values nearly right
-STEPS = (8, 30)  # of Gauss and Newton in each, and in the last
-_SEARCHES = 3  # of the sizes by their spectra, in each round
-_ITERATIONS = 30  # of each of these
-_NO_FALL = 1.0  # of the cost, in an iteration that is the last one
-_SEARCHED = 10.0  # of the cost, that a search brings at least where another one follows
-_FINE = 0.03  # standard deviations, of a step that ends an iteration
-_FIRST_SHARE = 0.05  # of its row's acceleration, that a disturbance has to begin with
-_RANGES = (1e-2, 1e2)  # of a sensor's noise, over that of its signal's short differences
-_SHARES = (1e-4, 2.0)  # of a disturbance, over its row's acceleration
+_ROUNDS = (4, 2)  # alternations of sizes and coefficients: from first guesses, from given sizes
+STEPS = (8, 30)  # largest number of slow Gauss-Newton steps: in each round, in the last round
+_SEARCHES = 3  # largest number of searches for sizes, by spectra, in each round
+_ITERATIONS = 30  # largest number of iterations of each search
+_LEAST_FALL = 1.0  # of the cost: a smaller fall in an iteration ends a search
+_LEAST_GAIN = 10.0  # of the cost: after a search with a smaller gain, no other follows
+_FINE = 0.03  # length of a step, in standard deviations, that ends a fit
+_FIRST_SHARE = 0.05  # first guess of a disturbance, over its row's acceleration
+_RANGES = (1e-2, 1e2)  # bounds of a sensor's noise, over its first guess
+_SHARES = (1e-4, 2.0)  # bounds of a disturbance, over its row's acceleration
 
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """A disturbed model fitted to a log."""
+    """Disturbed model fitted to a log."""
 
     problem: SegmentedMotion  # with its observer
-    minimum: Minimum  # where the fit ended
+    minimum: Minimum  # result of the last fit of coefficients
     sizes: Sizes  # of noise and disturbances
-    cost: float  # twice the negative logarithm of the likelihood, but for a constant
+    cost: float  # -2 log likelihood, up to a constant
 
 
-# What a model lacks acts like a disturbance e of each row, e' = -κ e + white noise of mean square
-# σ², and sensors have white noise. Kalman's observer follows; its innovations are white if sizes
-# and rates are right, which are those of greatest likelihood (Ljung, System Identification, ch. 4).
+# Errors of the model act like a disturbance e of each row, e' = -κ e + white noise, of mean square
+# σ²; sensors have white noise. The innovations of a Kalman filter are white if sizes and rates are
+# right. Maximum likelihood estimates them (Ljung, System Identification, ch. 4).
 def fit_innovations(
     problem: SegmentedMotion,
     point: Point,
@@ -52,7 +52,7 @@ def fit_innovations(
     sizes: Sizes | None = None,
     steps: tuple[int, int] = STEPS,
 ) -> Innovations:
-    """Fit coefficients, with gains held, and sizes of noise and disturbances in turn."""
+    """Fit coefficients at fixed gains, and sizes of noise and disturbances, alternately."""
     first = _first_sizes(problem, slowest)
     bounds = _bounds(first, float(problem.segments.sample_times.max()), slowest)
     near = sizes is not None
@@ -60,11 +60,11 @@ def fit_innovations(
     found: Innovations | None = None
     rounds = _ROUNDS[near]
     for turn in range(rounds):
-        observing = _Observing.of(problem, point, directions)
-        # Initial states come first, with the coefficients: what they leave passes for noise.
+        likelihood = _Likelihood.of(problem, point, directions)
+        # Fit initial states and coefficients first: sizes would take their errors for noise.
         if turn:
-            sizes = observing.likeliest(sizes, bounds)
-        seen = observing.with_sizes(sizes)
+            sizes = likelihood.largest(sizes, bounds)
+        seen = likelihood.with_sizes(sizes)
         if seen.motion is None:
             raise ConvergenceError(
                 "prediction error", "the disturbed motion diverges from the starting values"
@@ -84,9 +84,9 @@ def first_cost(
     directions: FloatArray,  # (n_samples, n_rows)
     slowest: float,  # in 1/s
 ) -> float:
-    """Twice the negative logarithm of the likelihood of a point, with sizes to begin with."""
+    """Return -2 log likelihood of a point, up to a constant, for the first guess of the sizes."""
     sizes = _first_sizes(problem, slowest)
-    return _Observing.of(problem, point, directions).with_sizes(sizes).cost
+    return _Likelihood.of(problem, point, directions).with_sizes(sizes).cost
 
 
 def predicting(
@@ -96,15 +96,15 @@ def predicting(
     sizes: Sizes,
     corrected: NDArray[np.int64],  # (n_segments,)
 ) -> SegmentedMotion:
-    """The motion that an observer follows for some samples of each segment, and then predicts."""
-    observed = _Observing.of(problem, point, directions).with_sizes(sizes).motion
+    """Return the motion that an observer corrects in the first samples of each segment only."""
+    observed = _Likelihood.of(problem, point, directions).with_sizes(sizes).motion
     if observed is None or observed.observer is None:
         raise ConvergenceError("prediction error", "the disturbed motion diverges")
     return replace(observed, observer=replace(observed.observer, corrected=corrected))
 
 
 def _first_sizes(problem: SegmentedMotion, slowest: float) -> Sizes:
-    """Noise as the signals' short differences have it, and disturbances of part of the motion."""
+    """First guess: noise from the weights, disturbances as a fraction of the accelerations."""
     segments = problem.segments
     squares = np.zeros(segments.outputs.shape[1])
     for part, sample_time in segments.by_recording():
@@ -127,7 +127,7 @@ def _smoothed(values: FloatArray, half: int) -> FloatArray:
 
 
 def _bounds(first: Sizes, sample_time: float, slowest: float) -> tuple[FloatArray, FloatArray]:
-    """Least and largest logarithm of each size."""
+    """Smallest and largest logarithm of each size."""
     motion = first.disturbances / _FIRST_SHARE
     rates = slowest, max(slowest, 1.0 / sample_time)
     least, largest = (
@@ -138,27 +138,27 @@ def _bounds(first: Sizes, sample_time: float, slowest: float) -> tuple[FloatArra
 
 
 class _Observed(NamedTuple):
-    """A motion with the observer for some sizes."""
+    """Motion with the observer for some sizes."""
 
-    cost: float  # twice the negative logarithm of the likelihood, but for a constant
-    motion: SegmentedMotion | None  # None where it diverges
+    cost: float  # -2 log likelihood, up to a constant
+    motion: SegmentedMotion | None  # None if it diverges
     residuals: FloatArray  # (n_samples, n_outputs)
-    entropy: float  # the part of the cost that no residual changes
+    entropy: float  # part of the cost that is independent of the residuals
 
 
 @dataclass(frozen=True, eq=False)
-class _Observing:
-    """A motion at a point, to be observed with any sizes."""
+class _Likelihood:
+    """Likelihood of sizes for the motion at a point."""
 
     problem: SegmentedMotion
     point: Point
     directions: FloatArray  # (n_samples, n_rows)
-    transitions: list[FloatArray]  # of each recording
-    counts: list[FloatArray]  # the same: how many residuals of each output tell anything
+    transitions: list[FloatArray]  # transition matrix of each recording
+    counts: list[FloatArray]  # of each recording: residuals of each output where its row moves
 
     @classmethod
-    def of(cls, problem: SegmentedMotion, point: Point, directions: FloatArray) -> "_Observing":
-        """With the transitions at the point."""
+    def of(cls, problem: SegmentedMotion, point: Point, directions: FloatArray) -> "_Likelihood":
+        """Compute the transition matrices and counts at a point."""
         segments = problem.segments
         transitions = [
             transition_of(problem.linearised(point, recording), step)
@@ -166,7 +166,7 @@ class _Observing:
                 segments.recordings[segments.firsts].tolist(), segments.by_recording(), strict=True
             )
         ]
-        # A row without friction moves freely, however slowly.
+        # A row without dry friction never rests.
         freely = (directions == RESTING) & ~problem.dry_rows(point)
         directions = np.where(freely, 0.0, directions)
         moves = directions != RESTING
@@ -181,7 +181,7 @@ class _Observing:
         return cls(problem, point, directions, transitions, counts)
 
     def with_sizes(self, sizes: Sizes) -> _Observed:
-        """The motion with the observer for some sizes."""
+        """Run the motion with the observer for some sizes."""
         segments = self.problem.segments
         steps = segments.sample_times[segments.firsts]
         try:
@@ -202,8 +202,8 @@ class _Observing:
             return _Observed(WORST, None, equations.residuals, entropy)
         return _Observed(equations.cost + entropy, motion, equations.residuals, entropy)
 
-    def likeliest(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
-        """Sizes of the greatest likelihood, near some others, with few runs of the motion."""
+    def largest(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
+        """Maximise the likelihood over sizes, from given ones, with few runs of the motion."""
         from scipy.optimize import minimize  # late: it takes a third of a second to import
 
         n = len(sizes.sensors)
@@ -217,13 +217,13 @@ class _Observing:
                 np.clip(sizes.logarithms, *bounds),
                 method="L-BFGS-B",
                 bounds=np.column_stack(bounds),
-                options={"maxiter": _ITERATIONS, "ftol": _NO_FALL / max(abs(best.cost), 1.0)},
+                options={"maxiter": _ITERATIONS, "ftol": _LEAST_FALL / max(abs(best.cost), 1.0)},
             )
             other = Sizes.of_logarithms(found.x, n)
             seen = self.with_sizes(other)
             gain = best.cost - seen.cost
             if gain > 0.0:
                 sizes, best = other, seen
-            if gain < _SEARCHED:
+            if gain < _LEAST_GAIN:
                 break
         return sizes

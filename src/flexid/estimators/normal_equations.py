@@ -1,4 +1,4 @@
-"""Normal equations, solved on what the data determine; those of segments are arrows."""
+"""Solution of normal equations on the directions that the data determine."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,9 +10,9 @@ from scipy import linalg
 from flexid.arrays import FloatArray
 
 
-# Divide and conquer, NumPy's, does not converge for some good matrix in a million.
+# NumPy's divide and conquer fails to converge for about one valid matrix in a million.
 def eigen(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ascending eigenvalues, (..., n), and vectors, in columns, of symmetric matrices."""
+    """Return ascending eigenvalues, (..., n), and eigenvectors (columns) of symmetric matrices."""
     try:
         eigenvalues, vectors = np.linalg.eigh(matrices)
     except np.linalg.LinAlgError:
@@ -25,7 +25,7 @@ def eigen(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
-    """Pseudo-inverses of symmetric matrices; eigenvalues to `null` times the largest are zero."""
+    """Invert symmetric matrices; eigenvalues up to `null` times the largest count as zero."""
     eigenvalues, vectors = eigen(matrices)
     sizes = np.abs(eigenvalues)
     kept = sizes > null * sizes.max(axis=-1, keepdims=True, initial=0.0)
@@ -34,37 +34,37 @@ def pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
 
 
 def scaled_pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
-    """Pseudo-inverses of symmetric matrices, each scaled to a unit diagonal first."""
+    """Return `pseudo_inverse` of symmetric matrices, each scaled to a unit diagonal first."""
     scale = np.sqrt(matrices.diagonal(axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = scale[:, :, None] * scale[:, None, :]
     return pseudo_inverse(matrices / scales, null) / scales
 
 
-NULL = 1e-12  # eigenvalue of a matrix scaled to a unit diagonal that counts as zero
+NULL = 1e-12  # eigenvalues up to this count as zero in a matrix with a unit diagonal
 
-_PART = 1e-6  # of a coefficient in an open direction, from which on it is free
+_OPEN_COMPONENT = 1e-6  # component in an undetermined direction of an undetermined coefficient
 
 
 def scaled_inverse(
     matrix: FloatArray,  # (k, k)
     scale: FloatArray,  # (k,)
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Inverse, (k, k), on directions not lost in rounding, and which coefficients are open."""
+    """Invert on determined directions, (k, k); return a mask of undetermined coefficients too."""
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = scale[:, None] * scale
     eigenvalues, vectors = eigen(matrix / scales)
     kept = eigenvalues > NULL
     inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / scales
-    return inverse, np.any(np.abs(vectors[:, ~kept]) > _PART, axis=1)
+    return inverse, np.any(np.abs(vectors[:, ~kept]) > _OPEN_COMPONENT, axis=1)
 
 
 class Least(NamedTuple):
-    """Where a quadratic form is least."""
+    """Minimum of a quadratic form in k values."""
 
-    values: FloatArray  # (k,): of what is sought
-    inverse: FloatArray  # (k, k): of its part of the form's matrix, as of `scaled_inverse`
-    # (k,): what has a part in an open direction, along which a value stays what it was
+    values: FloatArray  # (k,): values at the minimum
+    inverse: FloatArray  # (k, k): inverse, by `scaled_inverse`, of the form's matrix
+    # (k,): mask of values with a component in an undetermined direction, which stays unchanged
     free: NDArray[np.bool_]
 
 
@@ -73,7 +73,7 @@ def least_with(
     matrix: FloatArray,  # (n, n)
     values: FloatArray,  # (n,)
 ) -> Least:
-    """Where a quadratic form is least if some of its values are zero, as the rest follows."""
+    """Minimise a quadratic form with minimum `values` after setting those outside `left` to 0."""
     part = matrix[np.ix_(left, left)]
     inverse, free = scaled_inverse(part, np.sqrt(np.maximum(np.diag(part), 0.0)))
     moved = inverse @ (matrix[np.ix_(left, ~left)] @ values[~left])
@@ -82,24 +82,24 @@ def least_with(
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """What is left for the coefficients once the initial states are eliminated."""
+    """Normal equations of k coefficients after elimination of the initial states."""
 
     information: FloatArray  # (k, k): matrix of the reduced equations
-    scores: FloatArray  # (k, n_segments): right-hand side, segment by segment
+    scores: FloatArray  # (k, n_segments): right-hand side, one column per segment
     # (k, k): inverse of the information on the directions that the data determine
     inverse: FloatArray
-    # (k,): coefficients that have a part in a direction that the data leave open
+    # (k,): mask of coefficients with a component in an undetermined direction
     free: NDArray[np.bool_]
-    values_step: FloatArray  # (k,): solution for the coefficients, zero along open directions
+    values_step: FloatArray  # (k,): solution for the coefficients, 0 in undetermined directions
     states_step: FloatArray  # (n_segments, n_states): solution for the initial states
-    # fall of the sum of squares that the equations predict for this step, if undamped
+    # predicted fall of the sum of squares by this step, if undamped
     decrement: float
-    # (n_segments,): the same of each segment's part, if the coefficients stay as they are
+    # (n_segments,): predicted fall of each segment's sum of squares with fixed coefficients
     by_states: FloatArray
 
 
-# The initial state s of a segment touches that segment only: the matrix is block-diagonal, A_j, but
-# for a border B_j. Eliminating the initial states leaves as many equations as coefficients,
+# The initial state of a segment affects that segment only. So the matrix is block-diagonal, A_j,
+# with a border B_j. Eliminating the initial states leaves one equation per coefficient,
 #     (Σ C_j - B_jᵀ A_j⁻¹ B_j) dp = Σ b_j - B_jᵀ A_j⁻¹ a_j.
 def solve_arrow(
     normal: FloatArray,  # (n_segments, n, n)
@@ -107,7 +107,7 @@ def solve_arrow(
     n_states: int,
     damping: float = 0.0,
 ) -> Reduced:
-    """Solve the segments' normal equations together."""
+    """Solve the normal equations of all segments by eliminating the initial states."""
     own = normal[:, :n_states, :n_states].copy()
     border = normal[:, :n_states, n_states:]
     common = normal[:, n_states:, n_states:].sum(axis=0)
@@ -124,7 +124,7 @@ def solve_arrow(
     information = common - border.reshape(every).T @ weights.reshape(every)
     information = 0.5 * (information + information.T)
     scores = (gradient[:, n_states:] - (border * states_alone).sum(axis=1)).T
-    # Scaled by the border's own size: what the initial states explain in full is lost in rounding.
+    # Scaled by the matrix before elimination: what initial states explain fully is rounding error.
     inverse, free = scaled_inverse(information, scale)
     total = scores.sum(axis=1)
     values_step = inverse @ total

@@ -1,4 +1,4 @@
-"""What online estimators share: init, step, and replay, which equals steps bit for bit."""
+"""Base of the online estimators: init, step, and replay, which equals steps bit for bit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,31 +16,31 @@ from flexid.recording.recording import Hold
 
 
 class Status(IntEnum):
-    """What became of a sample; the last entry of its info."""
+    """Outcome of a sample; the last entry of its info."""
 
     USED = 0
-    """Taken in; the data determine the estimates."""
+    """The sample was used; the data determine the estimates."""
     STARTING = 1
-    """Taken in; the data do not determine the estimates yet: wait, or excite more."""
+    """The sample was used; the data do not determine the estimates yet: wait, or excite more."""
     REJECTED = 2
-    """A number in it is not finite: nothing changed, and the next sample begins a new recording."""
+    """A value is not finite: estimates stay unchanged; the next sample starts a new recording."""
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """What a replay returns.
+    """Result of a replay.
 
     Parameters
     ----------
     coefficients : array, shape (n, n_coefficients)
         Estimates after each sample.
     innovations : array, shape (n, n_rows)
-        Measured less predicted, row by row, before the sample was learnt from; in the units that
-        the estimator states. NaN where there was nothing to compare.
+        Measured minus predicted value of each row, before the sample updates the estimates, in
+        the estimator's units. NaN without a prediction.
     status : array, shape (n,)
         A `Status` for each sample.
     state : array
-        State after the last sample; a stream goes on from here.
+        State after the last sample, from which a stream continues.
     """
 
     coefficients: FloatArray
@@ -51,25 +51,25 @@ class History:
 
 @dataclass(frozen=True, eq=False)
 class OnlineEstimator:
-    """What every online estimator offers; its step is one compiled function."""
+    """Base class of the online estimators; a step is one compiled function."""
 
     system: ParametricSystem  # the model
     sample_time: float  # time between samples in s
     hold: Hold  # hold of the inputs between samples
-    needs_velocities: bool  # whether samples hold velocities, or coordinates and inputs alone
+    needs_velocities: bool  # whether samples contain velocities besides coordinates and inputs
     _kernel: ModuleType
     _settings: FloatArray
-    _layout: tuple[Any, ...]  # of a model that the kernel was not compiled for
+    _layout: tuple[Any, ...]  # the model, as arguments of a kernel that serves all models
     _first_state: FloatArray
     _first_coefficient: ClassVar[int] = 0
 
     def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
-        """State before the first sample.
+        """Return the state before the first sample.
 
         Parameters
         ----------
         values : mapping of str to float, optional
-            Initial estimates by coefficient; 0 where none is given.
+            Initial estimates by coefficient; 0 for the other coefficients.
         """
         names = self.system.coefficients
         start = np.zeros(len(names))
@@ -86,26 +86,26 @@ class OnlineEstimator:
         return state
 
     def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """New state and info (innovations, `Status`) after one sample.
+        """Return the new state and info (innovations, `Status`) after one sample.
 
         Parameters
         ----------
         state : array
             From `init`, `step` or a replay; not changed.
         sample : array
-            One row of what `pack` makes.
+            One row of the array from `pack`.
         """
         return self._kernel.step(state, sample, self._settings, *self._layout)
 
     def replay(self, state: FloatArray, samples: FloatArray) -> History:
-        """Take in many samples, exactly as `step` would one by one.
+        """Process many samples, exactly as `step` would one by one.
 
         Parameters
         ----------
         state : array
             From `init`, `step` or an earlier replay; not changed.
         samples : array, shape (n, sample size)
-            What `pack` makes.
+            Array from `pack`.
         """
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         coefficients = np.empty((len(samples), len(self.system.coefficients)))
@@ -115,7 +115,7 @@ class OnlineEstimator:
         return History(coefficients, infos[:, :-1], infos[:, -1], last)
 
     def coefficients(self, state: FloatArray) -> FloatArray:
-        """Estimates in a state, in the order of the model's coefficients.
+        """Return the estimates in a state, in the order of the model's coefficients.
 
         Parameters
         ----------
@@ -130,12 +130,12 @@ class OnlineEstimator:
         return slice(first, first + len(self.system.coefficients))
 
     def pack(self, samples: Samples) -> FloatArray:
-        """Samples as this estimator takes them, one per row.
+        """Return samples as the array that this estimator takes, one sample per row.
 
         Parameters
         ----------
         samples : Samples
-            Of a log, as `flexid.samples` gives them.
+            Samples of a log, for example from `flexid.samples`.
         """
         if self.needs_velocities:
             return packed(samples)
@@ -143,7 +143,7 @@ class OnlineEstimator:
 
 
 def packed(samples: Samples) -> FloatArray:
-    """Samples with velocities, shape (n, 2 n_rows + n_inputs)."""
+    """Return samples with velocities as an array, shape (n, 2 n_rows + n_inputs)."""
     if samples.velocities is None:
         raise SettingError("velocities", "this estimator needs them: derive velocities first")
     states = np.stack((samples.positions, samples.velocities), axis=2).reshape(len(samples), -1)
@@ -151,14 +151,14 @@ def packed(samples: Samples) -> FloatArray:
 
 
 def checked_sample_time(sample_time: float) -> float:
-    """The sample time, if it is one; else a `SettingError`."""
+    """Return the sample time in s, or raise if it is not above 0."""
     if not (np.isfinite(sample_time) and sample_time > 0.0):
         raise SettingError("sample_time", f"must be above 0 s, got {sample_time}")
     return float(sample_time)
 
 
 def fading_factor(memory: float, sample_time: float) -> float:
-    """Factor by which a weight fades per sample: exp(-h/τ), 1 for an infinite memory."""
+    """Return the fading of weights per sample, exp(-h/τ): 1 for an infinite memory τ."""
     if not memory > 10.0 * sample_time:
         raise SettingError("memory", f"must be longer than ten samples, got {memory} s")
     return float(np.exp(-sample_time / memory))

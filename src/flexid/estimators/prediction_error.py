@@ -1,4 +1,4 @@
-"""Segmented prediction error: the model's own motion, fitted to the measured one."""
+"""Segmented prediction error: the model's free run, fitted to the measured motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,36 +19,36 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise
 
-FLAT = 2e-3  # part of the sum of squares that a step promises, below which none has to be found
+FLAT = 2e-3  # predicted relative fall of the sum of squares below which a step may fail
 
-ITERATIONS = 20  # steps that may be taken: far more than the five or so that a good start needs
+ITERATIONS = 20  # largest number of slow steps; a good start needs about five steps in all
 
 NEARLY_NOISE = 1.5
-"""Variance of the weighted residuals up to which a rough bottom may be gone on from, or end on."""
+"""Variance of the weighted residuals up to which a rough minimum is accepted."""
 
-_DAMPINGS = 8  # attempts at a step that makes nothing worse
+_DAMPINGS = 8  # attempts at a step that does not raise the sum of squares
 _FIRST_DAMPING = 1e-3
-_LEAST_DAMPING = 1e-6  # less than this is none
-_FAST = 0.5  # part of the sum of squares that a step takes away which is far from its end
-_POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
-_POOR_STEPS = 2  # in turn, after which a bottom is too rough for better ones
-_NO_GAIN = 0.01  # the same of a step before something that none gets over
-_STUCK_STEPS = 4  # of these in turn, after which no more are taken
-_IDLE_STEPS = 2  # in turn, that gain less than they have to
+_LEAST_DAMPING = 1e-6  # smaller values become zero
+_FAST = 0.5  # relative fall of the sum of squares above which a step is not slow
+_POOR_GAIN = 0.25  # actual over predicted fall of the sum of squares below which a step is poor
+_POOR_STEPS = 2  # poor steps in a row after which the minimum counts as rough
+_NO_GAIN = 0.01  # actual over predicted fall below which a step is stuck
+_STUCK_STEPS = 4  # stuck steps in a row after which the iteration ends
+_IDLE_STEPS = 2  # steps in a row with too small a gain after which the iteration ends
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
-_FINEST = 1e-9  # noise over the largest output that is distinguished from none: a 30 bit encoder's
+_FINEST = 1e-9  # smallest noise, over the largest output: that of a 30-bit encoder
 
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the iteration ended."""
+    """Point at which the iteration ended."""
 
-    point: Point  # the unknowns
-    equations: Equations  # normal equations there
-    reduced: Reduced  # the same without the initial states
-    iterations: int  # steps taken
-    # length in standard deviations of the step that would have come next; where all steps were
-    # taken and did not end, of the last of them
+    point: Point  # unknowns and initial states
+    equations: Equations  # normal equations at the point
+    reduced: Reduced  # normal equations after elimination of the initial states
+    iterations: int  # number of steps taken
+    # length in standard deviations of the step that would come next; if the iteration ran out of
+    # steps, length of the last step taken
     last_step: float
 
     def variance(self, problem: SegmentedMotion) -> float:
@@ -72,9 +72,9 @@ def minimise(
     promised: float = np.inf,
     least_gain: float = 0.0,
 ) -> Minimum:
-    """Least sum of squares near a point; the first step has to promise a variance.
+    """Minimise the sum of squares by damped Gauss-Newton steps from a point.
 
-    It ends where steps in turn gain less than a part of the sum of squares.
+    Raise if the first step predicts a variance above `promised`; stop at gains below `least_gain`.
     """
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
@@ -90,7 +90,7 @@ def minimise(
         if taken == 0 and variance - reduced.decrement / problem.degrees_of_freedom > promised:
             raise ConvergenceError(
                 "prediction error",
-                "the first step leads nowhere near the record: shorten the segments",
+                "the first step leaves the model far from the record: shorten the segments",
             )
         last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
         if last_step <= tolerance or _is_rounding(reduced, point):
@@ -103,14 +103,14 @@ def minimise(
                 return Minimum(point, equations, reduced, taken, float(last_step))
             raise ConvergenceError(
                 "prediction error",
-                f"{stuck} steps in turn brought next to nothing: start from a least-squares fit, "
+                f"{stuck} steps in a row gained almost nothing: start from a least-squares fit, "
                 f"shorten the segments, or drop terms that the record does not show",
             )
         before = equations.cost
         try:
             point, equations, damping = _descend(problem, point, equations, reduced, damping)
         except ConvergenceError:
-            # Dry friction makes the sum of squares rough; its bottom may be between two steps.
+            # Dry friction makes the sum of squares rough: near its minimum every step may fail.
             if insist and not flat and variance > enough:
                 raise
             return Minimum(point, equations, reduced, taken, float(last_step))
@@ -122,13 +122,13 @@ def minimise(
         idle = idle + 1 if gain < least_gain * before else 0
     reduced = problem.solve(equations)
     found = Minimum(point, equations, reduced, taken, float(last_step))
-    rough = reduced.decrement <= FLAT * equations.cost  # to and fro over a rough bottom
+    rough = reduced.decrement <= FLAT * equations.cost  # steps back and forth across a minimum
     if not insist or rough or found.variance(problem) <= enough:
         return found
     raise ConvergenceError(
         "prediction error",
-        f"the steps do not end within {iterations}: start from a least-squares fit, shorten the "
-        f"segments, or drop terms that the record does not show",
+        f"no convergence within {iterations} steps: start from a least-squares fit, shorten "
+        f"the segments, or drop terms that the record does not show",
     )
 
 
@@ -139,18 +139,18 @@ def _descend(
     undamped: Reduced,
     damping: float,
 ) -> tuple[Point, Equations, float]:
-    """One step that makes nothing worse, damped as much as it takes; and the damping to go on."""
+    """Take a step, damped until the sum of squares does not rise; return the next damping too."""
     for _ in range(_DAMPINGS):
         step = problem.solve(equations, damping) if damping > 0.0 else undamped
         trial = Point(point.values + step.values_step, point.initial_states + step.states_step)
         more, enough = max(10.0 * damping, _FIRST_DAMPING), equations.cost * (1.0 + 1e-12)
-        # Where steps fail, the next may fail as well: derivatives are for one that does not.
+        # After a failed step the next may fail too: without derivatives, the test is cheap.
         if damping > 0.0 and not problem.equations(trial, "nothing").cost <= enough:
             damping = more
             continue
         tried = problem.equations(trial)
         if tried.cost <= enough:
-            # Steps that gain far less than promised jump to and fro across the minimum.
+            # A gain far below the predicted one is a jump across the minimum: damp more.
             overshot = equations.cost - tried.cost < _POOR_GAIN * step.decrement
             less = 0.1 * damping if damping > _LEAST_DAMPING else 0.0
             return trial, tried, more if overshot else less
@@ -173,21 +173,21 @@ def output_weights(
     noise: FloatArray,  # (n_outputs,)
     outputs: FloatArray,  # (n, n_outputs)
 ) -> FloatArray:
-    """One over the noise of each output, or over the least that is distinguished from none."""
+    """Return one over the noise of each output, or over `_FINEST` of the largest output."""
     floor = _FINEST * float(np.max(np.abs(outputs)))
     return 1.0 / np.maximum(noise, floor if floor > 0.0 else 1.0)
 
 
 NEGLIGIBLE = 0.1
-"""Standard deviations by which the error may move values: a 95 % interval then holds 94.9 %."""
+"""Largest integration error in standard deviations: a 95 % interval then covers 94.9 %."""
 
-MOST = 4  # times as many steps, at most: they leave 1/256 of the error, and take four times as long
+MOST = 4  # largest factor on the integration steps: 1/256 of the error, four times the duration
 
-_ORDER = 4  # of Runge and Kutta's method
+_ORDER = 4  # of the Runge-Kutta method
 
 
 def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
-    """How far steps of half the length move the combination that moves most, in deviations."""
+    """Estimate, by halved steps, the largest integration error in standard deviations."""
     halved = replace(problem, substeps=2 * problem.substeps)
     equations = halved.equations(found.point)
     variance = found.variance(problem)
@@ -201,31 +201,31 @@ def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
 
 
 def refinement(problem: SegmentedMotion, found: Minimum) -> int:
-    """How many times as many steps, up to `MOST`, make that error negligible."""
+    """Return the factor on the steps, up to `MOST`, that makes the integration error negligible."""
     wanted = (integration_error(problem, found) / NEGLIGIBLE) ** (1.0 / _ORDER)
     return min(max(1, ceil(wanted)), MOST)
 
 
 _COARSE, _FINE = 1.0, 1e-2  # length of a step, in standard deviations, that ends the iteration
-_AGREEMENT = 10.0  # standard deviations of least squares within which an estimate may end
-_SLACK = 1.0  # and this part of the value besides, for what the model leaves out
-_EFFECT = 0.05  # and this part of the row's acceleration, for coefficients that are about zero
+_AGREEMENT = 10.0  # allowed distance from least squares, in its standard deviations,
+_SLACK = 1.0  # plus this fraction of the value, for errors of the model,
+_EFFECT = 0.05  # plus this fraction of the row's acceleration, for coefficients near zero
 
 
 @dataclass(frozen=True, eq=False)
 class PredictionErrorFit:
     """Coefficients fitted by segmented prediction error. Only converged fits are returned."""
 
-    names: tuple[str, ...]  # what is sought, row by row
+    names: tuple[str, ...]  # unknowns, row by row
     values: FloatArray  # (k,): in the system's units
-    # (k, k): from the spread of the scores of blocks of a second or less; right for correlated
-    # residuals too. Infinite variance marks what the data leave free, or what one block decides
+    # (k, k): from the spread of the scores of blocks of at most 1 s, so valid for correlated
+    # residuals. Infinite variance: undetermined, or determined by a single block
     covariance: FloatArray
-    degrees_of_freedom: tuple[float, ...]  # of each variance, for Student's t; 0 for none
-    # (k, k): what residuals of the size `noise` say, the initial states unknown
+    degrees_of_freedom: tuple[float, ...]  # of each variance, for Student's t; 0 if infinite
+    # (k, k): Fisher information for residuals of size `noise`, with unknown initial states
     information: FloatArray
     noise: FloatArray  # (n_outputs,): standard deviation of the residuals
-    residuals: FloatArray  # (n_samples, n_outputs): measured less fitted, all segments in turn
+    residuals: FloatArray  # (n_samples, n_outputs): measured minus fitted, segment by segment
 
     @property
     def standard_deviations(self) -> FloatArray:
@@ -234,8 +234,8 @@ class PredictionErrorFit:
 
 
 # Each segment runs freely from an unknown initial state under the recorded input; with white noise
-# the best fit is maximum likelihood. Integration steps follow from the poles alone, so a minimum is
-# asked whether they are short enough: no residual shows that.
+# the best fit is maximum likelihood. Integration steps are chosen from the poles and checked at the
+# minimum, because residuals do not show errors of integration.
 def prediction_error(
     recordings: Sequence[Samples],
     system: ParametricSystem,
@@ -244,7 +244,7 @@ def prediction_error(
     hold: Hold = "linear",
     unknowns: Unknowns | None = None,
 ) -> PredictionErrorFit:
-    """Fit the model's free motion over segments to positions, or raise `ConvergenceError`."""
+    """Fit the model's free run over segments to positions, or raise `ConvergenceError`."""
     unknowns = unknowns_of(system, len(recordings), unknowns)
     if start.names != unknowns.names:
         raise SettingError(
@@ -258,7 +258,7 @@ def prediction_error(
 
 
 def described(problem: SegmentedMotion, found: Minimum) -> PredictionErrorFit:
-    """What a minimum says about what was sought."""
+    """Return the fit at a minimum, with covariance and residuals."""
     reduced = found.reduced
     influences, freedom = cluster_influences(problem.clusters(found.equations, reduced))
     unknown = reduced.free | (freedom == 0.0)
@@ -274,7 +274,7 @@ def described(problem: SegmentedMotion, found: Minimum) -> PredictionErrorFit:
 
 
 def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMotion, Minimum]:
-    """Fit twice: with the noise guessed from the signals, then with that of the residuals."""
+    """Fit twice: with noise estimated from the signals, then with noise from the residuals."""
     outputs = problem.segments.outputs
     guess = np.array([position_noise(column) for column in outputs.T])
     point = Point(values, problem.start_states)
@@ -290,7 +290,7 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
 
 
 def _compare(unknowns: Unknowns, values: FloatArray, check: LeastSquaresFit) -> None:
-    """Refuse values that least squares of the same record contradicts."""
+    """Raise if an estimate is far from the least-squares fit of the same log."""
     deviations = check.standard_deviations
     effects = [
         np.sqrt(row.total_sum / gram) if gram > 0.0 else np.inf

@@ -1,4 +1,4 @@
-"""Recursive least squares: values, standard deviations and what is determined, at any time."""
+"""Recursive least squares: estimates and standard deviations after every sample."""
 
 from dataclasses import dataclass
 from types import ModuleType
@@ -15,9 +15,9 @@ from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
-_MEMORY = 20.0  # time constants of the filter after which its past is gone: exp(-20) = 2e-9
-_INDEPENDENCE = 10.0  # time constants of the filter that a block spans at least
-_SETTLED = 5.0  # time constants of the filter before anything is called determined
+_MEMORY = 20.0  # time constants after which the filter's initial state has decayed: to 2e-9
+_INDEPENDENCE = 10.0  # smallest length of a block in time constants of the filter
+_SETTLED = 5.0  # time constants of the filter before an estimate may count as determined
 _BLOCKS_PER_MEMORY = 8.0  # so that 40 blocks reach back over five memories
 _VELOCITY_WINDOW = 0.25  # half window of the velocity estimate, in time constants of the filter
 _LONGEST_HALF_WINDOW = 25  # samples: the window moves with every sample, at that cost
@@ -25,19 +25,19 @@ _LONGEST_HALF_WINDOW = 25  # samples: the window moves with every sample, at tha
 
 @dataclass(frozen=True)
 class Law:
-    """The numbers that an update goes by, for whoever writes it down in another language."""
+    """Constants of an update, for implementations in other languages."""
 
-    fading: float  # μ, by which what was learnt fades per sample
-    # part of the largest information of each coefficient that is never forgotten
+    fading: float  # μ, the factor on earlier information per sample
+    # fraction of the largest information of each coefficient that is never forgotten
     least_information: float
-    fewest: int  # equations before anything is called determined
+    fewest: int  # equations before an estimate may count as determined
     ridge: float  # ρ, added to the matrix when it is scaled to a unit diagonal
-    least_tolerance: float  # part of a regressor's square that the others must leave over
-    least_explained: float  # part of a left-hand side that a row must explain
-    # equations after which the filter remembers nothing of the time before
+    least_tolerance: float  # smallest part of a regressor's square not explained by the others
+    least_explained: float  # smallest part of a left-hand side that a row must explain
+    # equations after which the filter's initial state has decayed
     memory: int
     pole: float  # of the filter
-    # samples to either side that a velocity is the slope over; 0 where none is needed
+    # samples to either side of a straight line whose slope is the velocity; 0 if none is needed
     half_window: int
 
 
@@ -49,11 +49,11 @@ class Law:
 class RecursiveLeastSquares(OnlineEstimator):
     """Recursive least squares of a model; innovations have the unit of an acceleration."""
 
-    _sizes: Any  # of the model, and the places in a state: see the template ``least_squares``
+    _sizes: Any  # sizes of the model and indices in a state: see the template ``least_squares``
 
     @property
     def law(self) -> Law:
-        """The numbers that an update goes by."""
+        """Constants of an update."""
         kernel = self._kernel
         settings = self._settings.tolist()
         return Law(
@@ -69,18 +69,18 @@ class RecursiveLeastSquares(OnlineEstimator):
         )
 
     def standard_deviations(self, state: FloatArray) -> FloatArray:
-        """Standard deviation of each estimate, shape (n_coefficients,); see `covariance`."""
+        """Return each estimate's standard deviation, shape (n_coefficients,); see `covariance`."""
         return np.sqrt(np.diag(self.covariance(state)[0]))
 
     # Scores are summed over blocks that grow with the record: 20 to 40, or eight per memory.
     def covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Covariance of the estimates from the spread of the blocks' scores."""
+        """Return the covariance, from the spread of the blocks' scores, and degrees of freedom."""
         at = self._sizes
         kept, clock, _, span, _, past_gone = state[at.counts : at.power]
         n, size = int(kept), at.own - at.equations
         stored = state[at.stored :][: n * size]
         ends, lengths = state[at.ends :][:n], state[at.lengths :][:n]
-        if past_gone and span > 0.0:  # the block that is not full yet
+        if past_gone and span > 0.0:  # the last block is not full yet
             stored = np.append(stored, state[at.own : at.ends])
             ends, lengths = np.append(ends, clock), np.append(lengths, span)
         weights = self.fading ** (clock - ends)
@@ -89,13 +89,13 @@ class RecursiveLeastSquares(OnlineEstimator):
         return kept_covariance(self._equations(stored), lengths, weights, rows, values)
 
     def information(self, state: FloatArray) -> list[FloatArray]:
-        """Σ r rᵀ of each row, faded: what its singular values say of excitation, see (A4)."""
+        """Return Σ r rᵀ of each row, with fading; its singular values measure excitation (A4)."""
         matrices, _ = self._equations(state[self._sizes.equations : self._sizes.own])
         sizes = [len(row.coefficients) for row in self.system.rows]
         return [matrix[:k, :k].copy() for matrix, k in zip(matrices[0], sizes, strict=True)]
 
     def powers(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sums of squares of each row's left-hand sides, faded, and what of them is unexplained."""
+        """Return each row's sum of squares, with fading, and its unexplained part."""
         at = self._sizes
         (matrices,), (vectors,) = self._equations(state[at.equations : at.own])
         power = np.maximum(state[at.power : at.past], 0.0)
@@ -108,15 +108,15 @@ class RecursiveLeastSquares(OnlineEstimator):
 
     @property
     def fading(self) -> float:
-        """Factor by which a weight fades per sample; 1 if nothing is forgotten."""
+        """Fading of weights per sample; 1 without forgetting."""
         return float(self._settings[self._kernel.FORGETTING])
 
     def equations(self, state: FloatArray) -> int:
-        """How many equations each row has had."""
+        """Return the number of equations that each row has had."""
         return int(state[self._sizes.counts + self._kernel.CLOCK])
 
     def _equations(self, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Matrices and vectors of blocks' normal equations, as the state holds them."""
+        """Matrices and vectors of blocks' normal equations from the numbers in a state."""
         at = self._sizes
         width, n_rows = at.width, at.n_rows
         blocks = numbers.reshape(-1, at.own - at.equations)
@@ -134,23 +134,23 @@ def recursive_least_squares(
 ) -> RecursiveLeastSquares:
     """Recursive least squares on positions through the filter λ²/(s + λ)².
 
-    It ends, without forgetting, where `filtered_least_squares` does. What the filter remembers from
-    before the first sample is estimated until it has decayed.
+    Without forgetting, the last estimate equals the one of `filtered_least_squares`. The filter's
+    initial state is estimated until it has decayed.
 
     Parameters
     ----------
     system : ParametricSystem
-        The model. Without measured velocities, regressors that are nonlinear in a velocity see the
-        slope of a straight line fitted to the positions about a sample, 0.25/λ to either side, and
-        then the estimates are that much later.
+        The model. Regressors that are nonlinear in a velocity use the slope of a straight line
+        fitted to the positions within 0.25/λ of a sample. Estimates of such a model come 0.25/λ
+        later.
     sample_time : float
         Time between samples in s.
     filter_rate : float, optional
         λ in 1/s.
     hold : {"linear", "zero"}, optional
-        Whether the inputs run linearly between samples or are constant until the next one.
+        Whether the inputs are linear between samples or constant until the next sample.
     memory : float, optional
-        Time in s after which a sample weighs 1/e as much; infinite: nothing is forgotten.
+        Time in s after which a sample has 1/e of its weight; infinite: no forgetting.
 
     Returns
     -------
@@ -190,12 +190,12 @@ def recursive_least_squares(
 
 
 def _kernel() -> ModuleType:
-    """The compiled law, which is the same for all models."""
+    """Load the compiled update, which is the same for all models."""
     return load_kernel("least_squares", (), None, ["least_squares"])
 
 
 def _compiled_signals(system: ParametricSystem) -> ModuleType:
-    """What the law calls of a model."""
+    """Load a model's signals, compiled for the update to call."""
 
     def build() -> str:
         from flexid.derivation.model_functions import compiled_signals

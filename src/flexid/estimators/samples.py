@@ -1,4 +1,4 @@
-"""Measured samples as plain arrays for any parametric system, and their segments."""
+"""Measured samples of a parametric system as arrays, and their segments."""
 
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -19,14 +19,14 @@ from flexid.recording.velocities import position_noise, velocity
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """One contiguous, uniformly sampled recording of motion of a system with any number of rows.
+    """Uniformly sampled recording, without gaps, of a system with any number of rows.
 
     Parameters
     ----------
     positions : array, shape (n, n_rows)
-        Coordinates of the rows, in the system's order.
+        Position of each row, in the order of the system's rows.
     velocities : array, shape (n, n_rows), or None
-        Their velocities, where known.
+        Velocity of each row; None if velocities are unknown.
     inputs : array, shape (n, n_inputs)
         Inputs.
     sample_time : float
@@ -50,12 +50,12 @@ class Samples:
         return self.start_time + self.sample_time * np.arange(len(self), dtype=np.float64)
 
     def window(self, first: int, last: int) -> "Samples":
-        """The samples from one to another, which does not belong to them.
+        """Return the samples from index `first` up to, but without, index `last`.
 
         Parameters
         ----------
         first, last : int
-            Places of the two.
+            Indices of samples.
         """
         part = slice(first, last)
         return Samples(
@@ -70,7 +70,7 @@ class Samples:
 def samples_of_recording(
     recording: Recording, kind: Literal["flexible", "rigid", "link"] = "flexible"
 ) -> Samples:
-    """Arrays of a recording for rows of a joint; the link alone has the motor's motion as input."""
+    """Return a recording as arrays for a joint; for "link", the motor's motion is the input."""
     link, motor = recording.link_velocity, recording.motor_velocity
     positions, velocities = [recording.motor_position], [motor]
     if kind == "flexible":
@@ -96,29 +96,29 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 FEWEST_SAMPLES = 20
-"""Samples that a segment has at least that says something: its initial state and more."""
+"""Smallest number of samples of a segment: more than its initial state needs."""
 
-_START_DURATION = 0.03  # s at the start of a segment that a cubic follows well on a drive
-_START_SAMPLES = 8  # but at least these: a cubic has four coefficients
-_FEWEST_START_SAMPLES = 6  # where it vibrates
-_START_RATIO = 1.4  # between the numbers of samples that are tried
-_START_EXCESS = 2.0  # root mean square of what a cubic leaves, over white noise: 1 in 300 by chance
+_START_DURATION = 0.03  # s at the start of a segment, in which a cubic follows a drive's motion
+_START_SAMPLES = 8  # but at least this many samples: a cubic has four coefficients
+_FEWEST_START_SAMPLES = 6  # lower limit where the motion vibrates
+_START_RATIO = 1.4  # between successive numbers of samples
+_START_EXCESS = 2.0  # largest RMS residual of a cubic over white noise: 1 in 300 by chance
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """All samples in one array each, and where the segments lie."""
+    """Samples of all recordings, concatenated, and their division into segments."""
 
-    # (n_segments,): first sample of every segment; none crosses from one recording to the next
+    # (n_segments,): first sample of every segment; each segment lies within one recording
     starts: NDArray[np.int64]
     lengths: NDArray[np.int64]  # (n_segments,): number of samples of every segment
-    # (n_recordings + 1,): first sample of every recording that was cut, and the number of samples
+    # (n_recordings + 1,): first sample of every divided recording, then the number of samples
     recording_starts: NDArray[np.int64]
     sample_times: FloatArray  # (n_segments,): time between samples in s
     start_times: FloatArray  # (n_segments,): time of the first sample in s
-    # (n_segments,): place of the recording that each segment was cut from
+    # (n_segments,): index of each segment's recording among those given to `divide`
     recordings: NDArray[np.int64]
-    outputs: FloatArray  # (n_samples, n_outputs): measured positions, one of each row
+    outputs: FloatArray  # (n_samples, n_outputs): measured positions, one per row
     inputs: FloatArray  # (n_samples, n_inputs): inputs
 
     def __len__(self) -> int:
@@ -131,11 +131,11 @@ class Segments:
 
     @property
     def can_be_halved(self) -> bool:
-        """Whether each is long enough to be cut in two."""
+        """Whether every segment is long enough to be cut in two."""
         return bool(self.lengths.min() >= 2 * FEWEST_SAMPLES)
 
     def halved(self) -> "Segments":
-        """Every segment cut in two; the even ones then start where the whole ones did."""
+        """Cut every segment in two; segment i becomes segments 2 i and 2 i + 1."""
         first = self.lengths // 2
         return replace(
             self,
@@ -150,29 +150,29 @@ class Segments:
 
     @cached_property
     def firsts(self) -> NDArray[np.int64]:
-        """First segment of each recording, shape (n_recordings,)."""
+        """Index of the first segment of each recording, shape (n_recordings,)."""
         return np.flatnonzero(np.diff(self.recordings, prepend=-1))
 
     @cached_property
     def places(self) -> NDArray[np.int64]:
-        """Place of each segment's recording among those that were cut, shape (n_segments,)."""
+        """Index of each segment's recording among those with segments, shape (n_segments,)."""
         return np.searchsorted(self.firsts, np.arange(len(self)), side="right") - 1
 
     def merged(self) -> "Segments | None":
-        """Every two neighbours made one; None where a recording has an odd number of segments."""
+        """Join segments in pairs; return None if a recording has an odd number of segments."""
         if np.any(np.diff(np.append(self.firsts, len(self))) % 2):
             return None
         lengths = self.lengths[::2] + self.lengths[1::2]
         return replace(self.at(np.arange(0, len(self), 2)), lengths=lengths)
 
     def some(self, count: int) -> "Segments":
-        """So many of the segments at most, beside the first of each recording, spread evenly."""
+        """Return about `count` evenly spaced segments, with the first of each recording."""
         step = -(-len(self) // count)
         parts = np.split(np.arange(len(self)), self.firsts[1:])
         return self.at(np.concatenate([part[::step] for part in parts]))
 
     def at(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> "Segments":
-        """The segments at some places."""
+        """Return the segments at some indices or under a mask."""
         return replace(
             self,
             starts=self.starts[places],
@@ -183,24 +183,24 @@ class Segments:
         )
 
     def first_blocks(self, duration: float) -> NDArray[np.int64]:
-        """First block of about a duration in every segment, and their number, (n_segments + 1,)."""
+        """Index of every segment's first block of about `duration`, then the number of blocks."""
         counts = np.round(self.lengths * self.sample_times / duration).astype(np.int64)
         return np.concatenate(([0], np.cumsum(np.clip(counts, 1, self.lengths))))
 
     def of(self, samples: FloatArray) -> list[FloatArray]:
-        """Rows of an array over samples, segment by segment."""
+        """Split an array over all samples into one array per segment."""
         return [samples[a : a + n] for a, n in zip(self.starts, self.lengths, strict=True)]
 
     @cached_property
     def within(self) -> NDArray[np.bool_]:
-        """Samples that belong to a segment, shape (n_samples,)."""
+        """Mask of the samples that belong to a segment, shape (n_samples,)."""
         inside = np.zeros(len(self.outputs), dtype=np.bool_)
         for first, length in zip(self.starts, self.lengths, strict=True):
             inside[first : first + length] = True
         return inside
 
     def by_recording(self) -> list[tuple[slice, float]]:
-        """Samples of every recording that has segments, and its sample time."""
+        """Slice of the samples, and sample time, of every recording that has segments."""
         own = np.searchsorted(self.recording_starts, self.starts[self.firsts], side="right")
         return [
             (slice(a, b), h)
@@ -255,23 +255,23 @@ def divide(
 
 
 def first_states(segments: Segments) -> FloatArray:
-    """Initial states, (n_segments, n_states), from cubics through the first positions."""
+    """Estimate initial states, (n_segments, n_states), by cubics through the first positions."""
     positions = segments.outputs
     own = [positions[part] for part, _ in segments.by_recording()]
     noises = [[position_noise(column) for column in columns.T] for columns in own]
     states = np.empty((len(segments), 2 * positions.shape[1]))
     for s, part in enumerate(segments.of(positions)):
-        # Each recording may have encoders of its own.
+        # Recordings may come from different encoders.
         sample_time, noise = segments.sample_times[s], noises[segments.places[s]]
         longest = min(len(part), max(_START_SAMPLES, round(_START_DURATION / sample_time)))
         for a, allowed in enumerate(noise):
-            value, slope = _start(part[:longest, a], _START_EXCESS * allowed)
+            value, slope = _cubic_start(part[:longest, a], _START_EXCESS * allowed)
             states[s, 2 * a], states[s, 2 * a + 1] = value, slope / sample_time
     return states
 
 
-def _start(positions: FloatArray, allowed: float) -> tuple[float, float]:
-    """First value, and slope per sample, by the longest cubic that leaves no more than allowed."""
+def _cubic_start(positions: FloatArray, allowed: float) -> tuple[float, float]:
+    """First value and slope per sample of the longest cubic with an RMS residual below allowed."""
     n = len(positions)
     while True:
         powers, inverse = _cubic(n)
@@ -285,20 +285,20 @@ def _start(positions: FloatArray, allowed: float) -> tuple[float, float]:
 
 @cache
 def _cubic(n: int) -> tuple[FloatArray, FloatArray]:
-    """Powers of the place of n samples, shape (n, 4), and their inverse, shape (4, n)."""
+    """Powers 0 to 3 of the indices of n samples, shape (n, 4), and their pseudo-inverse, (4, n)."""
     powers = np.vander(np.arange(n, dtype=np.float64), 4, increasing=True)
     return powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64)
 
 
-_FEWEST_SAMPLES = 5_000  # of a thread: below, starting it costs as much as it saves
-_SHARES = 4  # of each thread, so that none waits long for another
+_FEWEST_SAMPLES = 5_000  # per thread: with fewer, starting it costs as much as it saves
+_SHARES = 4  # per thread, so that all threads end at about the same time
 
 
 def in_threads(
     run: Callable[[int, int], None],
     lengths: NDArray[np.int64],  # (n_segments,)
 ) -> None:
-    """Call a function for ranges of segments, on all cores if there is enough to do."""
+    """Call a function for ranges of segments, on all cores if there are enough samples."""
     reached = np.cumsum(lengths)
     total = int(reached[-1])
     threads = min(cores(), total // _FEWEST_SAMPLES, len(lengths))
@@ -311,15 +311,15 @@ def in_threads(
 
 
 def side_by_side(of: Callable[[A], B], each: Iterable[A], threads: int | None = None) -> list[B]:
-    """Results of a function, in order: on all cores, unless it is said on how many."""
+    """Return a function's results in order, computed in `threads` threads or on all cores."""
     every = [*each]
     threads = min(threads or cores(), len(every))
     if threads < 2:
         return [*map(of, every)]
-    with ThreadPoolExecutor(threads) as pool:  # each takes what comes next
+    with ThreadPoolExecutor(threads) as pool:
         return [*pool.map(of, every)]
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

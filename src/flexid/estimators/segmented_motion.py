@@ -1,4 +1,4 @@
-"""A model's motion over segments beside the measured one, and the normal equations of their fit."""
+"""Free run of a model over segments, and the normal equations of its fit to measured motion."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -22,48 +22,48 @@ if TYPE_CHECKING:
     from flexid.models.torque_balance import TorqueBalance
 
 _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
-_MOST_SUBSTEPS = 30.0  # per sample; what is faster than three radians in one is over in no time
-_LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
-# times the information of one sample on a velocity; twenty have 2500 times that
-_SEEN_SAMPLES = 3.0
-_HARDLY = 100.0  # times that, up to which a velocity is hardly seen
-_FORGOTTEN = 1e-6  # the same where an observer corrects it from the first sample on
-_LINEARISED = 40  # states over which a linearisation is the mean
+_MOST_SUBSTEPS = 30.0  # per sample; motion above three radians per sample decays at once
+_LARGEST = 1e100  # largest squared sensitivity; products of larger ones overflow
+# prior of an initial velocity, in the information of one sample; 20 samples have 2500 times that
+_VELOCITY_PRIOR = 3.0
+_WEAK = 100.0  # information over the prior's, below which an initial velocity gets the prior
+_WEAK_OBSERVED = 1e-6  # the same ratio if an observer corrects the velocity from the start
+_LINEARISED = 40  # number of states over which a linearisation is averaged
 _NOT_SOUGHT = -1
-RESTING = 2.0  # in place of a direction
+RESTING = 2.0  # replaces a direction of motion
 
 By = Literal["everything", "states", "nothing"]
-"""What a motion is differentiated by: all that is sought, initial states alone, or nothing."""
+"""Variables of differentiation: unknowns and initial states, initial states alone, or none."""
 
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """Corrects a predicted motion, and disturbances of each row, by what was measured."""
+    """Correction of a predicted motion, and of each row's disturbance, by measured outputs."""
 
     gain: FloatArray  # (n_segments, 2 n_rows, n_outputs): of positions and velocities
     # (n_segments, n_rows, n_outputs): of the disturbances, which are accelerations of the rows
     disturbance_gain: FloatArray
-    # (n_segments, n_rows): share of a disturbance that one sampling interval leaves
+    # (n_segments, n_rows): factor on a disturbance per sampling interval
     decay: FloatArray
-    # (n_samples, n_rows): mean direction, from -1 to 1, of each row's motion over the interval from
-    # each sample on: the direction of its friction; `RESTING` where that may be any, so that the
-    # row follows its sensor. With no samples, friction is set-valued
+    # (n_samples, n_rows): mean direction, from -1 to 1, of each row's motion, thus of its friction,
+    # over the interval after each sample. `RESTING` marks an unknown direction: the row then
+    # follows its sensor. With no samples, friction is set-valued
     directions: FloatArray
     # (n_segments, n_outputs, n_outputs): lower triangle that makes the innovations white and of
     # unit size
     whitening: FloatArray
-    # (n_segments,): how many samples of a segment correct the motion; then the model runs alone
+    # (n_segments,): number of samples that correct the motion; then the model runs freely
     corrected: NDArray[np.int64]
 
     @property
     def resting(self) -> NDArray[np.bool_]:
-        """Where each row rests over the interval from each sample on, shape (n_samples, n_rows)."""
+        """Mask of the intervals after each sample in which a row rests, (n_samples, n_rows)."""
         return self.directions == RESTING
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """What is sought: coefficients, shape (k,), and initial states, (n_segments, n_states)."""
+    """Values of the unknowns, shape (k,), and initial states, (n_segments, n_states)."""
 
     values: FloatArray
     initial_states: FloatArray
@@ -71,46 +71,46 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Normal equations at a point, block by block."""
+    """Normal equations at a point, divided into blocks."""
 
     cost: float  # weighted sum of squares; infinite if the motion diverged
-    # (n_blocks, n, n): normal matrix of each block, its segment's initial state first, then what is
-    # sought, as far as the motion is differentiated by it
+    # (n_blocks, n, n): normal matrix of each block: first its segment's initial state, then the
+    # unknowns; without those that are no variables of differentiation
     normal: FloatArray
     gradient: FloatArray  # (n_blocks, n): right-hand sides
-    residuals: FloatArray  # (n_samples, n_outputs): measured less computed outputs
-    costs: FloatArray  # (n_segments,): the part of each segment; infinite where its motion diverged
+    residuals: FloatArray  # (n_samples, n_outputs): measured minus computed outputs
+    costs: FloatArray  # (n_segments,): cost of each segment; infinite if its motion diverged
 
     @property
     def diverged(self) -> NDArray[np.bool_]:
-        """Segments whose motion did, shape (n_segments,)."""
+        """Mask of the segments whose motion diverged, shape (n_segments,)."""
         return ~np.isfinite(self.costs)
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentedMotion:
-    """A model's motion over segments, beside the measured one; made by `segmented_motion`."""
+    """Fit of a model's motion over segments, as a problem; made by `segmented_motion`."""
 
-    segments: Segments  # what was measured
-    unknowns: Unknowns  # which coefficients are sought
+    segments: Segments  # measured samples
+    unknowns: Unknowns  # unknown coefficients
     timing: Timing  # hold and delays
     constants: FloatArray  # values of the model's constants
     substeps: int  # steps of Runge-Kutta 4 per sampling interval
     weights: FloatArray  # (n_outputs,): one over the standard deviation of each output's noise
     _kernel: ModuleType
-    # what corrects the motion on its way, so that the residuals are innovations. Friction then has
-    # the direction that the observer knows, and no row sticks
+    # corrects the motion at each sample, so that the residuals are innovations. Friction then has
+    # the direction given by the observer, and no row sticks
     observer: Observer | None = field(default=None, kw_only=True)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """What is sought: coefficients, then delays."""
+        """Names of the unknowns: coefficients, then delays."""
         order = (INPUT, *self._channels.output_delays)
         return (*self.unknowns.names, *(name for name in order if name in self.timing.sought))
 
     @cached_property
     def references(self) -> tuple[int | None, ...]:
-        """For each output the one that it was measured relative to, if there is one."""
+        """Index of the output that each output was measured relative to; None without one."""
         places = self._channels.reference.tolist()
         return tuple(place // 2 if place >= 0 else None for place in places)
 
@@ -120,14 +120,14 @@ class SegmentedMotion:
 
     @cached_property
     def first_blocks(self) -> NDArray[np.int64]:
-        """First block of every segment, and the number of blocks: what a covariance is from."""
+        """Index of every segment's first block for the covariance, then the number of blocks."""
         segments = self.segments
         total = float(np.sum(segments.lengths * segments.sample_times))
         return segments.first_blocks(block_duration(total))
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Measured numbers less unknowns, at least 1."""
+        """Number of measured values minus number of unknowns and initial states, at least 1."""
         sought = len(self.segments) * self._kernel.N_STATES + len(self.names)
         measured = int(self.segments.lengths.sum()) * self.segments.outputs.shape[1]
         if self.observer is not None:
@@ -135,16 +135,16 @@ class SegmentedMotion:
         return max(1, measured - sought)
 
     def at(self, point: Point, weights: FloatArray, refinement: int = 1) -> "SegmentedMotion":
-        """The same with weights, and with steps short enough for the motion about a point."""
+        """Return this problem with some weights, and with steps that suit the poles at a point."""
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
         coefficients = self._coefficients(point.values)
         jacobians = np.concatenate(
             [self._jacobians(states, coefficients) for states in (point.initial_states, resting)]
         )
-        # Where the model has no linearisation, nothing is said of its poles.
+        # Only states with a finite linearisation have poles.
         usable = jacobians[np.isfinite(jacobians).all(axis=(1, 2))]
-        # What a memory forgets along its path is computed in closed form, however fast.
+        # The decay of a hysteresis memory is computed in closed form and needs no short steps.
         memories = np.arange(2 * self._kernel.N_ROWS, self._kernel.N_STATES)
         usable[:, memories, memories] = 0.0
         fastest = float(np.abs(np.linalg.eigvals(usable)).max(initial=0.0))
@@ -154,18 +154,18 @@ class SegmentedMotion:
 
     @property
     def start_states(self) -> FloatArray:
-        """Where initial states may begin, shape (n_segments, n_states): near what was measured."""
+        """Starting values of the initial states from measured positions, (n_segments, n_states)."""
         return self.with_memories(first_states(self.segments))
 
     def with_memories(self, states: FloatArray) -> FloatArray:
-        """Initial states of the same rows, with this model's memories: of no direction, if new."""
+        """Return initial states with this model's hysteresis memories; new memories are 0."""
         rows = 2 * self._kernel.N_ROWS
         if states.shape[1] == self._kernel.N_STATES:
             return states
         return np.pad(states[:, :rows], ((0, 0), (0, self._kernel.N_STATES - rows)))
 
     def delays(self, values: FloatArray) -> dict[str, float]:
-        """Every delay in s at some values of what is sought."""
+        """Return every delay in s at some values of the unknowns."""
         k = len(self.unknowns.names)
         found = zip(self.names[k:], np.asarray(values)[k:].tolist(), strict=True)
         none = dict.fromkeys((INPUT, *self._channels.output_delays), 0.0)
@@ -173,7 +173,7 @@ class SegmentedMotion:
 
     @cached_property
     def _observer(self) -> Observer:
-        """The observer; without one, gains of no columns, and the sensors' noise as it is."""
+        """Given observer; by default one without gains, which only weights the residuals."""
         if self.observer is not None:
             return self.observer
         n, rows = len(self.segments), self._kernel.N_ROWS
@@ -187,7 +187,7 @@ class SegmentedMotion:
         )
 
     def linearised(self, point: Point, recording: int) -> FloatArray:
-        """Derivatives of the rates by positions and velocities, (2 n_rows, 2 n_rows)."""
+        """Return the rates' mean derivatives by the states of a recording, (2 n_rows, 2 n_rows)."""
         segments = self.segments
         own = np.flatnonzero(segments.recordings == recording)
         first, last = segments.starts[own[0]], segments.starts[own[-1]] + segments.lengths[own[-1]]
@@ -213,7 +213,7 @@ class SegmentedMotion:
         return np.array(found)[self.segments.places]
 
     def _jacobians(self, states: FloatArray, coefficients: FloatArray) -> FloatArray:
-        """Derivatives of the rates by the states, about a state at the start of each segment."""
+        """Derivatives of the rates by the states, at one state per segment's start."""
         kernel = self._kernel
         n, rows = kernel.N_STATES, 2 * kernel.N_ROWS
         inputs = self.segments.inputs[self.segments.starts]
@@ -230,43 +230,43 @@ class SegmentedMotion:
 
     @cached_property
     def _wanted(self) -> NDArray[np.int64]:
-        """Places of the coefficients that some segment's motion is differentiated by."""
+        """Indices of the coefficients by which some segment's motion is differentiated."""
         recordings = self.segments.recordings[self.segments.firsts].tolist()
-        # A tie makes a coefficient matter that is not sought itself: the pattern of derivatives.
+        # `depends` includes tied coefficients, which are no unknowns themselves.
         slopes = [self.unknowns.depends(recording) for recording in recordings]
         return np.flatnonzero(np.any(slopes, axis=(0, 2)))
 
     def dry_rows(self, point: Point) -> NDArray[np.bool_]:
-        """Rows with dry friction, or with one that is sought, shape (n_rows,)."""
+        """Return a mask of the rows with known or unknown dry friction, shape (n_rows,)."""
         return self._dry(self._coefficients(point.values), self._wanted)
 
     def _dry(self, coefficients: FloatArray, wanted: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Rows with dry friction, or with one that is sought."""
+        """Mask of the rows with dry friction: coefficients nonzero, wanted, or of known parts."""
         used = np.any(coefficients != 0.0, axis=0)
         used[wanted] = True
-        # The last place stands for a known part, which has no coefficient.
+        # The last index means a known part, which has no coefficient.
         used = np.append(used, True)
         return np.array([used[list(places)].any() for places in self._kernel.DRY], dtype=np.bool_)
 
     def on_time(self, values: FloatArray) -> FloatArray:
-        """Outputs, shape (n_samples, n_outputs), moved to when they were true."""
+        """Return the outputs without their delays, shape (n_samples, n_outputs)."""
         return self._channels.on_time(self.delays(values))
 
     def equations(self, point: Point, by: By = "everything") -> Equations:
-        """Run the model from a point and put up the normal equations."""
+        """Run the model from a point and assemble the normal equations."""
         wanted = self._wanted if by == "everything" else self._wanted[:0]
         columns, late_columns, size = self._columns(wanted, by)
         normal, gradient, residuals, costs = self._run(point, columns, late_columns, size)
         normal += np.tril(normal, -1).transpose(0, 2, 1)
-        # Segment by segment in their order, so that no digit depends on the threads.
+        # Added in the segments' order, so that rounding does not depend on the threads.
         cost = float(np.sum(costs))
         overflowed = ~np.all(np.abs(normal) < _LARGEST, axis=(1, 2))
         if overflowed.any():
             cost = np.inf
-            normal[overflowed], gradient[overflowed] = 0.0, 0.0  # these say nothing
+            normal[overflowed], gradient[overflowed] = 0.0, 0.0  # their values are invalid
         if by == "everything":
-            normal, gradient = self._gathered(normal, gradient, point.values, wanted)
-        # A memory is between -1 and 1 wherever a segment starts, so that it is known by about 1.
+            normal, gradient = self._by_unknowns(normal, gradient, point.values, wanted)
+        # A memory lies between -1 and 1, so its prior has a standard deviation of 1.
         firsts = self.first_blocks[:-1]
         for place in range(2 * self._kernel.N_ROWS, self._kernel.N_STATES):
             memory = point.initial_states[:, place]
@@ -284,13 +284,13 @@ class SegmentedMotion:
         late_columns: NDArray[np.int64],  # (n_outputs,)
         size: int,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Lower halves of the blocks' normal equations, gradients, residuals; segments' costs."""
+        """Run the kernel: lower triangles of normal matrices, gradients, residuals, costs."""
         segments, kernel, channels = self.segments, self._kernel, self._channels
         delays = self.delays(point.values)
         outputs = channels.on_time(delays)
-        speeds = np.zeros((0, outputs.shape[1]))  # by the model
+        speeds = np.zeros((0, outputs.shape[1]))  # empty: velocities of the model
         if self.observer is not None and np.any(late_columns != _NOT_SOUGHT):
-            speeds = channels.rates_on_time(delays)  # an observer follows what was measured
+            speeds = channels.rates_on_time(delays)  # an observer follows the measured motion
         observer = self._observer
         whitening = np.ascontiguousarray(observer.whitening)
         divided = (
@@ -308,7 +308,7 @@ class SegmentedMotion:
             observer.directions,
             observer.corrected,
         )
-        gains = tuple(map(np.ascontiguousarray, gains))  # of one layout, or it compiles again
+        gains = tuple(map(np.ascontiguousarray, gains))  # another layout would compile anew
         coefficients = self._coefficients(point.values)
         dry = self._dry(coefficients, self._wanted)
         motion = channels.drives(delays[INPUT]), coefficients, self.constants, dry, gains
@@ -319,7 +319,7 @@ class SegmentedMotion:
         segment_equations = segments_kernel().segment_equations
 
         def run(*part: int) -> None:
-            settings = self.substeps, trace, columns.copy()  # a thread notes there what may stick
+            settings = self.substeps, trace, columns.copy()  # each thread marks sticking rows here
             segment_equations(part, divided, sensors, motion, *settings, results, kernel.MODEL)
 
         in_threads(run, segments.lengths)
@@ -328,7 +328,7 @@ class SegmentedMotion:
     def _columns(
         self, wanted: NDArray[np.int64], by: By
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-        """The kernel's columns, that of each output's delay, and the equations' size."""
+        """Columns of the kernel, column of each output's delay, and number of equations."""
         places, states = segments_kernel(), self._kernel.N_STATES
         sought = self.timing.sought if by == "everything" else ()
         carried = 0 if by == "nothing" else states + len(wanted) + (INPUT in sought)
@@ -340,20 +340,20 @@ class SegmentedMotion:
             if name in sought:
                 late_columns[a] = size
                 size += 1
-        if self.observer is not None:  # what corrects the state depends on how late outputs are
+        if self.observer is not None:  # corrections of the state depend on the outputs' delays
             carried = size
         columns[places.IN_USE] = 1 + carried
         columns[places.AT + wanted] = 1 + states + np.arange(len(wanted))
         return columns, late_columns, size
 
-    def _gathered(
+    def _by_unknowns(
         self,
         normal: FloatArray,
         gradient: FloatArray,
         values: FloatArray,
         wanted: NDArray[np.int64],
     ) -> tuple[FloatArray, FloatArray]:
-        """Normal equations for what is sought from those for the coefficients of each recording."""
+        """Convert normal equations of each recording's coefficients to those of the unknowns."""
         n_states, k = self._kernel.N_STATES, len(self.unknowns.names)
         n_delays = len(self.names) - k
         firsts = self.first_blocks
@@ -372,22 +372,22 @@ class SegmentedMotion:
         return np.concatenate(chained), np.concatenate(pulled)
 
     def solve(self, equations: Equations, damping: float = 0.0) -> Reduced:
-        """The step that the equations ask for."""
+        """Solve the normal equations for a step, with the damping of Levenberg and Marquardt."""
         firsts = self.first_blocks[:-1]
         normal = np.add.reduceat(equations.normal, firsts, axis=0)
         gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
-        # The first velocity of a row that sticks at once leaves no trace and would wander off.
-        # An observer forgets any, but not at once.
-        hardly = _HARDLY if self.observer is None else _FORGOTTEN
+        # If a row sticks at once, its initial velocity is undetermined: it gets a weak prior.
+        # An observer makes any initial velocity decay, so that little information remains.
+        weak = _WEAK if self.observer is None else _WEAK_OBSERVED
         for a in range(self.segments.outputs.shape[1]):
             velocity = 2 * a + 1
-            least = _SEEN_SAMPLES * (self.weights[a] * self.segments.sample_times) ** 2
+            prior = _VELOCITY_PRIOR * (self.weights[a] * self.segments.sample_times) ** 2
             own = normal[:, velocity, velocity]
-            normal[:, velocity, velocity] = np.where(own < hardly * least, own + least, own)
+            normal[:, velocity, velocity] = np.where(own < weak * prior, own + prior, own)
         return solve_arrow(normal, gradient, self._kernel.N_STATES, damping)
 
     def clusters(self, equations: Equations, reduced: Reduced) -> Clusters:
-        """The problem at a minimum, block by block: what its covariance is computed from."""
+        """Return the blocks at a minimum, from which the covariance is computed."""
         blocks = np.diff(self.first_blocks)
         return Clusters(
             equations.normal,
@@ -403,7 +403,7 @@ def segmented_motion(
     timing: Timing,
     unknowns: Unknowns | None = None,
 ) -> SegmentedMotion:
-    """The motion of a model over segments, all outputs of the same weight."""
+    """Return the fit of a model over segments as a problem, with equal weights of all outputs."""
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     weights = np.ones(segments.outputs.shape[1])
     unknowns = unknowns or Unknowns(system)
@@ -411,11 +411,11 @@ def segmented_motion(
     return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
 
 
-MOTION = ("sin_cos", "model")  # templates by which the kernel of the segments moves a model
+MOTION = ("sin_cos", "model")  # templates of a model's motion for the kernel of the segments
 
 
 def motion_kernel(system: "ParametricSystem | TorqueBalance") -> ModuleType:
-    """The compiled motion of a model, for the kernel of the segments to call."""
+    """Load the compiled motion of a model, which the kernel of the segments calls."""
 
     def build() -> str:
         if isinstance(system, ParametricSystem):
@@ -431,5 +431,5 @@ def motion_kernel(system: "ParametricSystem | TorqueBalance") -> ModuleType:
 
 
 def segments_kernel() -> ModuleType:
-    """The compiled equations of segments, which are the same for all models."""
+    """Load the compiled equations of segments, which are the same for all models."""
     return load_kernel("segments", (), None, ["prediction_error"])

@@ -22,31 +22,31 @@ from flexid.recording.recording import Hold
 
 @dataclass(frozen=True, eq=False)
 class RowFit:
-    """Least squares of one row."""
+    """Least-squares fit of one row."""
 
     name: str  # name of the row
-    coefficients: tuple[str, ...]  # names of what is sought in it, k of them; none if all is fixed
-    gram: FloatArray  # (k, k): rᵀR of the regressors R as they were fitted
-    inverse: FloatArray  # (k, k): its inverse on the directions that the data determine
+    coefficients: tuple[str, ...]  # names of the row's k unknowns; empty if all are fixed
+    gram: FloatArray  # (k, k): Gram matrix of `regressors`
+    inverse: FloatArray  # (k, k): inverse of `gram` on the directions that the data determine
     total_sum: float  # sum of squares of the left-hand side
-    # coefficients that the data leave free: their variance is infinite
+    # coefficients that the data do not determine: their variance is infinite
     undetermined: tuple[str, ...]
-    regressors: FloatArray  # (k, n_equations): r, all recordings in turn
-    left_hand_side: FloatArray  # (n_equations,): what was fitted, less what is known or fixed
-    fitted: FloatArray  # (n_equations,): its fit
+    regressors: FloatArray  # (k, n_equations): recordings one after the other
+    left_hand_side: FloatArray  # (n_equations,): measured values minus known and fixed terms
+    fitted: FloatArray  # (n_equations,): fit of the left-hand side
 
     @property
     def count(self) -> int:
-        """Equations that were fitted."""
+        """Number of fitted equations."""
         return len(self.left_hand_side)
 
     @property
     def residual_sum(self) -> float:
-        """Sum of squares of what the fit leaves."""
+        """Sum of squares of the residuals."""
         return float(np.sum((self.left_hand_side - self.fitted) ** 2))
 
     def over(self, some: NDArray[np.bool_]) -> FloatArray:
-        """Least squares of some equations alone, shape (k,), from whether each is one of them."""
+        """Fit only the equations under a mask, shape (n_equations,); return values, shape (k,)."""
         regressors = self.regressors[:, some]
         gram = regressors @ regressors.T
         inverse, _ = scaled_inverse(gram, np.sqrt(np.diag(gram)))
@@ -55,12 +55,12 @@ class RowFit:
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresFit:
-    """What is sought in all rows, with its covariance."""
+    """Least-squares fit of all rows: values of the unknowns and their covariance."""
 
-    names: tuple[str, ...]  # what is sought, row by row
-    values: FloatArray  # (n,): their values, in the system's units
-    rows: tuple[RowFit, ...]  # the rows' own results
-    blocks: tuple[int, ...]  # equations in each block of the covariance, independent of one another
+    names: tuple[str, ...]  # names of the n unknowns, row by row
+    values: FloatArray  # (n,): in the system's units
+    rows: tuple[RowFit, ...]  # fit of each row
+    blocks: tuple[int, ...]  # number of equations in each block, for the covariance
 
     @property
     def by_name(self) -> dict[str, float]:
@@ -69,12 +69,12 @@ class LeastSquaresFit:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance, (n, n); infinite for what the data leave free."""
+        """Covariance, (n, n), with infinite variance of undetermined unknowns."""
         return self._uncertainty[0]
 
     @property
     def degrees_of_freedom(self) -> tuple[float, ...]:
-        """Degrees of freedom of each variance, for Student's t; 0 where there is none."""
+        """Degrees of freedom of each variance, for Student's t; 0 if the variance is unknown."""
         return self._uncertainty[1]
 
     @property
@@ -84,12 +84,12 @@ class LeastSquaresFit:
 
     @property
     def information(self) -> FloatArray:
-        """Gram matrix of all rows, shape (n, n): the sum of squares' quadratic form."""
+        """Block-diagonal Gram matrix of all rows, shape (n, n)."""
         return np.asarray(block_diag(*(row.gram for row in self.rows)))
 
     @cached_property
     def _uncertainty(self) -> tuple[FloatArray, tuple[float, ...]]:
-        """Covariance and degrees of freedom, made when asked for: many fits are only compared."""
+        """Covariance and degrees of freedom, computed on demand: many fits are only compared."""
         found = [
             block_influences(
                 row.regressors, row.left_hand_side - row.fitted, row.inverse, self.blocks
@@ -108,7 +108,7 @@ def fit_rows(
     regressors: FloatArray,  # (n_names, n_equations)
     left_hand_sides: FloatArray,  # (n_rows, n_equations)
 ) -> tuple[FloatArray, tuple[RowFit, ...]]:
-    """Least squares of every row: values, shape (n_names,), and the fit of each row."""
+    """Fit every row by least squares; return values, shape (n_names,), and each row's fit."""
     values = np.zeros(len(unknowns.names))
     rows = []
     first = 0
@@ -124,7 +124,7 @@ def fit_rows(
 def _fit_row(
     name: str, coefficients: tuple[str, ...], regressors: FloatArray, left_hand_side: FloatArray
 ) -> tuple[RowFit, FloatArray]:
-    """Least squares of one row: its fit and values."""
+    """Fit one row by least squares; return its fit and values."""
     gram = regressors @ regressors.T
     scale = np.sqrt(np.diag(gram))
     inverse, free = scaled_inverse(gram, scale)
@@ -147,20 +147,20 @@ def _fit_row(
 
 
 FASTEST = 0.5
-"""Largest product of filter rate and sample time. Equations of positions hold at the samples, and
-so for any filter; but a faster one lets the encoders' noise through to regressors, too. Its bias is
-within the intervals up to here, and at twice as much within every second one.
+"""Largest product of filter rate and sample time. A faster filter lets more of the encoders' noise
+into the regressors, which causes a bias. Up to this product the 95 % intervals cover the bias; at
+twice the product they cover the truth in half of all cases.
 """
 
 SLOWEST = 1e-5
-"""Smallest product. In single precision a filter rounds what passes it by 2e-4 here, and by a
-hundredth at a tenth of it."""
+"""Smallest product of filter rate and sample time. In single precision a filter rounds its output
+by 2e-4 at this product, and by a hundredth at a tenth of it."""
 
 
 def check_filter_rate(
     filter_rate: float, sample_time: float, *, slowest: float = 1.0, fastest: float = 1.0
 ) -> None:
-    """Raise unless a filter suits the samples."""
+    """Raise if a filter rate in 1/s does not suit the sample time in s."""
     least, most = SLOWEST / (slowest * sample_time), FASTEST / (fastest * sample_time)
     if not least <= filter_rate <= most:
         raise SettingError(
@@ -170,14 +170,14 @@ def check_filter_rate(
         )
 
 
-_MEMORY = 40.0  # time constants of the filter after which its past has vanished: exp(-40) = 4e-18
+_MEMORY = 40.0  # time constants after which the filter's initial state has decayed: to 4e-18
 (_solve_banded,) = get_blas_funcs(("tbsv",), dtype=np.float64)
-_TILE = 8192  # samples that are filtered together: they stay in the caches
+_TILE = 8192  # samples that are filtered together: they fit into the caches
 
 
 # Every row v' = rᵀp + k is integrated twice over two intervals, which turns v' into a second
-# difference, and is smoothed by λ²/(s + λ)². What the filter remembers from before the record is a
-# combination of z^i and i z^i with its pole z; both sides are projected on what these leave.
+# difference, and is smoothed by λ²/(s + λ)². The filter's unknown initial state adds a combination
+# of z^i and i z^i, with the pole z. A projection removes both sequences from both sides.
 def filtered_least_squares(
     recordings: Sequence[Samples],
     system: ParametricSystem,
@@ -185,7 +185,7 @@ def filtered_least_squares(
     hold: Hold = "linear",
     unknowns: Unknowns | None = None,
 ) -> LeastSquaresFit:
-    """Estimate coefficients of contiguous recordings; of what they leave free, the least norm's."""
+    """Estimate coefficients from positions; undetermined directions get the least-norm solution."""
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
         raise SettingError("filter_rate", f"must be above 0 1/s, got {filter_rate}")
     unknowns = unknowns_of(system, len(recordings), unknowns)
@@ -210,11 +210,11 @@ def filtered_signals(
     hold: Hold,
     wanted: NDArray[np.int64] | None = None,
 ) -> FloatArray:
-    """Filtered regressors and left-hand sides, the filter's initial conditions projected out."""
+    """Filter regressors and left-hand sides, and project out the filter's initial state."""
     equations = [len(recording) - 2 for recording in recordings]
     n_signals = len(system.coefficients) + len(system.rows)
     places = range(n_signals) if wanted is None else wanted.tolist()
-    # Memory that nothing is written to takes no room: signals that are not wanted cost nothing.
+    # Zeros that are never written take no memory, so unwanted signals are free.
     signals = np.zeros((n_signals, sum(equations)))
     first = 0
     for recording, count in zip(recordings, equations, strict=True):
@@ -239,7 +239,7 @@ def filtered_signals(
 
 
 def regressors(samples: Samples, system: ParametricSystem) -> list[FloatArray]:
-    """Regressor of every coefficient at every sample, from positions and velocities."""
+    """Return the regressor of every coefficient at every sample, from positions and velocities."""
     model = _SampledModel(system, samples)
     linear = model.factors @ model.states[1::2]
     parts = model.parts(0, len(samples))
@@ -247,14 +247,14 @@ def regressors(samples: Samples, system: ParametricSystem) -> list[FloatArray]:
 
 
 class _SampledModel:
-    """The signals of a model at the samples of a recording."""
+    """Signals of a model, its regressors and known parts, at the samples of a recording."""
 
     def __init__(self, system: ParametricSystem, samples: Samples) -> None:
         self.states = np.zeros((2 * len(system.rows), len(samples)))
         self.states[::2] = samples.positions.T
         if samples.velocities is not None:
             self.states[1::2] = samples.velocities.T
-        # A model may have an input that no term reads, and a recording none.
+        # A recording may lack an input that no term of the model reads.
         self._inputs = np.full((len(system.inputs), len(samples)), np.nan)
         self._inputs[: samples.inputs.shape[1]] = samples.inputs.T
         self._constants = np.array(list(system.constants.values()), dtype=np.float64)
@@ -265,18 +265,18 @@ class _SampledModel:
         self._functions.velocity_factors(self._constants, self.factors)
 
     def parts(self, start: int, stop: int, lag: int = 0) -> FloatArray:
-        """Signals without terms linear in velocities, with the inputs of so many samples before."""
+        """Signals without parts linear in velocities; inputs are taken `lag` samples earlier."""
         found = np.empty((self._functions.N_SIGNALS, stop - start))
         states = self.states[:, start:stop]
         inputs = self._inputs[:, start - lag : stop - lag]
-        with np.errstate(all="ignore"):  # a term that is off may be of no number
+        with np.errstate(all="ignore"):  # a term that is off may be undefined
             self._functions.sampled_parts(states, inputs, self._constants, found)
         return found
 
     def second_integrals(
         self, start: int, stop: int, zero_order: bool, wanted: Iterable[int]
     ) -> Iterator[tuple[int, FloatArray]]:
-        """Double integrals of signals over two sampling intervals, and the place of each."""
+        """Yield the index and the double integral over two intervals of each wanted signal."""
         positions = self.states[::2, start : stop + 2]
         slopes = 0.5 * self._rate * (positions[:, 2:] - positions[:, :-2])
         after = self.parts(start, stop + 2)
@@ -290,7 +290,7 @@ class _SampledModel:
             signal = middle * after[place][1:-1]
             signal += end * after[place][:-2]
             signal += end * until[place][1:]
-            if held and zero_order:  # the middle sample counts on both sides of its jump
+            if held and zero_order:  # the input jumps at the middle sample: both values count
                 signal += middle * until[place][:-1]
             for row, factor in enumerate(self.factors[place].tolist()):
                 if factor != 0.0:
@@ -302,7 +302,7 @@ class _SampledModel:
 
 
 def _smoothed(signal: FloatArray, bands: FloatArray, last: float) -> FloatArray:
-    """The filter (1 - pole) / (1 - pole/z) after it was last: a bidiagonal system of equations."""
+    """Filter by (1 - pole) / (1 - pole/z) from the previous output `last`, as a banded solution."""
     pole = -float(bands[1, 0])
     right = (1.0 - pole) * signal
     right[0] += pole * last
@@ -310,7 +310,7 @@ def _smoothed(signal: FloatArray, bands: FloatArray, last: float) -> FloatArray:
 
 
 def _project_out_past(signals: FloatArray, pole: float) -> None:
-    """Remove from each signal, in place, what the filter may remember: z^i and i z^i."""
+    """Remove the filter's free response, z^i and i z^i, from each signal in place."""
     i = np.arange(signals.shape[1])
     past, _ = np.linalg.qr(np.column_stack((pole**i, i * pole**i)))
     signals -= (signals @ past) @ past.T
@@ -319,7 +319,7 @@ def _project_out_past(signals: FloatArray, pole: float) -> None:
 def _check_velocities(
     recordings: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns
 ) -> None:
-    """Refuse a recording without velocities where a term that is not switched off needs one."""
+    """Raise if a recording lacks velocities that a term in use needs."""
     needed = signals(unknowns.system).VELOCITY_NEEDED
     for place in usable:
         if recordings[place].velocities is not None:
@@ -335,7 +335,7 @@ def _check_velocities(
 
 
 def _wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int64]:
-    """Places of the signals of least squares: left-hand sides, and regressors that are on."""
+    """Indices of the signals that a fit needs: regressors of terms in use, and left-hand sides."""
     system = unknowns.system
     absent = [unknowns.absent(place) for place in usable] or [frozenset()]
     off = frozenset.intersection(*absent)
@@ -347,7 +347,7 @@ def _wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int
 def _sought_signals(
     signals: FloatArray, unknowns: Unknowns, usable: Sequence[int], lengths: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Regressors of what is sought, and left-hand sides less what is fixed."""
+    """Regressors of the unknowns, and left-hand sides minus the fixed terms."""
     system = unknowns.system
     n_coefficients = len(system.coefficients)
     regressors = np.zeros((len(unknowns.names), signals.shape[1]))
@@ -361,7 +361,7 @@ def _sought_signals(
         regressors[columns[sought], equations] = signals[:n_coefficients][sought, equations]
         fixed = unknowns.coefficients(np.zeros(len(unknowns.names)), place)
         for row, (_, part) in enumerate(system.row_slices()):
-            # A term that is off stays out even where its regressor is not finite.
+            # The regressor of a term that is off may be infinite, so 0 times it is not added.
             for coefficient in part.start + np.flatnonzero(fixed[part]):
                 left_hand_sides[row, equations] -= (
                     fixed[coefficient] * signals[coefficient, equations]
@@ -370,7 +370,7 @@ def _sought_signals(
 
 
 def signals(system: ParametricSystem) -> ModuleType:
-    """The signals of a model as functions of arrays."""
+    """Load the functions that compute a model's signals from arrays."""
 
     def build() -> str:
         from flexid.derivation.model_functions import signal_module

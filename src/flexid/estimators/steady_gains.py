@@ -1,4 +1,4 @@
-"""The steady observer of a disturbed motion: Kalman's gains for sizes of noise and disturbances."""
+"""Steady-state Kalman gains of a disturbed motion, for given noise and disturbances."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,32 +10,32 @@ from scipy.linalg import LinAlgError, expm
 from flexid.arrays import FloatArray
 from flexid.estimators.segmented_motion import SegmentedMotion
 
-_DOUBLINGS = 40  # of the time within which a filter has to settle
-_STEADY = 1e-10  # of a covariance, by which the last doubling changes it
+_DOUBLINGS = 40  # largest number of doublings of the time until the covariance is steady
+_STEADY = 1e-10  # relative change of a covariance by the last doubling
 
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """What drives the innovations apart from the input."""
+    """Sizes of sensor noise and of the rows' disturbances."""
 
     sensors: FloatArray  # (n_outputs,): standard deviation of each output's noise, in rad
     disturbances: FloatArray  # (n_rows,): root mean square of each row's disturbance, in rad/s²
-    rates: FloatArray  # (n_rows,): how fast each changes, in 1/s
+    rates: FloatArray  # (n_rows,): decay rate of each disturbance, in 1/s
 
     @classmethod
     def of_logarithms(cls, logarithms: FloatArray, n_outputs: int) -> "Sizes":
-        """Those with some natural logarithms, shape (n_outputs + 2 n_rows,)."""
+        """Return the sizes with some natural logarithms, shape (n_outputs + 2 n_rows,)."""
         sensors, rest = np.split(np.exp(logarithms), [n_outputs])
         return cls(sensors, *np.split(rest, 2))
 
     @property
     def logarithms(self) -> FloatArray:
-        """Natural logarithms of all."""
+        """Natural logarithms of all sizes."""
         return np.log(np.concatenate((self.sensors, self.disturbances, self.rates)))
 
 
 def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
-    """Transition of states and constant disturbances, square of n_states + n_rows."""
+    """Return the transition matrix of n_states states and constant disturbances of n_rows rows."""
     n, rows = len(jacobian), len(jacobian) // 2
     forced = np.zeros((n + rows, n + rows))
     forced[:n, :n] = jacobian
@@ -44,15 +44,15 @@ def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
 
 
 def sensors_of(rows: int, states: int) -> FloatArray:
-    """What each output shows of the states, shape (rows, states): the position of its row."""
+    """Return the output matrix, shape (rows, states): each output is the position of its row."""
     return np.eye(2 * rows, states)[::2]
 
 
-# A disturbance is constant over an interval: d <- decay d + G e.
+# A disturbance d is constant over an interval: d <- decay d + G e, with the innovations e.
 def steady_gains(
     problem: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Kalman's gains, the disturbances' decay, the whitening, and log det S by outputs."""
+    """Return gains of states and disturbances, decay, whitening, and log det S by outputs."""
     rows = len(sizes.rates)
     n = len(transition) - rows
     step, decay = transition.copy(), np.exp(-sizes.rates * sample_time)
@@ -73,7 +73,7 @@ def steady_gains(
 def steady_covariance(
     step: FloatArray, noise: FloatArray, sees: FloatArray, sensors: FloatArray
 ) -> FloatArray:
-    """Steady covariance by doubling (Anderson and Moore, Optimal Filtering, 1979, sec. 6.7)."""
+    """Compute it by doubling (Anderson and Moore, Optimal Filtering, 1979, sec. 6.7)."""
     forward = step.T
     information = sees.T @ np.linalg.solve(sensors, sees)
     covariance = noise
@@ -90,7 +90,7 @@ def steady_covariance(
 
 
 def _sensor_covariance(problem: SegmentedMotion, sensors: FloatArray) -> FloatArray:
-    """Of the outputs' noise; one that was measured relative to another has the other's as well."""
+    """Covariance of the outputs' noise; a relative output also has its reference's noise."""
     reference = problem.references
     mixing = np.eye(len(sensors))
     for a, other in enumerate(reference):
@@ -99,18 +99,18 @@ def _sensor_covariance(problem: SegmentedMotion, sensors: FloatArray) -> FloatAr
     return mixing @ np.diag(sensors**2) @ mixing.T
 
 
-WORST = 1e15  # cost of what cannot be computed; a difference of two has to be a number
+WORST = 1e15  # cost where the computation fails: finite, because costs are subtracted
 
-_BANDS = 120  # of each recording, of equal width on a logarithmic scale
+_BANDS = 120  # frequency bands of each recording, of equal width on a logarithmic scale
 
 
 def cost_by_spectra(
     observed: SegmentedMotion,
-    sizes: Sizes,  # of its observer
-    residuals: FloatArray,  # (n_samples, n_outputs): its innovations
-    transitions: list[FloatArray],  # of each recording
+    sizes: Sizes,  # of the observer that made the innovations
+    residuals: FloatArray,  # (n_samples, n_outputs): the innovations
+    transitions: list[FloatArray],  # transition matrix of each recording
 ) -> Callable[[Sizes], float]:
-    """Twice the negative logarithm of the likelihood of other sizes, but for a constant."""
+    """Return -2 log likelihood as a function of the sizes, up to a constant."""
     segments = observed.segments
     sees = sensors_of(residuals.shape[1], len(transitions[0]))
     recordings = []
@@ -139,7 +139,7 @@ def cost_by_spectra(
 
 
 def _bands(signals: FloatArray) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Places z of bands, and the power in each, shape (n_bands, n, n): in all, the squares' sum."""
+    """Points z = exp(iωh) of bands, and the power in each, (n_bands, n, n), of all samples."""
     count = len(signals)
     lines = np.fft.rfft(signals, axis=0)
     weights = np.full(len(lines), 2.0 / count)
@@ -149,14 +149,14 @@ def _bands(signals: FloatArray) -> tuple[NDArray[np.complex128], NDArray[np.comp
     edges = np.unique(np.geomspace(1, len(lines), _BANDS).astype(np.int64))[:-1] - 1
     each = weights[:, None, None] * lines[:, :, None] * lines[:, None, :].conj()
     middles = 0.5 * (edges + np.append(edges[1:], len(lines)) - 1)
-    turns = np.maximum(middles, 0.5) / count  # at a constant, what integrates has no response
+    turns = np.maximum(middles, 0.5) / count  # above 0, where an integrator's response is infinite
     return np.exp(2j * np.pi * turns), np.add.reduceat(each, edges, axis=0)
 
 
 def _predictor(
     observed: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Transition F and gain F K with the decay of disturbances, the whitening, and log det S."""
+    """Transition matrix F with decaying disturbances, gain F K, whitening, and log det S."""
     gain, disturbed, decay, whitening, entropy = steady_gains(
         observed, transition, sample_time, sizes
     )
@@ -168,6 +168,6 @@ def _predictor(
 def _response(
     places: NDArray[np.complex128], moved: FloatArray, gain: FloatArray, sees: FloatArray
 ) -> NDArray[np.complex128]:
-    """C (z I - F)⁻¹ L at each place, shape (n_places, n_outputs, n_outputs)."""
+    """C (z I - F)⁻¹ L at each point z, shape (n_places, n_outputs, n_outputs)."""
     resolvent = places[:, None, None] * np.eye(len(moved)) - moved
     return sees @ np.linalg.solve(resolvent, np.broadcast_to(gain, (len(places), *gain.shape)))

@@ -1,4 +1,4 @@
-"""What is sought and what is not: coefficients fixed, shared, one for each group, within bounds."""
+"""Unknowns of a fit: which coefficients are fixed, tied, estimated per group or within bounds."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,19 +13,19 @@ from flexid.errors import SettingError
 from flexid.estimators.normal_equations import NULL
 from flexid.models.parametric_system import ParametricSystem, Row
 
-FIXED = -1  # column of a coefficient that is not sought
+FIXED = -1  # column of a coefficient that is not estimated
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Which coefficients of a system are sought, from which recordings: p_j = b_j + S_j θ."""
+    """Unknowns θ of a system and the coefficients of recording j: p_j = b_j + S_j θ."""
 
     system: ParametricSystem
-    # coefficients that keep a value; "offset[2]" is that of the second group alone
+    # values of fixed coefficients; "offset[2]" is fixed in the second group only
     fixed: Mapping[str, float] = field(default_factory=dict)
-    per_group: tuple[str, ...] = ()  # coefficients that are sought for each group
-    groups: tuple[int, ...] = ()  # group of each recording, counted from 0; empty: all are of one
-    # "c": ("a", "b", "d") means c = a b / d, which only the prediction error heeds
+    per_group: tuple[str, ...] = ()  # coefficients with one unknown for each group
+    groups: tuple[int, ...] = ()  # group of each recording, counted from 0; empty: one group
+    # "c": ("a", "b", "d") means c = a b / d; least squares ignores it
     tied: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -33,7 +33,7 @@ class Unknowns:
         object.__setattr__(self, "per_group", tuple(self.per_group))
         object.__setattr__(self, "groups", tuple(int(group) for group in self.groups))
         if min(self.groups, default=0) < 0:
-            raise SettingError("groups", "they are counted from 0: give no negative ones")
+            raise SettingError("groups", f"{min(self.groups)} is negative: count groups from 0")
         coefficients = self.system.coefficients
         labels = {label for own in self._labels.values() for label in own}
         _check_known("per-group", self.per_group, coefficients)
@@ -44,32 +44,32 @@ class Unknowns:
             if not np.isfinite(value):
                 raise SettingError("fixed", f"the value of {name!r} is not finite: correct it")
         if not self.names:
-            raise SettingError("fixed", "every coefficient is: leave at least one to be sought")
+            raise SettingError("fixed", "no coefficient is left to estimate: fix fewer")
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """What is sought, row by row; those of group g carry ``[g + 1]`` if there are several."""
-        return self._sought(self.system.coefficients)
+        """Names of the unknowns, row by row, with the suffix ``[g + 1]`` if for group g alone."""
+        return self._labels_among(self.system.coefficients)
 
     @cached_property
     def coefficient_of(self) -> dict[str, str]:
-        """The system's coefficient behind each name that is sought."""
+        """Coefficient of the system for the name of each unknown."""
         labels = {name: c for c, own in self._labels.items() for name in own}
         return {name: labels[name] for name in self.names}
 
     def names_of(self, row: Row) -> tuple[str, ...]:
-        """What is sought in one row; it may be nothing."""
-        return self._sought(row.coefficients)
+        """Return the names of the unknowns in one row, possibly none."""
+        return self._labels_among(row.coefficients)
 
     def columns(self, recording_index: int) -> NDArray[np.int64]:
-        """Place in `names` of each of the system's coefficients, `FIXED` where it is not sought."""
-        return self._placed(recording_index)[0]
+        """Return the index in `names` of each coefficient of the system, or `FIXED`."""
+        return self._columns_and_fixed(recording_index)[0]
 
     def coefficients(
         self, values: FloatArray | Sequence[float], recording_index: int
     ) -> FloatArray:
-        """Coefficients of a recording, shape (n_coefficients,), from what is sought, (n_names,)."""
-        columns, fixed = self._placed(recording_index)
+        """Return a recording's coefficients, (n_coefficients,), from the unknowns, (n_names,)."""
+        columns, fixed = self._columns_and_fixed(recording_index)
         sought = np.asarray(values, dtype=np.float64)[columns]
         found = np.where(columns == FIXED, fixed, sought)
         for target, sources in self._ties:
@@ -78,7 +78,7 @@ class Unknowns:
         return found
 
     def derivatives(self, values: FloatArray | Sequence[float], recording_index: int) -> FloatArray:
-        """Derivatives, shape (n_coefficients, n_names), of a recording's coefficients."""
+        """Return derivatives of a recording's coefficients, shape (n_coefficients, n_names)."""
         columns = self.columns(recording_index)
         found = self.coefficients(values, recording_index)
         slopes = np.zeros((len(columns), len(self.names)))
@@ -90,8 +90,8 @@ class Unknowns:
         return slopes
 
     def depends(self, recording_index: int) -> NDArray[np.bool_]:
-        """Which coefficients of a recording depend on what is sought, (n_coefficients, n_names)."""
-        columns, fixed = self._placed(recording_index)
+        """Return the pattern of nonzero `derivatives`, shape (n_coefficients, n_names)."""
+        columns, fixed = self._columns_and_fixed(recording_index)
         pattern = np.zeros((len(columns), len(self.names)), dtype=np.bool_)
         sought = np.flatnonzero(columns != FIXED)
         pattern[sought, columns[sought]] = True
@@ -109,16 +109,16 @@ class Unknowns:
         )
 
     def absent(self, recording_index: int) -> frozenset[str]:
-        """Coefficients of the system that are fixed at 0 in a recording: their terms are off."""
-        columns, fixed = self._placed(recording_index)
+        """Return the coefficients that are fixed at 0 in a recording: their terms are off."""
+        columns, fixed = self._columns_and_fixed(recording_index)
         off = (columns == FIXED) & (fixed == 0.0)
         return frozenset(c for c, o in zip(self.system.coefficients, off, strict=True) if o)
 
     def fixing(self, more: Mapping[str, float]) -> "Unknowns":
-        """The same with more coefficients fixed."""
+        """Return these unknowns with more coefficients fixed."""
         return replace(self, fixed={**self.fixed, **more})
 
-    def _sought(self, coefficients: Iterable[str]) -> tuple[str, ...]:
+    def _labels_among(self, coefficients: Iterable[str]) -> tuple[str, ...]:
         return tuple(
             label
             for c in coefficients
@@ -129,7 +129,7 @@ class Unknowns:
 
     @cached_property
     def _labels(self) -> dict[str, tuple[str, ...]]:
-        """The names under which each coefficient may be sought."""
+        """Names of the possible unknowns of each coefficient: one, or one per group."""
         groups = sorted({*self.groups})
         several = {*self.per_group} if len(groups) > 1 else set()
         return {
@@ -137,9 +137,9 @@ class Unknowns:
             for c in self.system.coefficients
         }
 
-    def _placed(self, recording_index: int) -> tuple[NDArray[np.int64], FloatArray]:
-        """Columns and fixed values of a recording; every step of every fit asks for them."""
-        if recording_index not in self._found:
+    def _columns_and_fixed(self, recording_index: int) -> tuple[NDArray[np.int64], FloatArray]:
+        """Columns and fixed values of a recording; cached, as every step of a fit needs them."""
+        if recording_index not in self._cache:
             place = {name: i for i, name in enumerate(self.names)}
             labels = {
                 c: _of_group(c, self.groups[recording_index]) if len(own) > 1 else c
@@ -152,11 +152,11 @@ class Unknowns:
             )
             for values in (columns, fixed):
                 values.setflags(write=False)
-            self._found[recording_index] = columns, fixed
-        return self._found[recording_index]
+            self._cache[recording_index] = columns, fixed
+        return self._cache[recording_index]
 
     @cached_property
-    def _found(self) -> dict[int, tuple[NDArray[np.int64], FloatArray]]:
+    def _cache(self) -> dict[int, tuple[NDArray[np.int64], FloatArray]]:
         return {}
 
 
@@ -175,11 +175,11 @@ def _check_known(setting: str, names: Iterable[str], known: Sequence[str]) -> No
 def unknowns_of(
     system: ParametricSystem, n_recordings: int, unknowns: Unknowns | None = None
 ) -> Unknowns:
-    """The unknowns that an estimator's arguments mean, with this system's constants."""
+    """Check an estimator's unknowns, by default all coefficients, against its other arguments."""
     if unknowns is None:
         return Unknowns(system)
     if unknowns.system.digest != system.digest:
-        raise SettingError("unknowns", "they are of another model: declare this one's")
+        raise SettingError("unknowns", "they belong to another model: declare them for this model")
     if unknowns.groups and len(unknowns.groups) != n_recordings:
         raise SettingError(
             "groups",
@@ -192,38 +192,38 @@ Bounds = Mapping[str, tuple[float, float]]
 
 
 class Fit(Protocol):
-    """What a fit has to have: values of what is sought, and the information on it."""
+    """Fields that a fit must have: values of k unknowns and the information about them."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is sought, k of them."""
+        """Names of the unknowns, k of them."""
         ...
 
     @property
     def values(self) -> FloatArray:
-        """Their values, shape (k,)."""
+        """Values of the unknowns, shape (k,)."""
         ...
 
     @property
     def information(self) -> FloatArray:
-        """The sum of squares' quadratic form about them, up to a factor, shape (k, k)."""
+        """Matrix of the sum of squares' quadratic form, up to a factor, shape (k, k)."""
         ...
 
 
 AnyFit = TypeVar("AnyFit", bound=Fit)
 
 
-# About its minimum a sum of squares is (p - p̂)ᵀ M (p - p̂) with the information M, a quadratic
-# programme within bounds. What ends at its bound there is fixed, and the estimator runs again.
+# Near its minimum a sum of squares is (p - p̂)ᵀ M (p - p̂) with the information M. Within bounds this
+# is a quadratic programme. It fixes some coefficients at bounds; then the estimator runs again.
 def bounded_fit(
     fit_with: Callable[[Unknowns], AnyFit], unknowns: Unknowns, bounds: Bounds
 ) -> tuple[AnyFit, dict[str, float]]:
-    """Fit within bounds, and the bound at which each other coefficient was fixed."""
+    """Fit within bounds; return the fit and the values of coefficients fixed at a bound."""
     _check(unknowns, bounds)
     at_bound: dict[str, float] = {}
     fit = fit_with(unknowns)
-    # The rest may leave its bounds in its turn; each round fixes one coefficient at least.
-    while ends := _ends(fit, unknowns, bounds):
+    # Other coefficients may then leave their bounds; each round fixes at least one.
+    while ends := _active_bounds(fit, unknowns, bounds):
         at_bound |= ends
         if len(ends) == len(fit.names):
             raise SettingError(
@@ -240,13 +240,13 @@ def _check(unknowns: Unknowns, bounds: Bounds) -> None:
     for name, (lower, upper) in bounds.items():
         if not lower < upper:
             raise SettingError(
-                "bounds", f"those of {name!r}, {lower:g} and {upper:g}, leave no room: correct them"
+                "bounds", f"{name!r} has no room between {lower:g} and {upper:g}: correct them"
             )
 
 
-def _ends(fit: Fit, unknowns: Unknowns, bounds: Bounds) -> dict[str, float]:
-    """Coefficients that end at a bound in the quadratic programme, with the bound."""
-    coefficient_of = unknowns.coefficient_of  # what else a fit seeks has no bounds
+def _active_bounds(fit: Fit, unknowns: Unknowns, bounds: Bounds) -> dict[str, float]:
+    """Active bounds in the solution of the quadratic programme, by coefficient."""
+    coefficient_of = unknowns.coefficient_of  # other unknowns, the delays, have no bounds
     own = {name: bounds.get(name, bounds.get(coefficient_of.get(name, name))) for name in fit.names}
     unbounded = (-np.inf, np.inf)
     lower, upper = np.array([own[name] or unbounded for name in fit.names], dtype=np.float64).T
@@ -256,7 +256,7 @@ def _ends(fit: Fit, unknowns: Unknowns, bounds: Bounds) -> dict[str, float]:
 
     scale = np.sqrt(np.diag(fit.information))
     scale = np.where(scale > 0.0, scale, 1.0)
-    # Along directions that the data leave open the least departure from the fit decides.
+    # In undetermined directions the solution is the one closest to the fit.
     normalised = fit.information / np.outer(scale, scale) + NULL * np.eye(len(scale))
     root = np.linalg.cholesky(normalised).T
     found = lsq_linear(
